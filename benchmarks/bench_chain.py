@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmark of the demo's traversability chain; the C++ library was not timed."""
 

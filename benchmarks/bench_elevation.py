@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmarks of elevation mapping: whole updates of a moving map, with visibility cleanup.
 

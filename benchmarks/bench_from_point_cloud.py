@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmarks of `from_point_cloud`; C++ has no counterpart, so the lines show yardsticks."""
 

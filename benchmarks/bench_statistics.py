@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmarks of statistics and arithmetic on whole layers."""
 
@@ -6,7 +5,7 @@ import numpy as np
 import pytest
 from terrain import terrain
 
-from grid_map_core_py import arrays as statistics
+from grid_map_core_py import _arrays as statistics
 
 REDUCTIONS = {
     "sumOfFinites": (statistics.sum_of_finites, np.nansum),

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Visualizations: from a map to the bytes of a message or the arrays of a viewer."""
 

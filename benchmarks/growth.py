@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Measure how time per cell and memory of the demo's traversability chain grow with the map.
 

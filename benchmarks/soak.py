@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Run all nodes at 30 Hz, disturb them, and check that they neither grow, nor leak, nor miscount.
 

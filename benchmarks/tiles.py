@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Measure tiled maps: what many tiles cost, and how soon a window of a large store is there.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Tests that `make docs` runs on the site that it has built: search, reference, copy buttons."""
 

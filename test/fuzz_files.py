@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Input for `fuzz.py`: bags, maps, images, clouds, chains, command lines, messages of a page."""
 
@@ -21,7 +20,7 @@ from msgspec import msgpack
 from viser._messages import Message
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.commands import main
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import (

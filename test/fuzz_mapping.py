@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Readers of elevation mapping for fuzz.py: poses with covariances, cameras, depths and scans."""
 

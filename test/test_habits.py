@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Rules of style and of public names; every check detects the mistake that it is meant for."""
 
@@ -19,7 +18,7 @@ from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, copy_tools, run
 
 # --- `make check` and the count of tests ---------------------------------------------------------
 
-LICENCE = "# Copyright (c) 2026 grid_map_py contributors\n# SPDX-License-Identifier: BSD-3-Clause\n"
+LICENCE = "# SPDX-License-Identifier: BSD-3-Clause\n"
 
 
 @pytest.fixture

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Pages on migration: new names exist, old names do not, and bags of ROS 1 convert."""
 

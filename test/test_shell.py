@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`. tools/env.sh` puts a shell into the environment, and `tools/run` starts executables."""
 

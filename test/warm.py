@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A command `grid-map` that is quick to start: a fork of a process that has imported libraries.
 

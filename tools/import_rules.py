@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Contracts for import-linter that depend on names of modules."""
 
@@ -42,13 +41,16 @@ def is_executable(module: str) -> bool:
 class PrivateStaysInside(Contract):
     """No package imports a private module of another; a leading underscore marks it.
 
-    Modules of Python are free: `_thread` is documented.
+    Modules of Python are free: `_thread` is documented. Packages named in `shared` are private to
+    the suite: its packages may import them, but not the modules inside.
     """
+
+    shared = fields.SetField(subfield=fields.StringField(), required=False)
 
     def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:  # noqa: ARG002
         broken = [
             f"{importer} imports {private}, which is private"
-            for private in sorted(filter(is_private, graph.modules))
+            for private in sorted(set(filter(is_private, graph.modules)) - (self.shared or set()))
             for importer in importers(graph, private)
             if importer.partition(".")[0] != private.partition(".")[0]
         ]

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Draw the picture of the tutorial: by the filter, the chain and the options on the page.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Multi-layer grid maps in NumPy, without ROS.
 
@@ -21,7 +20,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .arrays import (
+    from ._arrays import (
         max_of_finites as max_of_finites,
         mean_of_finites as mean_of_finites,
         min_of_finites as min_of_finites,
@@ -72,7 +71,7 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _OFFERED = {
-    "arrays": "max_of_finites mean_of_finites min_of_finites number_of_finites sum_of_finites",
+    "_arrays": "max_of_finites mean_of_finites min_of_finites number_of_finites sum_of_finites",
     "conversions": "change_resolution color_value_to_vector color_vector_to_value from_image "
     "from_mesh from_points to_image",
     "errors": "ConfigError GeometryError GridMapError LayerNotFoundError LimitError "
@@ -83,7 +82,7 @@ _OFFERED = {
     "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
 }
 _ROOM_OF = {name: room for room, names in _OFFERED.items() for name in names.split()}
-_ROOMS = (*_OFFERED, "elevation", "limits", "loops", "plugins", "simulation", "testing")
+_ROOMS = (*_OFFERED, "elevation", "limits", "plugins", "simulation", "testing")
 """Rooms, which are imported when they are first used, so that programs such as `grid-map --help`
 need not wait for NumPy, SciPy and OpenCV."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Boxes on a plane whose true heights are known, and the noisy points of a sensor among them."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation mapping as its model describes it: slow, one point and one cell after the other.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Loops are compiled once; machine code on disk is used only if it is fresh, whole and trusted."""
 
@@ -16,8 +15,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from grid_map_core_py.loops import Loop, _folder, _machine_code, loop
-from grid_map_core_py.loops._fingerprint import described
+from grid_map_core_py._loops import Loop, _folder, _machine_code, loop
+from grid_map_core_py._loops._fingerprint import described
 
 needs_numba = pytest.mark.needs("numba")
 
@@ -25,7 +24,7 @@ PARTS = "def scaled(value):\n    return {factor} * value\n"
 PROGRAM = """
 import sys
 import numpy as np
-from grid_map_core_py.loops import loop
+from grid_map_core_py._loops import loop
 from parts import scaled
 
 @loop("float64*", "int64", "float64*")

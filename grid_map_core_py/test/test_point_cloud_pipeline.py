@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`PointCloudPipeline` makes the same elevation from raw clouds as `grid_map_pcl`."""
 

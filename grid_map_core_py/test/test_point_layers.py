@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Layers made of point clouds."""
 
@@ -20,10 +19,10 @@ from grid_map_core_py import (
     color_value_to_vector,
     color_vector_to_value,
 )
+from grid_map_core_py._loops import Loop
 from grid_map_core_py.conversions import _point_loops, fitting_geometry, from_points, rasterize
 from grid_map_core_py.conversions._point_layers import as_points
 from grid_map_core_py.elevation import RollingMap
-from grid_map_core_py.loops import Loop
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 ORACLES = {

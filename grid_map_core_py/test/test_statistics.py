@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Statistics of the finite values of an array."""
 
@@ -12,7 +11,7 @@ from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError
-from grid_map_core_py.arrays import (
+from grid_map_core_py._arrays import (
     max_of_finites,
     mean_of_finites,
     min_of_finites,

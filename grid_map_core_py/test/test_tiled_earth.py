@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Latitude and longitude in tiled maps, against PROJ and formulas of the projections."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """GeoTIFF files as tiled maps, and tiled maps as GeoTIFF files, against rasterio and GDAL."""
 

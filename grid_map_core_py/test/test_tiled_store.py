@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Zarr stores as others read and write them: CRS, addresses, formats, readers of one window."""
 

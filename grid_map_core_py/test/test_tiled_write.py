@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps that are merged into Zarr stores, compared with `GridMap.add_data_from` in memory."""
 

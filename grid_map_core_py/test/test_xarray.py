@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps as datasets of xarray, in memory and of Dask, and back; compared with maps in memory."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A source of computed layers whose tiles wait, fail, or kill their process when a test says so."""
 

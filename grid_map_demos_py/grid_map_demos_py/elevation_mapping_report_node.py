@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping_report`: compares the map of elevation mapping with the true terrain.
 

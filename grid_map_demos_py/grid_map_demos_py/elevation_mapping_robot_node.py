@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping_robot`: a simulated robot with a lidar and a depth camera.
 

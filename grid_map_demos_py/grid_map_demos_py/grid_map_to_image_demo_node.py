@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_to_image_demo`: saves a layer of the next map as an image file and ends.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_iterators_demo`: fills the regions of a map cell by cell, in their order.
 
@@ -15,7 +14,7 @@ import numpy as np
 from geometry_msgs.msg import PolygonStamped
 
 import grid_map_core_py as gm
-from grid_map_core_py.arrays import Cells, Positions
+from grid_map_core_py._arrays import Cells, Positions
 from grid_map_ros_py import to_polygon, to_serialized_message
 from grid_map_ros_py.nodes import map_qos
 

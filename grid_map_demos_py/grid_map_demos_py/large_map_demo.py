@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Demo of a map of 10^9 cells on disk, of which a robot gets the window around it.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A site of 10^9 cells on disk, of which the ground along a way is known, and that way."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `move_demo`: shows the two ways to change the position of a map, along a spiral.
 
@@ -9,7 +8,7 @@
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Positions
+from grid_map_core_py._arrays import Positions
 
 from .demo import Demo
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `normal_filter_comparison_demo`: compares two algorithms for surface normals with the truth.
 
@@ -20,7 +19,7 @@ import numpy.typing as npt
 from ament_index_python.packages import get_package_share_directory
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import max_of_finites, mean_of_finites, sum_of_finites
+from grid_map_core_py._arrays import max_of_finites, mean_of_finites, sum_of_finites
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py.nodes import read_parameter_tree
 

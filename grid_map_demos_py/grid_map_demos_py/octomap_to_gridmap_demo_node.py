@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `octomap_to_gridmap_demo`: converts an octomap to an elevation map.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Demos of several nodes without launch files: each node is a process, and ends with the demo."""
 

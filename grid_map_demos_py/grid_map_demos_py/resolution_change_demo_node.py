@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `resolution_change_demo`: changes the resolution of a map between 1 cm and 9 cm.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A simulated robot that drives over a terrain with obstacles, and the drift of its odometry."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_tutorial_demo`: a tour of the library in one loop.
 
@@ -10,7 +9,7 @@ the error once a second.
 import numpy as np
 
 from grid_map_core_py import GridMap, cells_to_mask, submap_cells
-from grid_map_core_py.arrays import Cells, Layer
+from grid_map_core_py._arrays import Cells, Layer
 from grid_map_core_py.plugins import check
 
 from .demo import Demo

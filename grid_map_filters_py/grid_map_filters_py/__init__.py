@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Chains of grid map filters, configured in YAML, and an expression language over layers; no ROS.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A sequence of filters, and the durations of its steps."""
 
@@ -13,7 +12,7 @@ import cv2
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer, Size
+from grid_map_core_py._arrays import Layer, Size
 from grid_map_core_py.commands import table
 from grid_map_core_py.errors import ConfigError, GridMapError, short
 from grid_map_core_py.plugins import build, check, descriptions

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Configurations of filter chains in YAML, in the forms of ROS 2 and ROS 1.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Memory that filters free, kept for the next filter, where the C library is glibc.
 
@@ -11,7 +10,7 @@ import math
 
 import numpy as np
 
-from grid_map_core_py.arrays import Size
+from grid_map_core_py._arrays import Size
 
 _BYTES_PER_CELL = 64
 """Half of the memory that is kept: that of 32 layers in single precision."""

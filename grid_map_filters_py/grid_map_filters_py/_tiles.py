@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Chains on tiled maps: a window of the result is computed from a wider window of the input.
 
@@ -11,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.tiled import TiledMap, Window, shape, widened, within
 
 from ._chain import Step, filtered, message_of, own_layer, read_only

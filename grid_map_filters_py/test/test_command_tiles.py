@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`grid-map filter` on maps of any size, compared with the chain on the whole map."""
 

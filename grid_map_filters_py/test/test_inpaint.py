@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The filter `Inpaint`, without and with limits for holes."""
 
@@ -8,7 +7,7 @@ import pytest
 from filter_cases import filtered, ground
 from hypothesis import assume, given, settings, strategies as st
 
-from grid_map_core_py.loops import Loop
+from grid_map_core_py._loops import Loop
 from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py import FilterWarning
 from grid_map_filters_py.builtin._inpaint import _strips

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """All compiled loops in one process: none reads the constants of another."""
 
@@ -10,13 +9,13 @@ import numpy as np
 import pytest
 
 import grid_map_filters_py.builtin  # noqa: F401  imports all modules with cell functions
+from grid_map_core_py._loops import Loop, loop
 from grid_map_core_py.conversions import _point_loops as point_loops
 from grid_map_core_py.elevation import (
     _clusters as clusters,
     _order as order,
     _visibility as visibility,
 )
-from grid_map_core_py.loops import Loop, loop
 from grid_map_core_py.simulation import _ray_loops as ray_loops
 from grid_map_filters_py._shared import inpaint_loop, median_loops, plane_loops
 from grid_map_filters_py._shared.medians import _comparators, _sorted_keys

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Small bags for tests, and paths of bags that the C++ rosbag2 recorded."""
 

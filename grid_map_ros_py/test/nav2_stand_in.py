@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Stand-ins for the messages and costmaps of nav2, which need not be installed."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Damaged, truncated and malicious bags raise one clear error and take little memory."""
 

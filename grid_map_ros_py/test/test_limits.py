@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages and bags that claim much are refused before they take memory, by library and nodes."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The node `grid_map_window` as a process: windows around a robot, and maps merged into a store."""
 

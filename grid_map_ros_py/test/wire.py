@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages on their way from sender to receiver: serialized by rclpy, or with one field spoilt."""
 

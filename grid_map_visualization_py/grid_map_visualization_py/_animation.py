@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps of a recording as a video or an animated GIF, of which one frame is in memory."""
 
@@ -19,7 +18,7 @@ from matplotlib.figure import Figure
 from PIL import GifImagePlugin, Image
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import max_of_finites, min_of_finites
+from grid_map_core_py._arrays import max_of_finites, min_of_finites
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.files import MapRecord
 from grid_map_core_py.plugins import check

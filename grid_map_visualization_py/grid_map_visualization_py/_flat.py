@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The picture of a layer from above: colors, light, holes, scale bar and arrow to the north.
 
@@ -22,7 +21,7 @@ from matplotlib.offsetbox import AnchoredText
 from matplotlib.patches import Patch, Rectangle
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer, slices
+from grid_map_core_py._arrays import Layer, slices
 from grid_map_core_py.conversions import color_value_to_bytes
 from grid_map_core_py.plugins import check
 

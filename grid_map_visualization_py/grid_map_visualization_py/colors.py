@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Colors of cells, from the values of a layer.
 
@@ -18,7 +17,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import max_of_finites, min_of_finites
+from grid_map_core_py._arrays import max_of_finites, min_of_finites
 from grid_map_core_py.conversions import color_value_to_bytes
 from grid_map_core_py.errors import ConfigError, required
 from grid_map_core_py.plugins import check

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Triangulation of a layer of heights, for markers and meshes.
 
@@ -23,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer, Mask, Positions
+from grid_map_core_py._arrays import Layer, Mask, Positions
 from grid_map_core_py.plugins import check
 
 from .colors import Coloring, Colors

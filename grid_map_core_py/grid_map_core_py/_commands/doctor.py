@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Show versions, missing or broken packages, and the settings of ROS and DDS."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Euclidean clusters: sets of points connected by chains of short steps."""
 
@@ -10,8 +9,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from ..arrays._checks import Integers, Positions
-from ..arrays._pieces import expanded
+from .._arrays._checks import Integers, Positions
+from .._arrays._pieces import expanded
 from ..map._axis import BORDER_TOLERANCE
 
 Edges: TypeAlias = list[tuple[Integers, Integers]]

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Costs of navigation: one byte per cell, 255 for unknown cells.
 
@@ -16,8 +15,8 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Layer, as_number, as_numbers, as_pair, as_size
-from ..arrays._pieces import elementwise
+from .._arrays._checks import Layer, as_number, as_numbers, as_pair, as_size
+from .._arrays._pieces import elementwise
 from ..errors import GeometryError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Layers as images, images as layers, and maps of another resolution.
 
@@ -28,9 +27,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..arrays._checks import Layer, Size, as_finite, as_number
-from ..arrays._pieces import piece_of, slices
-from ..arrays._statistics import max_of_finites, min_of_finites
+from .._arrays._checks import Layer, Size, as_finite, as_number
+from .._arrays._pieces import piece_of, slices
+from .._arrays._statistics import max_of_finites, min_of_finites
 from ..errors import GeometryError, short
 from ..map import _ring_buffer as ring_buffer
 from ..map._geometry import GridGeometry

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Layers from triangle meshes: the highest point of the mesh at each cell center."""
 
@@ -10,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Integers, Positions, Size
-from ..arrays._pieces import expanded, slices
+from .._arrays._checks import Integers, Positions, Size
+from .._arrays._pieces import expanded, slices
 from ..errors import GeometryError, GridMapError, short
 from ..limits import check_visits
 from ..map._axis import BORDER_TOLERANCE

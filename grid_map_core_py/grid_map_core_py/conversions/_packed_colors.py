@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Colors in layers: one float32 whose bits are 0x00RRGGBB."""
 
@@ -9,8 +8,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import as_numbers
-from ..arrays._pieces import elementwise
+from .._arrays._checks import as_numbers
+from .._arrays._pieces import elementwise
 from ..errors import GeometryError
 
 Bytes: TypeAlias = NDArray[np.uint8]

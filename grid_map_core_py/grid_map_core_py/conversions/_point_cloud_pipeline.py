@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation from raw point clouds: clean the cloud, cluster the points of each cell, take a height.
 
@@ -13,7 +12,7 @@ from typing import Any, Literal, get_type_hints
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Integers, Positions, as_array, as_number
+from .._arrays._checks import Integers, Positions, as_array, as_number
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..map._grid_map import GridMap
 from ..plugins import build, check

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Layers from point clouds: the points in each cell reduced to one value.
 
@@ -24,8 +23,8 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Integers, Mask, Positions, as_finite, as_number, as_numbers, as_pair
-from ..arrays._pieces import slices
+from .._arrays._checks import Integers, Mask, Positions, as_finite, as_number, as_numbers, as_pair
+from .._arrays._pieces import slices
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Loops over points, for numba: a point is read once, and NumPy would pass through it ten times.
 
@@ -9,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..loops import Loop, loop
+from .._loops import Loop, loop
 
 _MANY = 1_000_000
 """Points that a process handles without compiled loops, whose loading takes as long as these."""

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Reductions of the points of each cell to one value.
 
@@ -14,7 +13,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Integers
+from .._arrays._checks import Integers
 from ._packed_colors import color_value_to_bytes, join_channels
 from ._point_loops import add_up, keep_largest, keep_smallest, make_keys, middles, ready
 

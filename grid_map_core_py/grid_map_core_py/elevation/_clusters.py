@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Clusters of the points of a scan: points of one cell that agree with each other.
 
@@ -14,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays._checks import Integers, Mask
-from ..loops import loop
+from .._arrays._checks import Integers, Mask
+from .._loops import loop
 from ._order import Sorted
 from ._parameters import Parameters
 from ._sensors import Numbers

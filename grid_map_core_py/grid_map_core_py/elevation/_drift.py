@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Drift of the odometry along z: the offset between a scan and the map.
 
@@ -12,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays._checks import Mask, Size
+from .._arrays._checks import Mask, Size
 from ._clusters import Clusters
 from ._neighbors import highest_around
 from ._parameters import Parameters

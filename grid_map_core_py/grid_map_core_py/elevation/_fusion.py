@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Fusion of the points of a scan with the heights of their cells.
 
@@ -29,7 +28,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Integers, Mask
+from .._arrays._checks import Integers, Mask
 from ..map._geometry import GridGeometry
 from ._clusters import NONE, Clusters
 from ._neighbors import highest_around

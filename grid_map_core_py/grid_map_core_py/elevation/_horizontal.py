@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Heights and bounds over the horizontal uncertainty: a cell may be where its neighbor is seen.
 
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from ..arrays._checks import Layer
+from .._arrays._checks import Layer
 from ..limits import check_cells
 
 _REACH = 3.0  # standard deviations from the cell to the farthest neighbor

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`ElevationMapper`: one update after the other; the stages are in the modules beside this one."""
 
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import is_name
+from .._arrays._checks import is_name
 from ..errors import GridMapError, LayerNotFoundError, short
 from ..limits import check_cells
 from ..map._geometry import GridGeometry

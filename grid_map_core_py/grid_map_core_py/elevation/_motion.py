@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Uncertain poses: variances of heights by the pose of the sensor, and by its motion."""
 
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import as_array
+from .._arrays._checks import as_array
 from ..errors import GeometryError, short
 
 _TOLERANCE = 1e-6

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Cells beside each other: the highest one around, and the slope between them."""
 
@@ -10,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Integers, Size
+from .._arrays._checks import Integers, Size
 from ..map._geometry import GridGeometry
 from ._sensors import Numbers
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Points sorted by cell, so that no result depends on the order in which they came."""
 
@@ -10,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Integers
-from ..loops import loop
+from .._arrays._checks import Integers
+from .._loops import loop
 from ._sensors import Numbers
 
 

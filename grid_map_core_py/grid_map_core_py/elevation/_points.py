@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Points of scans: from the frame of the sensor to cells, with poses and limits."""
 
@@ -11,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Integers, Positions, as_numbers
-from ..arrays._pieces import PIECE, slices
+from .._arrays._checks import Integers, Positions, as_numbers
+from .._arrays._pieces import PIECE, slices
 from ..conversions._point_layers import as_points as as_points, flat_cells
 from ..errors import GeometryError
 from ..map._geometry import GridGeometry

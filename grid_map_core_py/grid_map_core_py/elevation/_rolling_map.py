@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`RollingMap` keeps the largest, smallest, mean or last height of successive point clouds."""
 
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import GridGeometry, GridMap
-from ..arrays._checks import Layer
+from .._arrays._checks import Layer
 from ..conversions._point_layers import rasterize
 from ..conversions._point_loops import prepare
 from ..plugins import check

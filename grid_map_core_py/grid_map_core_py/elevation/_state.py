@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The layers of an elevation map, and their cells while an update works on them."""
 
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Integers, Layer, Mask
+from .._arrays._checks import Integers, Layer, Mask
 from ..map._grid_map import GridMap
 from ._order import Sorted, in_one_order
 from ._parameters import Parameters

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Further values of points: one layer for each, fused by name.
 
@@ -25,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Integers, Mask
+from .._arrays._checks import Integers, Mask
 from ..conversions._packed_colors import color_value_to_bytes, join_channels
 from ..conversions._point_layers import COLOR_FIELDS, as_colors
 from ..errors import ConfigError

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Visibility: what a beam passes through is no longer there.
 
@@ -29,8 +28,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Integers, Mask, Size
-from ..loops import loop
+from .._arrays._checks import Integers, Mask, Size
+from .._loops import loop
 from ..map._geometry import GridGeometry
 from ._clusters import RELIEF
 from ._neighbors import highest_around

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Point clouds and meshes from files, and maps made of them.
 
@@ -17,7 +16,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import select_layers
+from .._arrays._checks import select_layers
 from ..conversions._mesh import from_mesh
 from ..conversions._packed_colors import color_vector_to_value
 from ..conversions._point_layers import COLOR_FIELDS, as_colors, from_points

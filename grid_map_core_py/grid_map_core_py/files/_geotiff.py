@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """GeoTIFF files: one band of float32 per layer, described by its name; NaN is no data.
 
@@ -22,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays._checks import Layer
+from .._arrays._checks import Layer
 from ..errors import GridMapError, LimitError
 from ..limits import check_bytes
 from ..map._geometry import GridGeometry

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Height maps as gray images, and what all files with images of maps share.
 
@@ -22,7 +21,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import select_layers
+from .._arrays._checks import select_layers
 from ..conversions._image_arrays import Image, from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
 from ..limits import check_cells

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps as folders of PNG images, one per layer, with a YAML file.
 
@@ -22,8 +21,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ..arrays._checks import Layer, select_layers
-from ..arrays._statistics import max_of_finites, min_of_finites
+from .._arrays._checks import Layer, select_layers
+from .._arrays._statistics import max_of_finites, min_of_finites
 from ..conversions._image_arrays import (
     COLOR_LAYER,
     add_color_layer_from_image,

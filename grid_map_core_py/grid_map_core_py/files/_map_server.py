@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Occupancy maps of nav2's `map_server`: a YAML file and an image beside it.
 
@@ -26,8 +25,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import yaml
 
-from ..arrays._checks import Layer, select_layers
-from ..arrays._pieces import PIECE, slices
+from .._arrays._checks import Layer, select_layers
+from .._arrays._pieces import PIECE, slices
 from ..conversions._image_arrays import Image
 from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry

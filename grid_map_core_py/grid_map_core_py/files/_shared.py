@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Metadata, errors and reading of layers that the file formats share."""
 
@@ -13,7 +12,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from .. import errors
-from ..arrays._checks import is_name, select_layers
+from .._arrays._checks import is_name, select_layers
 from ..errors import GridMapError, LayerNotFoundError, LimitError, MissingPackageError, short
 from ..limits import check_bytes, check_cells
 from ..map._grid_map import GridMap

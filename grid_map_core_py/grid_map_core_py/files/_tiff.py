@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Sizes that TIFF and BigTIFF files claim, read before a library allocates memory for them."""
 

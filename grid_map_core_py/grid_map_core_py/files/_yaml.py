@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The loader of all YAML files: as ROS reads them, and safe against files that grow in memory."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Zarr stores as a file format: whole maps, within the limits; see `grid_map_core_py.tiled`."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Grid maps: `GridMap`, its geometry, interpolation and signed distance fields.
 
@@ -10,7 +9,7 @@
 - `SignedDistanceField`: distances from points in space to the surface of a layer.
 """
 
-from ..arrays._checks import is_name as is_name, select_layers as select_layers
+from .._arrays._checks import is_name as is_name, select_layers as select_layers
 from ._geometry import GridGeometry as GridGeometry
 from ._grid_map import GridMap as GridMap
 from ._interpolation import Interpolation as Interpolation

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The arithmetic between coordinates and cells, along x or y.
 
@@ -13,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Mask, Positions
+from .._arrays._checks import Mask, Positions
 
 Coordinate = TypeVar("Coordinate", float, NDArray[Any])
 """One coordinate [m], or an array of them. NumPy and Python round both alike."""

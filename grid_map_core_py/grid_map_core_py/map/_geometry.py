@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Geometry of a grid: conversion between positions and cell indices.
 
@@ -15,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import (
+from .._arrays._checks import (
     Cells,
     Mask,
     Pair,
@@ -28,7 +27,7 @@ from ..arrays._checks import (
     as_positions,
     as_size,
 )
-from ..arrays._pieces import PIECE, slices
+from .._arrays._pieces import PIECE, slices
 from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 from ._axis import Axis, both_axes

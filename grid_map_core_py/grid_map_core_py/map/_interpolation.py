@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Interpolation of a layer between the centers of its cells.
 
@@ -18,8 +17,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Layer, Pair, Positions, Size, as_positions, as_text, plain_pair
-from ..arrays._pieces import CHUNK, slices
+from .._arrays._checks import Layer, Pair, Positions, Size, as_positions, as_text, plain_pair
+from .._arrays._pieces import CHUNK, slices
 from ..errors import GridMapError, OutOfMapError, short
 from ._axis import Axis, Coordinate
 from ._geometry import GridGeometry

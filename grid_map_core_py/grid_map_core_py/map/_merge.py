@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Growing a map, and copying data of another map into it."""
 
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Mask, Positions, select_layers
+from .._arrays._checks import Mask, Positions, select_layers
 from ..errors import GridMapError, short
 from ._axis import BORDER_TOLERANCE
 from ._geometry import GridGeometry

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Representations of maps in notebooks: an HTML table with small pictures, and a PNG picture.
 
@@ -15,8 +14,8 @@ import html
 import cv2
 import numpy as np
 
-from ..arrays._checks import as_text
-from ..arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
+from .._arrays._checks import as_text
+from .._arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
 from ._grid_map import GridMap
 
 THUMBNAIL = 96  # pixels of the longer side of a layer's picture in the table

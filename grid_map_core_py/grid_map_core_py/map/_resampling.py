@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Resampling of layers with holes to other numbers of rows and columns.
 
@@ -16,8 +15,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Layer, Size
-from ..arrays._pieces import slices
+from .._arrays._checks import Layer, Size
+from .._arrays._pieces import slices
 from ..errors import GeometryError
 from . import _ring_buffer as ring_buffer
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The circular buffer (ring buffer) that stores the layers of a map.
 
@@ -14,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..arrays._checks import Integers, Layer, Size
+from .._arrays._checks import Integers, Layer, Size
 
 _FEW = 2**14  # number of cells from which on arithmetic is faster than looking up
 

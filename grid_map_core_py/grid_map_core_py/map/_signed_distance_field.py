@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Signed distances from points in space to the surface of a height layer."""
 
@@ -11,8 +10,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Layer, Positions, as_array, as_finite, as_number
-from ..arrays._pieces import CHUNK, slices
+from .._arrays._checks import Layer, Positions, as_array, as_finite, as_number
+from .._arrays._pieces import CHUNK, slices
 from ..errors import GeometryError, GridMapError, short
 from ._axis import BORDER_TOLERANCE
 from ._geometry import GridGeometry

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps in another coordinate frame."""
 
@@ -11,8 +10,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Positions, as_array, as_finite
-from ..arrays._pieces import slices
+from .._arrays._checks import Positions, as_array, as_finite
+from .._arrays._pieces import slices
 from ..errors import GeometryError, short
 from ._axis import BORDER_TOLERANCE
 from ._geometry import GridGeometry

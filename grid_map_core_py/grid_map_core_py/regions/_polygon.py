@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Polygons in the plane of the map."""
 
@@ -11,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Mask, Positions, as_finite, as_numbers, as_pair, as_positions
-from ..arrays._pieces import slices
+from .._arrays._checks import Mask, Positions, as_finite, as_numbers, as_pair, as_positions
+from .._arrays._pieces import slices
 from ..errors import GeometryError, short
 from ..map._axis import BORDER_TOLERANCE
 

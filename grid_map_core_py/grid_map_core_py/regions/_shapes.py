@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Cells of the whole map, of blocks, discs, ellipses, polygons and lines; masks of cells."""
 
@@ -10,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import (
+from .._arrays._checks import (
     Cells,
     Integers,
     Mask,
@@ -21,7 +20,7 @@ from ..arrays._checks import (
     as_pair,
     as_size,
 )
-from ..arrays._pieces import slices
+from .._arrays._pieces import slices
 from ..errors import GeometryError, OutOfMapError, short
 from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry

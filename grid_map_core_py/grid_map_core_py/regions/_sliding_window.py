@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Sliding windows: a square of cells around every cell."""
 
@@ -11,7 +10,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from ..arrays._checks import Layer, Size, as_finite
+from .._arrays._checks import Layer, Size, as_finite
 from ..errors import GeometryError, GridMapError, short
 from ..map._grid_map import GridMap
 

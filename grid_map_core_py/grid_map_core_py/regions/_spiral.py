@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Cells of a disc in a spiral from the inside out."""
 
@@ -10,7 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Cells, Integers, Pair, Positions, Size, as_pair
+from .._arrays._checks import Cells, Integers, Pair, Positions, Size, as_pair
 from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Objects on a terrain. Each function returns a map that shares the other layers."""
 
@@ -10,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import as_finite, as_pair
+from .._arrays._checks import as_finite, as_pair
 from ..map import GridMap
 from ..regions import polygon_cells
 

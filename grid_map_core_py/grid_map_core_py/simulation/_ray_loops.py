@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Beams that cross the patches of a bilinear surface, compiled and in NumPy with the same bits.
 
@@ -14,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays._checks import Positions
-from ..arrays._pieces import CHUNK, slices
-from ..loops import loop
+from .._arrays._checks import Positions
+from .._arrays._pieces import CHUNK, slices
+from .._loops import loop
 
 
 @loop("float32*", "int64", "int64", "float64*", "float64*", "int64", "float64*")

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Beams against a layer of heights."""
 
@@ -7,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Mask, Positions, as_array, as_number
+from .._arrays._checks import Mask, Positions, as_array, as_number
 from ..errors import GeometryError, short
 from ..map import GridMap
 from ._ray_loops import in_lockstep, one_by_one

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Sensors: the directions of their beams, and the points that they measure."""
 
@@ -10,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Positions, as_array
+from .._arrays._checks import Positions, as_array
 from ..elevation import SensorModel
 from ..errors import GeometryError
 from ..map import GridMap

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The accessor `grid_map` of datasets and arrays of xarray."""
 
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Positions
+from .._arrays._checks import Positions
 from ..errors import required
 from ..map._grid_map import GridMap
 from ..map._interpolation import Interpolation

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Values of a tiled map at positions: only cells around the positions are read."""
 
@@ -8,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Integers, Positions, as_positions, select_layers
+from .._arrays._checks import Integers, Positions, as_positions, select_layers
 from ..map._interpolation import REACH, Interpolation, Surface, check_inside, method_of
 from ._engine import in_any_order
 from ._source import Window, widened

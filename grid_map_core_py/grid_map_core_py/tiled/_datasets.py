@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The description of a map by a dataset of xarray: grid, layers, frame, reference system."""
 
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays._checks import Positions, as_array
+from .._arrays._checks import Positions, as_array
 from ..errors import GeometryError, GridMapError, required, short
 from ..map._geometry import GridGeometry
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Coordinates of the earth: latitude and longitude in the reference system of a map, by PROJ."""
 
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Positions, as_array, as_positions
+from .._arrays._checks import Positions, as_array, as_positions
 from ..errors import ConfigError, GeometryError, GridMapError, required, short
 
 if TYPE_CHECKING:

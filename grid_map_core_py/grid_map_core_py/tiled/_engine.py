@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """One function for many tiles, by the scheduler of Dask that the program has chosen.
 
@@ -15,7 +14,7 @@ from functools import lru_cache
 from operator import length_hint
 from typing import Any, NamedTuple, TypeVar
 
-from ..arrays._freed_memory import keep_memory
+from .._arrays._freed_memory import keep_memory
 from ..errors import GridMapError, required
 
 T = TypeVar("T")

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Tiled maps as datasets of Dask arrays, with one chunk per tile.
 
@@ -16,7 +15,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Layer, Size, select_layers
+from .._arrays._checks import Layer, Size, select_layers
 from ..errors import required
 from ._source import Window
 from ._tiled_map import TiledMap

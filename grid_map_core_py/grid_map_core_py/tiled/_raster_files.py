@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Tiled maps into GeoTIFF files, window by window; overviews are built afterwards."""
 
@@ -12,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from .._arrays._checks import Layer, Size
 from .._unfinished import unfinished
-from ..arrays._checks import Layer, Size
 from ..errors import GridMapError
 from ..files._atomic import new_file
 from ..files._geotiff import check_crs, raster_profile, raster_tags

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """GeoTIFF files as sources of tiled maps: one raster, or a mosaic of rasters on one grid."""
 
@@ -18,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays._checks import Layer, Size
+from .._arrays._checks import Layer, Size
 from ..files._geotiff import (
     block_bytes,
     check_crs,

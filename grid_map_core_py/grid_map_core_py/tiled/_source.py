@@ -1,11 +1,10 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Where the layers of a tiled map come from, and windows of cells."""
 
 from collections.abc import Iterator, Sequence
 from typing import Protocol, TypeAlias
 
-from ..arrays._checks import Layer, Size
+from .._arrays._checks import Layer, Size
 
 Window: TypeAlias = tuple[slice, slice]
 """Rows and columns of a rectangle of cells, in map order; with a start and a stop, no step."""

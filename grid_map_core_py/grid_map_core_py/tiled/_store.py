@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Tiled maps into Zarr stores: tile by tile, under another name until all tiles are there.
 
@@ -20,8 +19,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from .._arrays._checks import select_layers
 from .._unfinished import remove
-from ..arrays._checks import select_layers
 from ..errors import GridMapError
 from ..files._atomic import new_file, new_folder, replace_folder
 from ..files._shared import check_ending

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Zarr stores as sources of layers."""
 
@@ -9,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..arrays._checks import Layer, Size
+from .._arrays._checks import Layer, Size
 from ..errors import GridMapError, required
 from ._datasets import DIMENSIONS, layers_of
 from ._source import TILE, Tiles, Window, tile_name

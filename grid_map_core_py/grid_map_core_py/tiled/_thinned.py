@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Every n-th cell of a tiled map, in bounded memory and time."""
 
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Layer
+from .._arrays._checks import Layer
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap

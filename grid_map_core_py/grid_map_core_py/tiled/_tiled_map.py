@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A map of any size, of which only windows are in memory."""
 
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Positions, Size, as_names, select_layers
+from .._arrays._checks import Layer, Positions, Size, as_names, select_layers
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap

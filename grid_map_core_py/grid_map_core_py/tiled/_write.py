@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps into stores that exist: the finite cells of a map replace those of the store."""
 
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Layer, select_layers
+from .._arrays._checks import Layer, select_layers
 from ..errors import GeometryError, GridMapError, OutOfMapError
 from ..map._grid_map import GridMap
 from ..map._merge import check_frames, lines_under

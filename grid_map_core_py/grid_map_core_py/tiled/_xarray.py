@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps and datasets of xarray: coordinates, attributes, and windows of datasets.
 
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ..arrays._checks import Layer, Size, as_layer, select_layers
+from .._arrays._checks import Layer, Size, as_layer, select_layers
 from ..errors import (
     ConfigError,
     GridMapError,

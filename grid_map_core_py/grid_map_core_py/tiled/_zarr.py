@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Zarr stores of layers: making them, opening them for writing, and their lock.
 
@@ -17,7 +16,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from ..arrays._checks import Size, is_name
+from .._arrays._checks import Size, is_name
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError, required, short
 from ..files._shared import storage_errors
 from ..map._geometry import GridGeometry

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Holes of layers: missing cells that touch, also at a corner; in one map, and across tiles."""
 
@@ -12,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.arrays import Mask, Size, max_of_finites, min_of_finites
+from grid_map_core_py._arrays import Mask, Size, max_of_finites, min_of_finites
 
 Integers = npt.NDArray[np.integer[Any]]
 

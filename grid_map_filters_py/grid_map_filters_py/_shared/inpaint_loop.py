@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Compiled loop for inpainting, with the bits of `cv2.inpaint` of OpenCV 5.
 
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from grid_map_core_py.loops import loop
+from grid_map_core_py._loops import loop
 
 _ZERO, _TWO, _HIGHEST = np.float32(0), np.float32(2), 255.0
 _NAN, _UNKNOWN = np.float32(np.nan), np.float32(np.inf)

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Base classes of filters that make one layer from another, and extremes in discs."""
 
@@ -14,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, CellFilter, in_map_order

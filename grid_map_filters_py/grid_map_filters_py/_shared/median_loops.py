@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Compiled loops for medians of square windows; `medians.py` has other ways for NumPy.
 
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from grid_map_core_py.loops import loop
+from grid_map_core_py._loops import loop
 
 LANES = 256
 """Windows that the network sorts at once, so that all their values fit the fastest cache."""

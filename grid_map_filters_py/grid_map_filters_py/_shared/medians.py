@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Medians of the finite values in square windows.
 
@@ -17,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-from grid_map_core_py.arrays import Layer, Mask, slices
-from grid_map_core_py.loops import Compiled
+from grid_map_core_py._arrays import Layer, Mask, slices
+from grid_map_core_py._loops import Compiled
 
 from .median_loops import LANES, slide_sets, sort_by_network
 

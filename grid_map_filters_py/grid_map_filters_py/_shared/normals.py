@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Surface normals of a layer.
 
@@ -14,8 +13,8 @@ from itertools import combinations_with_replacement
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, Mask
-from grid_map_core_py.loops import Compiled
+from grid_map_core_py._arrays import Layer, Mask
+from grid_map_core_py._loops import Compiled
 
 from ..parts._disc import Disc, Flat, Tile, tiles
 from ..parts._side_by_side import side_by_side

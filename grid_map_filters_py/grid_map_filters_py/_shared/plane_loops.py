@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Compiled loops for normals of planes: sums over discs, eigenvectors of symmetric matrices.
 
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.loops import loop
+from grid_map_core_py._loops import loop
 
 SMALLEST_GAP = 0.03
 """Product of the relative gaps between eigenvalues; below this the formula loses digits."""

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/BilateralFilter`"""
 
@@ -6,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grid_map_core_py.arrays import Layer, slices
+from grid_map_core_py._arrays import Layer, slices
 from grid_map_core_py.plugins import check
 
 from .._shared.layer_filter import LayerFilter, check_radius

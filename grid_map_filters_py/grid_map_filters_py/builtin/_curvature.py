@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/CurvatureFilter`"""
 
@@ -7,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 
 from .._shared.layer_filter import LayerFilter
 from ..parts._cell_function import Value, cell_function, choose, is_finite

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/GaussianBlurFilter`"""
 
@@ -10,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
 from .._shared.layer_filter import AroundTypicalValue, check_radius

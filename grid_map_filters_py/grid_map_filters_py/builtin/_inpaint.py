@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapCv/InpaintFilter`"""
 
@@ -12,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.arrays import (
+from grid_map_core_py._arrays import (
     Layer,
     Mask,
     Size,
@@ -20,7 +19,7 @@ from grid_map_core_py.arrays import (
     max_of_finites,
     min_of_finites,
 )
-from grid_map_core_py.loops import Compiled
+from grid_map_core_py._loops import Compiled
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, Filter, TileOptions, warn

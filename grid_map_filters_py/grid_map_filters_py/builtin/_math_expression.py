@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/MathExpressionFilter`"""
 
@@ -11,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import slices
+from grid_map_core_py._arrays import slices
 
 from .._filter import WHOLE_MAP, Filter, TileOptions, in_map_order
 from ..errors import ExpressionError

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/MeanInRadiusFilter`"""
 
@@ -7,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 
 from .._shared.layer_filter import AroundTypicalValue, DiscFilter
 from ..parts._disc import Disc, Tile, tiles

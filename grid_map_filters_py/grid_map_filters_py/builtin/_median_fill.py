@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/MedianFillFilter`"""
 
@@ -9,7 +8,7 @@ import cv2
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 

@@ -1,10 +1,9 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/RoughnessFilter`"""
 
 from dataclasses import dataclass
 
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 
 from .._shared.layer_filter import AroundTypicalValue, DiscFilter
 from .._shared.normals import plane_deviations, prepare_normals

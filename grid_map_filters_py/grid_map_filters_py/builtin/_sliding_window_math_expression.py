@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/SlidingWindowMathExpressionFilter`"""
 
@@ -6,7 +5,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
 from .._shared.layer_filter import LayerFilter

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/SlopeFilter`"""
 
@@ -7,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.errors import ConfigError
 
 from .._filter import in_map_order

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/StepHeightFilter`"""
 
@@ -7,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 

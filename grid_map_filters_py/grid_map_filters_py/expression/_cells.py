@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Expressions of single cells: each cell of the result depends on the same cell of the layers.
 

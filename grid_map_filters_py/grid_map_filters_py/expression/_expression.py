@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Mathematical expressions over layers."""
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Size
+from grid_map_core_py._arrays import Size
 
 from ..errors import ExpressionError
 from ._cells import Analysis

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The operators and functions of the expression language.
 
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_core_py import arrays as statistics
+from grid_map_core_py import _arrays as statistics
 
 from ._matrices import SCALAR, Fold, Matrices, Value, describe, known, shape_of, simplified
 from ._nodes import Fault

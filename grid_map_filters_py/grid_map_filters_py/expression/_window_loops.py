@@ -1,10 +1,9 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Compiled loop for standard deviations in windows; `_window_matrices.py` does it with NumPy."""
 
 from typing import Any
 
-from grid_map_core_py.loops import loop
+from grid_map_core_py._loops import loop
 
 
 def _is_finite(value: Any) -> Any:

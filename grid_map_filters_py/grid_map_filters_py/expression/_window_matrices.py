@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluation of expressions on the windows of many cells in one NumPy call.
 
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_core_py.loops import Compiled
+from grid_map_core_py._loops import Compiled
 
 from ._functions import FINITE_COUNT, FINITE_SUM
 from ._matrices import SCALAR, Fold, Matrices, Shape, Value, apply, common_shape, shape_of

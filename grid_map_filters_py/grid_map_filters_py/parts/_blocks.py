@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Layers computed block by block, in the threads of the chain.
 
@@ -14,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, Size, slices
+from grid_map_core_py._arrays import Layer, Size, slices
 
 from ._side_by_side import CELLS, side_by_side
 

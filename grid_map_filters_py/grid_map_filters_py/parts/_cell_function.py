@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions of the values of one cell, applied to all cells of a map.
 
@@ -17,8 +16,8 @@ from typing import Any, SupportsFloat, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, elementwise, slices
-from grid_map_core_py.loops import Loop
+from grid_map_core_py._arrays import Layer, elementwise, slices
+from grid_map_core_py._loops import Loop
 
 from ._side_by_side import CELLS, side_by_side
 
@@ -72,7 +71,7 @@ class CellFunction:
         return len(inspect.signature(self.function).parameters) - 1
 
     def prepare(self) -> None:
-        """Compile the function in advance, or load it from disk; see `grid_map_core_py.loops`."""
+        """Compile the function in advance, or load it from disk; see `grid_map_core_py._loops`."""
         self._loop.compiled(always=True)
 
     def __call__(

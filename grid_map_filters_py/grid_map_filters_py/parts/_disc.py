@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Sums over the disc around every cell at once.
 
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, Size, slices
+from grid_map_core_py._arrays import Layer, Size, slices
 from grid_map_core_py.regions import BORDER_TOLERANCE, half_chords
 
 from .._filter import WHOLE_MAP

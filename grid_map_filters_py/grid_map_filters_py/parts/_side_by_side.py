@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Work on parts of a map in several threads.
 
@@ -6,7 +5,7 @@ NumPy, OpenCV and compiled loops release Python's lock, so that threads compute 
 The parts are the same for any number of threads, and so are the results.
 """
 
-import _thread  # noqa: PLC2701
+import _thread
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context

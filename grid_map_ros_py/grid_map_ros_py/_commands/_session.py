@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A node for commands that listen or publish for a while, and what it sees of other nodes."""
 

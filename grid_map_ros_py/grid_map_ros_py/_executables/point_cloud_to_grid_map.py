@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `point_cloud_to_grid_map`: fuses point clouds into a map that moves with the robot."""
 

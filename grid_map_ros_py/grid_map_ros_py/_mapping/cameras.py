@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Cameras: points of depth images, and the cells of a map that an image shows.
 
@@ -15,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Cells, slices
+from grid_map_core_py._arrays import Cells, slices
 from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError

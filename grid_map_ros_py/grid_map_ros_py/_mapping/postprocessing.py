@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Filter chains of another package, which this one may not import.
 
@@ -10,7 +9,7 @@ from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Size
+from grid_map_core_py._arrays import Size
 from grid_map_core_py.errors import MissingPackageError
 
 GROUP = "grid_map_ros_py.chains"

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps larger than memory as sources of nodes: their parameters, and windows around a robot."""
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Size
+from grid_map_core_py._arrays import Size
 from grid_map_core_py.limits import check_cells
 from grid_map_core_py.plugins import check
 from grid_map_core_py.tiled import TiledMap, open_map

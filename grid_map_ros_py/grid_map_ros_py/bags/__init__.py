@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps in bags of rosbag2, read and written without ROS: MCAP and sqlite3 files."""
 

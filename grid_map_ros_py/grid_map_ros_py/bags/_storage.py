@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Topics, entries, errors and metadata of bags, for MCAP and sqlite3 alike."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Serialization of messages to CDR, the byte format of DDS and of bags, without rclpy.
 

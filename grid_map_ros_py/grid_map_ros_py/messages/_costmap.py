@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`nav2_msgs/Costmap` and grid maps; nav2_msgs is imported when a message is made.
 

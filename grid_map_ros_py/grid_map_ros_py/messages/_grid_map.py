@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`grid_map_msgs/GridMap`, as a message or as its bytes (CDR), and `GridMap`.
 
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.arrays import Layer, Size
+from grid_map_core_py._arrays import Layer, Size
 from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import is_name, select_layers, unwrapped
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`sensor_msgs/Image` and grid maps.
 
@@ -18,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap, conversions as pixels
-from grid_map_core_py.arrays import Size
+from grid_map_core_py._arrays import Size
 from grid_map_core_py.conversions import COLOR_LAYER, Order
 from grid_map_core_py.limits import check_cells
 

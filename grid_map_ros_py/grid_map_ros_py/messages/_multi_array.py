@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`std_msgs/Float32MultiArray` and (rows, cols) arrays: one layer of a `GridMap` message."""
 
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, Size
+from grid_map_core_py._arrays import Layer, Size
 
 from ..errors import MessageError
 from ._packages import messages_of

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`nav_msgs/OccupancyGrid` and grid maps."""
 
@@ -9,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import as_number, slices
+from grid_map_core_py._arrays import as_number, slices
 
 from ..errors import MessageError
 from ._checks import as_float32, check_fields, check_grid

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`octomap_msgs/Octomap`, or any object with its fields, and files of OctoMap, to grid maps.
 
@@ -24,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.arrays import as_array
+from grid_map_core_py._arrays import as_array
 from grid_map_core_py.conversions import fitting_geometry, rasterize
 from grid_map_core_py.files import storage_errors
 from grid_map_core_py.limits import check_bytes, check_cells

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`sensor_msgs/PointCloud2` and grid maps, and clouds as arrays.
 
@@ -15,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.arrays import Mask, slices
+from grid_map_core_py._arrays import Mask, slices
 from grid_map_core_py.conversions import COLOR_FIELDS, COLOR_LAYER, from_points, rasterize
 from grid_map_core_py.map import select_layers
 from grid_map_core_py.plugins import check, mismatch

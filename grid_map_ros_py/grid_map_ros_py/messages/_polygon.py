@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """`geometry_msgs/PolygonStamped` and `visualization_msgs/Marker` of polygons."""
 
@@ -9,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GeometryError, Polygon
-from grid_map_core_py.arrays import as_array, as_number
+from grid_map_core_py._arrays import as_array, as_number
 from grid_map_core_py.errors import short
 
 from ..errors import MessageError

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Poses and transforms of `geometry_msgs`, and matrices.
 
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import as_array
+from grid_map_core_py._arrays import as_array
 
 from ..errors import MessageError
 from ._checks import check_fields, check_position

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts of ROS nodes: map subscriptions, quality of service, parameters, process life, logs.
 
@@ -34,7 +33,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from grid_map_core_py.arrays import (
+    from grid_map_core_py._arrays import (
         keep_memory as keep_memory,
         return_memory as return_memory,
     )
@@ -65,7 +64,7 @@ if TYPE_CHECKING:
     )
 
 _OFFERED = {
-    "grid_map_core_py.arrays": "keep_memory return_memory",
+    "grid_map_core_py._arrays": "keep_memory return_memory",
     "._configured": "ConfiguredNode",
     "._failures": "dropping",
     "._health": "Health health_of",

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Given parameters that a node does not take: misspelt names, and files for other nodes."""
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Run a node as an executable, from its arguments to its exit code; timers of nodes."""
 
@@ -25,7 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 from rclpy.utilities import ok, try_shutdown
 
-from grid_map_core_py.arrays import trim_memory
+from grid_map_core_py._arrays import trim_memory
 from grid_map_core_py.commands import on_end
 from grid_map_core_py.errors import GridMapError, cut
 

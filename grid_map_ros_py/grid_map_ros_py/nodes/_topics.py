@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Quality of service of map topics, and subscriptions that adapt to their publishers."""
 
@@ -11,7 +10,7 @@ from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallba
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
-from grid_map_core_py.arrays import LARGEST_BLOCK, keep_memory
+from grid_map_core_py._arrays import LARGEST_BLOCK, keep_memory
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..messages._grid_map import ReceivedMap

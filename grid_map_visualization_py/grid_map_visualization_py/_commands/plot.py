@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video: MP4, GIF."""
 

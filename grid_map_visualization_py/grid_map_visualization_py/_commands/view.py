@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Show a map, or all messages of a bag, in Rerun in the browser, until Ctrl-C."""
 

@@ -1,3 +1,2 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps and messages in Rerun: recordings, and the page that shows them."""

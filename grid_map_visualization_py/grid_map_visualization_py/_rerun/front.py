@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The address at which browsers reach Rerun: it checks who asks, and passes the request on.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps and messages in a recording of Rerun, and the layout of the viewer that fits to them.
 
@@ -26,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import (
+from grid_map_core_py._arrays import (
     max_of_finites,
     mean_of_finites,
     min_of_finites,

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks of a page: it accepts requests of the page itself, and messages whose values make sense.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Surfaces and colors as browsers need them: binary glTF (GLB), linear light, tone mapping.
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The page in the browser: scene, controls and texts, served by viser.
 
@@ -20,7 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Positions
+from grid_map_core_py._arrays import Positions
 from grid_map_core_py.errors import GridMapError, required
 
 from .._kinds import titled

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Scene of a map: the settings of the user, the arrays that the browser draws, and the view."""
 
@@ -9,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Positions, Size
+from grid_map_core_py._arrays import Positions, Size
 
 from ..colors import Coloring
 from ..surface import Mesh, Surface

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Axes with ticks around a map, a grid below it, and frames of coordinates."""
 
@@ -10,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from grid_map_core_py.arrays import Positions
+from grid_map_core_py._arrays import Positions
 
 AXES_COLOR = (128, 128, 128)
 """Gray, which is visible on white and on black."""

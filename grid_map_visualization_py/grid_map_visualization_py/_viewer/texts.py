@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """HTML texts of the page. Everything is escaped, because names come from messages."""
 
@@ -11,7 +10,7 @@ from html import escape
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Positions, Size
+from grid_map_core_py._arrays import Positions, Size
 
 from ..colors import Coloring
 from .glb import on_screen

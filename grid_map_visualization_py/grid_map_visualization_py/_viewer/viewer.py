@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Controller that brings maps, settings and the page together."""
 
@@ -9,7 +8,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Positions
+from grid_map_core_py._arrays import Positions
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import DROPPED, reason
 

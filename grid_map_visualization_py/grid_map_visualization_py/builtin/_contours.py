@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Contour lines."""
 
@@ -12,7 +11,7 @@ import numpy.typing as npt
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import max_of_finites, min_of_finites
+from grid_map_core_py._arrays import max_of_finites, min_of_finites
 from grid_map_core_py.errors import GridMapError, required
 from grid_map_core_py.plugins import check
 

@@ -1,4 +1,3 @@
-# Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Machine code on disk, in the folder `grid_map_py` of the user's cache.
 
