@@ -8,7 +8,7 @@ empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables requirements docs bench bench-check soak clean distclean
+.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables requirements docs bench bench-compare soak clean distclean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -39,11 +39,9 @@ test-fast: build  ## Run the tests of core and filters that start no node, in le
 # Only the built workspace has the command `filter`.
 test-oldest:  ## Run the tests of core and filters with the oldest supported NumPy and OpenCV
 	@tools/workspace oldest
-	@tests() { env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) PATH="$(CURDIR)/.venv-oldest/bin:$$PATH" \
-	        $(CURDIR)/.venv-oldest/bin/python -m pytest $(NO_NODES) --ignore-glob='*/test_command_*.py' "$$@"; }; \
-	retry() { [ "$${GRID_MAP_RETRIES:-0}" != 0 ] && echo "RERUN of the tests that failed" && tests --last-failed; }; \
-	for package in grid_map_core_py grid_map_filters_py; do \
-	    (cd $$package && { tests || retry; }) || exit 1; \
+	@for package in grid_map_core_py grid_map_filters_py; do \
+	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) PATH="$(CURDIR)/.venv-oldest/bin:$$PATH" \
+	        $(CURDIR)/.venv-oldest/bin/python -m pytest $(NO_NODES) --ignore-glob='*/test_command_*.py') || exit 1; \
 	done
 
 explore:  ## Try the property tests with new random examples (`make test` repeats the same ones)
@@ -77,8 +75,8 @@ docs: build  ## Build the documentation site in build/docs/
 bench: build  ## Run the benchmarks
 	@$(ENTER) python3 -m pytest benchmarks --benchmark-only
 
-bench-check: build  ## Run the benchmarks, and fail those that became slower by more than 25 %
-	@$(ENTER) python3 -m pytest benchmarks --benchmark-only -q --reruns 2 --compare-with benchmarks/yardsticks.json
+bench-compare: build  ## Time the benchmarks of COMMIT=... and of this checkout in turn; fail if a row became slower by more than 10 % (ONLY="bench_core.py ...": some files)
+	@$(ENTER) python3 benchmarks/compare.py $(or $(COMMIT),HEAD) $(ONLY)
 
 soak: build  ## Run all nodes at 30 Hz for ten minutes, disturb them and look for leaks (FOR=... [s] for longer)
 	@$(ENTER) python3 benchmarks/soak.py --seconds $(or $(FOR),600)

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fixture `measure` of the benchmarks, the table printed at the end, and files of earlier rows."""
+"""Fixture `measure` of the benchmarks, and the table printed at the end."""
 
-import json
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -11,25 +9,10 @@ import pytest
 from measuring import Measurement, Result, to_table
 
 RESULTS = pytest.StashKey[dict[str, Result]]()
-EARLIER = pytest.StashKey[dict[str, float]]()
-
-WORSE = 1.25
-"""Ratio of yardsticks now and earlier above which a row fails."""
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    group = parser.getgroup("benchmark")
-    for name, text in (
-        ("--compare-with", "fail rows that take 1.25 times the yardsticks that this file names"),
-        ("--keep-in", "write the yardsticks of all rows to this file; other rows in it stay"),
-    ):
-        group.addoption(name, type=Path, metavar="FILE", help=text)
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[RESULTS] = {}
-    earlier = config.option.compare_with
-    config.stash[EARLIER] = json.loads(earlier.read_text()) if earlier else {}
     # The default table has no C++ column; --benchmark-verbose still shows the default table.
     config.option.benchmark_quiet = True
 
@@ -62,10 +45,6 @@ def measure(benchmark: Any, request: pytest.FixtureRequest) -> Callable[..., Any
             result = measurement.result(row, cells, benchmark.stats.stats.data)
             benchmark.extra_info |= {"ratio": result.ratio, "yardsticks": result.yardsticks}
             request.config.stash[RESULTS][result.name] = result
-            earlier = request.config.stash[EARLIER].get(result.name)
-            if earlier and result.yardsticks > WORSE * earlier:
-                text = f"{result.name}: {earlier:.4g} -> {result.yardsticks:.4g} yardsticks"
-                pytest.fail(f"{text}{result.noise}", pytrace=False)
         return returned
 
     return run
@@ -77,7 +56,3 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
         terminalreporter.section("ours and C++ on this machine; a ratio below 1 is faster than C++")
         for line in to_table([*results.values()]):
             terminalreporter.write_line(line)
-    if file := config.option.keep_in:
-        kept = json.loads(file.read_text()) if file.exists() else {}
-        kept |= {name: float(f"{result.yardsticks:.4g}") for name, result in results.items()}
-        file.write_text(json.dumps(dict(sorted(kept.items())), indent=0) + "\n")
