@@ -10,14 +10,11 @@ from setuptools import find_packages, setup
 PACKAGE = "grid_map_demos_py"
 URL = "https://github.com/grid-map-py/grid_map_py"
 NODES = (
-    "demo_report",
-    "elevation_mapping_report",
     "elevation_mapping_robot",
     "grid_map_to_image_demo",
     "image_publisher",
     "image_to_gridmap_demo",
     "interpolation_demo",
-    "large_map_report",
     "large_map_robot",
     "iterators_demo",
     "move_demo",
@@ -78,12 +75,15 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            f"elevation_mapping_demo = {PACKAGE}.elevation_mapping_demo:main",
-            f"filters_demo = {PACKAGE}.filters_demo:main",
+            f"demo_report = {PACKAGE}.report_node:DemoReportNode.main",
+            f"elevation_mapping_demo = {PACKAGE}.launcher:elevation_mapping_demo",
+            f"elevation_mapping_report = {PACKAGE}.report_node:ElevationMappingReportNode.main",
+            f"filters_demo = {PACKAGE}.launcher:filters_demo",
             # The name in C++.
             f"image_publisher.py = {PACKAGE}.image_publisher_node:ImagePublisherNode.main",
             f"iterator_benchmark = {PACKAGE}.iterator_benchmark:main",
-            f"large_map_demo = {PACKAGE}.large_map_demo:main",
+            f"large_map_demo = {PACKAGE}.launcher:large_map_demo",
+            f"large_map_report = {PACKAGE}.report_node:LargeMapReportNode.main",
             *(
                 # Such as move_demo = grid_map_demos_py.move_demo_node:MoveDemoNode.main
                 f"{name} = {PACKAGE}.{name}_node:{name.title().replace('_', '')}Node.main"

@@ -21,7 +21,6 @@ from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.simulation import scan
 from grid_map_demos_py import (
-    elevation_mapping_report_node as mapping_report,
     elevation_mapping_robot_node as mapping_robot,
     image_publisher_node as image_publisher,
     interpolation_demo_node as interpolation,
@@ -30,6 +29,7 @@ from grid_map_demos_py import (
     move_demo_node as move,
     normal_filter_comparison_demo_node as comparison,
     opencv_demo_node as opencv,
+    report_node as report,
     sdf_demo_node as sdf,
     tutorial_demo_node as tutorial,
 )
@@ -93,7 +93,7 @@ def elevation_mapping_demo() -> Figure:
                 position=pose[:2, 3],
                 sensor=noise,
             )
-    compared, _ = mapping_report.compare(mapper.grid_map, terrain)
+    compared, _ = report.compare(mapper.grid_map, terrain)
     figure, axes = new_figure(1, 4, (6.8, 2.1))
     panels: list[tuple[str, str, tuple[float, float], str]] = [
         ("truth", "true terrain", (0.0, 1.3), "gist_earth"),

@@ -72,34 +72,24 @@ class ElevationMappingRobotNode(Demo):
         self._start = self._start if self._clouds["lidar"].get_subscription_count() else now
         seconds = 1e-9 * (now - self._start)
         pose = self._course.pose_at(seconds)
-        self._publish_odometry(pose, now, seconds)
+        odometry = Odometry(header=Header(stamp=to_stamp(now), frame_id="odom"))
+        odometry.child_frame_id = "base_link"
+        odometry.pose.pose = to_pose(drifted(pose, seconds))
+        odometry.pose.covariance = covariance_at(seconds).ravel()
+        self._odometry.publish(odometry)
         terrain = self._course.terrain_at(seconds)
-        for name in SENSORS:
-            self._publish_cloud(name, terrain, pose, now)
-        self._publish_truth(terrain, pose, now, seconds)
-
-    def _publish_odometry(self, pose: Matrix, now: int, seconds: float) -> None:
-        message = Odometry(header=Header(stamp=to_stamp(now), frame_id="odom"))
-        message.child_frame_id = "base_link"
-        message.pose.pose = to_pose(drifted(pose, seconds))
-        message.pose.covariance = covariance_at(seconds).ravel()
-        self._odometry.publish(message)
-
-    def _publish_cloud(self, name: str, terrain: GridMap, pose: Matrix, now: int) -> None:
-        mount, directions, noise = SENSORS[name]
-        points = scan(
-            terrain,
-            directions,
-            pose @ mount,
-            sensor=noise,
-            random=self._random,
-            max_range=MAX_RANGE,
-        )
-        header = Header(stamp=to_stamp(now), frame_id=name)
-        returned = points[np.isfinite(points[:, 0])]
-        self._clouds[name].publish(write_points("xyz", to_bytes(returned), header))
-
-    def _publish_truth(self, terrain: GridMap, pose: Matrix, now: int, seconds: float) -> None:
+        for name, (mount, directions, noise) in SENSORS.items():
+            points = scan(
+                terrain,
+                directions,
+                pose @ mount,
+                sensor=noise,
+                random=self._random,
+                max_range=MAX_RANGE,
+            )
+            header = Header(stamp=to_stamp(now), frame_id=name)
+            returned = points[np.isfinite(points[:, 0])]
+            self._clouds[name].publish(write_points("xyz", to_bytes(returned), header))
         truth = truth_at(terrain, pose[:2, 3], TRUTH_LENGTH, seconds)
         truth.frame_id, truth.timestamp = "odom", now
         self._truth.publish(to_serialized_message(truth))

@@ -17,14 +17,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_demos_py import processes
-from grid_map_demos_py.demo_report_node import report
+from grid_map_demos_py import launcher
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.testing import Process, peer, start_node, wait_until
 
-FILTERS_DEMO = "grid_map_demos_py.filters_demo"
-REPORT = "grid_map_demos_py.demo_report_node"
+FILTERS_DEMO = ("grid_map_demos_py.launcher", "filters_demo")
+REPORT = ("grid_map_demos_py.report_node", "filters")
 PNG = b"\x89PNG\r\n"
 
 
@@ -45,7 +44,7 @@ def pythons(mark: str) -> list[str]:
 
 def start_marked(*arguments: str) -> tuple[Process, str]:
     mark = uuid.uuid4().hex
-    command = [sys.executable, "-m", FILTERS_DEMO, *arguments]
+    command = [sys.executable, "-m", *FILTERS_DEMO, *arguments]
     return Process(command, {"GRID_MAP_DEMO_MARK": mark}), mark
 
 
@@ -127,13 +126,13 @@ def test_filters_demo_is_shown_in_the_browser():
 
 def test_demos_take_the_viewer_that_is_installed(monkeypatch):
     installed = ["viser"]
-    monkeypatch.setattr(processes, "find_spec", lambda name: name in installed)
-    assert processes.viewer().endswith(".web_viewer")
+    monkeypatch.setattr(launcher, "find_spec", lambda name: name in installed)
+    assert launcher.viewer().endswith(".web_viewer")
     installed.append("rerun_cli")
-    assert processes.viewer().endswith(".rerun_viewer")
+    assert launcher.viewer().endswith(".rerun_viewer")
     # It says which package is missing.
     installed.clear()
-    assert processes.viewer().endswith(".web_viewer")
+    assert launcher.viewer().endswith(".web_viewer")
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, "FilterChain("])
@@ -149,7 +148,7 @@ def test_interrupt_leaves_no_process_and_no_traceback(tmp_path, count):
 
 @pytest.mark.parametrize("words", [["--reprot", "out"], ["out"], ["--report"]])
 def test_unknown_arguments_end_the_filters_demo(words):
-    demo = start_node(FILTERS_DEMO, *words)
+    demo = start_node(*FILTERS_DEMO, *words)
     assert demo.wait() == 2
     assert "usage: filters_demo" in demo.text
 
@@ -164,9 +163,9 @@ def test_killed_demo_leaves_no_process():
 
 def test_report_names_topics_without_messages_after_the_timeout(tmp_path):
     given = parameters("timeout:=1.0", f"output_directory:={tmp_path}")
-    process = start_node(REPORT, *given)
+    process = start_node(*REPORT, *given)
     assert process.wait() == 1
-    assert "after 1 s too few messages on /grid_map, /filtered_map, /diagnostics" in process.text
+    assert "after 1 s too few messages on /grid_map, /elevation_points" in process.text
     assert "Traceback" not in process.text
     assert not list(tmp_path.iterdir())
 
@@ -178,68 +177,24 @@ def test_report_counts_only_valid_maps_and_chain_diagnostics():
     broken = to_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))
     broken.info.resolution = 0.0
     with peer() as other:
-        process = start_node(REPORT, *parameters("timeout:=3.0"))
+        process = start_node(*REPORT, *parameters("timeout:=3.0"))
         for status in (battery, strange, ours, battery):
             other.publish("/diagnostics", DiagnosticArray(status=[status]), 10)
         other.publish("/filtered_map", broken)
         assert process.wait() == 1
     assert "Traceback" not in process.text
-    assert "'/diagnostics': 1," in process.text
-    assert "'/filtered_map': 0," in process.text
+    assert "too few messages on /grid_map, /elevation_points" in process.text
+    assert "/filtered_map, /diagnostics" in process.text
     assert (
         "dropped a message of /filtered_map: info.resolution: expected a positive" in process.text
     )
 
 
-def test_report_lists_cells_layers_times_latency_and_messages():
-    grid_map = GridMap((4, 3), 1.0, layers=["elevation", "slope"])
-    times = {"inpaint": [2.0, 4.0, 3.0], "slope": [0.5, 0.5, 0.7]}
-    text = report(grid_map, times, 12.4, {"/in": 0, "/out": 7}, [Path("demo_output/a.png")])
-    lines = {" ".join(line.split()) for line in text.splitlines()}
-    assert {"cells 4 x 3 = 12", "layers 2"} <= lines
-    assert {
-        "inpaint 3.00",
-        "slope 0.50",
-        "whole chain 3.50",
-        "published to filtered 12 ms",
-    } <= lines
-    assert {"/in 0", "/out 7", "demo_output/a.png"} <= lines
-
-
-START = """
-import os
-from grid_map_demos_py.processes import ProcessGroup
-
-{}
-with ProcessGroup() as processes:
-    processes.start("this", "filters_demo.yaml")
-    print(processes.wait())
-"""
-
-
-@pytest.mark.parametrize(
-    ("preparation", "says"),
-    [
-        # Like process 1 of a container that runs nothing else.
-        ("os.getpid = os.getppid = lambda: 1", True),
-        # The new parent of an orphan is process 1 or a subreaper.
-        ("os.getppid = lambda: 4711", False),
-    ],
-    ids=["in process 1", "without parent"],
-)
-def test_process_without_parent_ends_immediately(preparation, says):
-    process = Process([sys.executable, "-c", START.format(preparation)])
-    assert process.wait() == 0
-    assert process.text.endswith("('this', 0)\n")
-    assert ("The Zen of Python" in process.text) == says
-
-
 def test_failing_node_ends_the_demo(tmp_path):
     with_bad_parameter = (
-        "import sys; from grid_map_demos_py import filters_demo as demo; "
-        "chain = 'grid_map_filters_py._executables.filter_chain'; "
-        "demo.NODES = {**demo.NODES, chain: 'simple_demo.yaml'}; "
-        f"sys.exit(demo.main(['--report', {str(tmp_path)!r}]))"
+        "import sys; from grid_map_demos_py.launcher import filters_demo as demo; "
+        "demo.nodes['grid_map_filters_py._executables.filter_chain'] = 'simple_demo.yaml'; "
+        f"sys.exit(demo(['--report', {str(tmp_path)!r}]))"
     )
     demo = Process([sys.executable, "-c", with_bad_parameter])
     assert demo.wait(60) == 1

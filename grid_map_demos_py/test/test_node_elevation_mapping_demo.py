@@ -15,8 +15,8 @@ from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridMap, GridMapError
 from grid_map_core_py.simulation import scan
-from grid_map_demos_py.elevation_mapping_report_node import compare, person_rows
 from grid_map_demos_py.elevation_mapping_robot_node import SENSORS
+from grid_map_demos_py.report_node import compare, person_rows
 from grid_map_demos_py.robot_course import (
     DRIFT,
     HEIGHT,
@@ -114,11 +114,11 @@ def test_comparison_finds_offset_error_and_claim():
     compared, accuracy = compare(estimate, truth)
     assert np.isnan(compared["error"][4, 5])
     # The map reaches over the true terrain by 2 of its 30 columns.
-    assert accuracy.known == pytest.approx(28 / 30, abs=0.002)
-    assert accuracy.claimed == pytest.approx(0.01)
-    assert accuracy.offset == pytest.approx(0.02, abs=0.011)
-    assert 0.0 <= accuracy.error < 0.021
-    assert accuracy.wrong == pytest.approx(1 / (28 * 30 - 1))
+    even, cells = accuracy["Cells without edges"], accuracy["All cells"]
+    assert (cells["known"], cells["errors above 10 cm"]) == ("93 %", "0.1 %")
+    assert even["claimed standard deviation"] == "10.0 mm"
+    assert numbers(even["offset of the map"])[0] == pytest.approx(20, abs=11)
+    assert numbers(even["68 % of the errors below"])[0] < 21
     with pytest.raises(GridMapError, match="expected known cells"):
         compare(estimate, GridMap((1.0, 1.0), 0.1, (90.0, 0.0), {"elevation": 0.0}))
 
@@ -186,7 +186,7 @@ def test_robot_publishes_clouds_odometry_and_truth():
 
 
 def test_demo_maps_the_terrain_and_reports_its_errors(tmp_path):
-    command = [sys.executable, "-m", "grid_map_demos_py.elevation_mapping_demo"]
+    command = [sys.executable, "-m", "grid_map_demos_py.launcher", "elevation_mapping_demo"]
     demo = Process([*command, "--report", str(tmp_path)])
     assert demo.wait(100) == 0, demo.text
     names = {"truth", "estimate", "error", "deviation", "traversability"}

@@ -65,7 +65,7 @@ def test_report_measures_windows_of_the_node(site, tmp_path):
         assert (message.header.frame_id, message.child_frame_id) == ("map", "base_link")
         place = message.pose.pose.position
         assert place.y == way_at(place.x)
-        report = start_node("grid_map_demos_py.large_map_report_node", *options)
+        report = start_node("grid_map_demos_py.report_node", "large_map", *options)
         try:
             assert report.wait(100) == 0, report.text
         finally:

@@ -1,0 +1,417 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Nodes that collect the messages of a demo, write pictures, print tables, and end.
+
+    python3 -m grid_map_demos_py.report_node filters | elevation_mapping | large_map
+
+The exit code is 0 only if every topic has delivered in time.
+"""
+
+import sys
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import partial
+from statistics import median
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridGeometry, GridMap, Interpolation
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.files import storage_errors
+from grid_map_core_py.plugins import check
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py.errors import NodeFailedError
+from grid_map_ros_py.nodes import MapSubscription, map_qos, steady_timer
+from grid_map_visualization_py.pictures import save_picture
+
+from .demo import Demo
+from .large_site import GEOMETRY, LAYER
+from .parts import to_text
+
+DIAGNOSTICS = "/diagnostics"
+
+Tables = Mapping[str, Mapping[Any, object]]
+"""Tables by their titles: a row has a name and a value."""
+
+Pictures = Mapping[str, tuple[GridMap, str, Mapping[str, Any]]]
+"""Pictures by their names: a map, a layer, and options of `save_picture`."""
+
+
+class ReportNode(Demo):
+    """Base class: ends with a report, or with an error after `give_up_after`."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        about = "folder of the pictures"
+        self._directory = self.read_path("output_directory", "demo_output", about)
+        # Fail now instead of after a minute of collecting.
+        with storage_errors(self._directory, "made a folder"):
+            self._directory.mkdir(parents=True, exist_ok=True)
+
+    def silent_topics(self) -> list[str]:
+        """Return the topics that have delivered too few messages."""
+        raise NotImplementedError
+
+    def give_up_after(self, seconds: float) -> None:
+        """End with an error after a time [s] without a report."""
+
+        def give_up() -> None:
+            silent = ", ".join(self.silent_topics())
+            raise NodeFailedError(f"after {seconds:g} s too few messages on {silent}")
+
+        steady_timer(self, seconds, give_up)
+
+    def finish(self, tables: Tables, pictures: Pictures) -> None:
+        """Write the pictures, print the tables and end the node."""
+        files = {self._directory / f"{name}.png": entry for name, entry in pictures.items()}
+        try:
+            with storage_errors(self._directory, "filled with pictures"):
+                for file, (grid_map, layer, options) in files.items():
+                    save_picture(grid_map, layer, file, **options)
+        except GridMapError as error:
+            raise NodeFailedError(str(error)) from error
+        print(to_text({**tables, "Pictures": dict.fromkeys(files, "")}), flush=True)
+        self.context.try_shutdown()
+
+
+def size_of(size: tuple[int, int]) -> str:
+    """Return a size as text, with the number of cells."""
+    return f"{size[0]} x {size[1]} = {size[0] * size[1]}"
+
+
+# --- the demo of the filters ----------------------------------------------------------------------
+
+FILTERED = "/filtered_map"
+FILTER_CHAIN = "grid_map_filters"
+"""Name of the diagnostic status of the filter chain."""
+
+COUNTED = {
+    "/grid_map": GridMapMessage,
+    "/elevation_points": PointCloud2,
+    "/traversability_grid": OccupancyGrid,
+    "/surface_normals": Marker,
+    "/map_region": Marker,
+}
+"""Topics of which only the number of messages counts, and their types."""
+
+
+class DemoReportNode(ReportNode):
+    """Subscribes to all topics of the filters demo, and ends after enough messages."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_demo_report")
+        self._needed = self.read("messages", 3, "number of messages to wait for on every topic")
+        check(self._needed >= 1, "messages", "at least 1", self._needed)
+        self._counts = dict.fromkeys([*COUNTED, FILTERED, DIAGNOSTICS], 0)
+        self._times: dict[str, list[float]] = {}
+        self._latencies: list[float] = []
+        self._filtered: GridMap | None = None
+        for topic, message_type in COUNTED.items():
+            # Raw messages are counted without converting them to Python.
+            count = partial(self._count, topic)
+            self.create_subscription(message_type, topic, count, map_qos(), raw=True)
+        self._filtered_maps = MapSubscription(self, FILTERED, self._on_filtered)
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
+        self.give_up_after(self.read_positive("timeout", 60.0, "maximum time to wait [s]"))
+
+    def silent_topics(self) -> list[str]:
+        return [topic for topic, count in self._counts.items() if count < self._needed]
+
+    def _on_filtered(self, received: ReceivedMap) -> None:
+        self._filtered = received.decode()
+        now = self.get_clock().now().nanoseconds
+        self._latencies.append(1e-6 * (now - self._filtered.timestamp))
+        self._count(FILTERED)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        # All nodes of a robot publish on this topic.
+        for status in message.status:
+            if status.name == FILTER_CHAIN:
+                times = [(v.key[3:], v.value) for v in status.values if v.key.startswith("ms ")]
+                with suppress(ValueError):  # Another program may report text.
+                    for name, milliseconds in [(name, float(ms)) for name, ms in times]:
+                        self._times.setdefault(name, []).append(milliseconds)
+                    self._count(DIAGNOSTICS)
+
+    def _count(self, topic: str, _message: bytes = b"") -> None:
+        self._counts[topic] += 1
+        if self._filtered is None or self.silent_topics():
+            return
+        times = {name: median(values) for name, values in self._times.items()}
+        times["whole chain"] = sum(times.values())
+        tables: Tables = {
+            "Map": {
+                "cells": size_of(self._filtered.size),
+                "resolution": f"{self._filtered.resolution} m",
+                "layers": len(self._filtered.layers),
+            },
+            "Layers": dict.fromkeys(self._filtered, ""),
+            "Milliseconds per filter (median)": {n: f"{value:.2f}" for n, value in times.items()},
+            "End-to-end latency (median)": {
+                "published to filtered": f"{median(self._latencies):.0f} ms"
+            },
+            "Messages per topic": self._counts,
+        }
+        shaded = {"hillshade": "elevation_inpainted", "color_map": "gist_earth"}
+        shaded |= {"title": "Published elevation; holes are white", "label": "elevation [m]"}
+        relief = {"style": "relief", "color_layer": "traversability", "color_map": "BrBG"}
+        bounds = {"lower": 0.2, "upper": 1.0}
+        pictures: Pictures = {
+            "elevation": (self._filtered, "elevation", {**shaded, "exaggeration": 1.5}),
+            "traversability": (
+                self._filtered,
+                "elevation_inpainted",
+                {**relief, **bounds, "exaggeration": 1.3},
+            ),
+        }
+        self.finish(tables, pictures)
+
+
+# --- the demo of elevation mapping ----------------------------------------------------------------
+
+TRUTH = "/true_terrain"
+RAW = "/elevation_mapping/elevation_map_raw"
+POSTPROCESSED = "/elevation_mapping/elevation_map"
+
+WRONG = 0.1
+"""Error [m] of cells that are wrong, such as where an obstacle was a moment ago."""
+
+
+class ElevationMappingReportNode(ReportNode):
+    """Collects maps for some time, then compares the last one with the true terrain."""
+
+    def __init__(self) -> None:
+        super().__init__("elevation_mapping_report")
+        about = "time of driving before the report [s]"
+        self._duration = self.read_positive("duration", 10.0, about)
+        timeout = self.read_positive("timeout", 60.0, "maximum time to wait for the first map [s]")
+        self._counts = {TRUTH: 0, RAW: 0, POSTPROCESSED: 0}
+        self._truths: deque[GridMap] = deque(maxlen=200)  # 20 s
+        self._estimates: deque[GridMap] = deque(maxlen=100)  # 20 s
+        self._begin = 0
+        self._subscriptions_of_maps = [
+            MapSubscription(self, TRUTH, self._on_truth),
+            MapSubscription(self, RAW, self._on_raw),
+            MapSubscription(self, POSTPROCESSED, self._on_postprocessed),
+        ]
+        self.give_up_after(self._duration + timeout)
+
+    def silent_topics(self) -> list[str]:
+        return [topic for topic, count in self._counts.items() if not count] or [RAW]
+
+    def _on_truth(self, received: ReceivedMap) -> None:
+        self._counts[TRUTH] += 1
+        self._truths.append(received.decode())
+
+    def _on_postprocessed(self, received: ReceivedMap) -> None:
+        self._counts[POSTPROCESSED] += 1
+        self._latest = received.decode()
+
+    def _on_raw(self, received: ReceivedMap) -> None:
+        self._counts[RAW] += 1
+        estimate = received.decode(["elevation", "variance"])
+        self._estimates.append(estimate)
+        self._begin = self._begin or estimate.timestamp
+        seconds = 1e-9 * (estimate.timestamp - self._begin)
+        if seconds < self._duration or 0 in self._counts.values():
+            return
+        truth = min(self._truths, key=lambda truth: abs(truth.timestamp - estimate.timestamp))
+        try:
+            compared, accuracy = compare(estimate, truth)
+        except GridMapError as error:
+            raise NodeFailedError(str(error)) from error
+        tables: Tables = {
+            "Map": {
+                "cells": size_of(compared.size),
+                "resolution": f"{compared.resolution} m",
+                "drive": f"{seconds:.0f} s",
+            },
+            **accuracy,
+            "Person (cells higher than 0.5 m above the ground)": person_rows(
+                self._truths, self._estimates, self._begin
+            ),
+            "Messages per topic": self._counts,
+        }
+        low, high = np.nanpercentile(compared["truth"], [1, 99])
+        heights = {"lower": low, "upper": high, "color_map": "gist_earth", "label": "elevation [m]"}
+        shades = {"lower": 0.0, "upper": 1.0, "color_map": "BrBG"}
+        shown: Mapping[str, dict[str, Any]] = {
+            "truth": {**heights, "title": "True terrain", "hillshade": "truth"},
+            "estimate": {**heights, "title": "Estimate", "hillshade": "estimate"},
+            "error": {"lower": -0.1, "upper": 0.1, "color_map": "RdBu", "title": "Error"},
+            "deviation": {"lower": 0.0, "upper": 0.05, "title": "Claimed standard deviation"},
+        }
+        pictures = {
+            name: (compared, name, {"label": "[m]", **options}) for name, options in shown.items()
+        }
+        shades["title"] = "Traversability"
+        self.finish(
+            tables, {**pictures, "traversability": (self._latest, "traversability", shades)}
+        )
+
+
+def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
+    """Return a map with the layers `truth`, `estimate`, `error` and `deviation`, and its accuracy.
+
+    Args:
+        estimate: map with `elevation` and `variance`.
+        truth: map with the true `elevation`, in the same frame.
+
+    Raises:
+        GridMapError: no known cell is on the true terrain.
+    """
+    positions = estimate.get_positions()
+    inside = truth.is_inside(positions)
+    heights = np.full(len(positions), np.nan)
+    heights[inside] = truth.at_position("elevation", positions[inside], Interpolation.LINEAR)
+    compared = GridMap.from_geometry(estimate.geometry, frame_id=estimate.frame_id)
+    compared.start_index = estimate.start_index
+    compared["truth"] = heights.reshape(estimate.size, order="F")
+    compared["estimate"] = estimate["elevation"]
+    compared["deviation"] = np.sqrt(estimate["variance"])
+    compared["error"] = compared["estimate"] - compared["truth"]
+    error = compared.unwrapped("error").astype(np.float64)
+    slopes = np.hypot(*np.gradient(compared.unwrapped("truth"), estimate.resolution))
+    even = np.isfinite(error) & (slopes < 0.5)
+    if not even.any():
+        raise GridMapError("error: expected known cells on the true terrain, got none")
+    offset = float(np.median(error[even]))
+    errors = np.abs(error[np.isfinite(error)] - offset)
+    limit = np.percentile(np.abs(error[even] - offset), 68)
+    claimed = np.median(compared.unwrapped("deviation")[even])
+    return compared, {
+        "Cells without edges": {
+            "68 % of the errors below": f"{1000 * limit:.1f} mm",
+            "claimed standard deviation": f"{1000 * claimed:.1f} mm",
+            "offset of the map": f"{1000 * offset:.1f} mm",
+        },
+        "All cells": {
+            "known": f"{100 * np.isfinite(error).mean():.0f} %",
+            "errors above 10 cm": f"{100 * (errors > WRONG).mean():.1f} %",
+        },
+    }
+
+
+def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
+    """Return when maps showed the person of the true terrains, in seconds since `begin` [ns]."""
+    way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
+    walk: list[float] = []
+    shown: list[float] = []
+    delays = [0.0]
+    for truth in truths:
+        cells = np.nonzero(np.isfinite(truth["person"]))
+        places, _ = way.get_indices(truth.get_positions(cells))
+        way["ground"][places] = (truth["elevation"] - truth["person"])[cells]
+        way["left"][places] = 1e-9 * (truth.timestamp - begin)
+        walk.extend(way["left"][places])
+    for estimate in estimates:
+        places, _ = way.get_indices(estimate.get_positions())
+        is_high = estimate["elevation"].ravel("F") - way["ground"][places] > 0.5
+        now = 1e-9 * (estimate.timestamp - begin)
+        shown.extend(np.full(is_high.sum(), now))
+        delays.extend(now - way["left"][places][is_high])
+    gap = 1e-9 * np.diff([estimate.timestamp for estimate in estimates]).max(initial=0)
+    return {
+        "on the terrain": time_span(walk),
+        "in the map": f"{time_span(shown)}, maps up to {gap:.1f} s apart",
+        "cells left behind": f"high for up to {max(delays):.1f} s",
+    }
+
+
+def time_span(times: list[float]) -> str:
+    """Return the first and the last of times [s] as text."""
+    return f"{min(times):.1f} to {max(times):.1f} s" if times else "never"
+
+
+# --- the demo of a large map ----------------------------------------------------------------------
+
+WINDOWS = "/grid_map"
+WINDOW_NODE = "grid_map_window"
+"""Name of the diagnostic status of the node that publishes the windows."""
+
+MEMORY = "resident memory [MB]"
+
+THINNED = 64
+"""Side of a cell of the overview [cells of the map]."""
+
+
+class LargeMapReportNode(ReportNode):
+    """Collects windows of a large map for some time, then reports on how they arrived."""
+
+    def __init__(self) -> None:
+        super().__init__("large_map_report")
+        about = "time of driving before the report [s]"
+        self._duration = self.read_positive("duration", 20.0, about)
+        timeout = self.read_positive("timeout", 60.0, "maximum time to wait for the windows [s]")
+        self._times: list[float] = []
+        self._delays: list[float] = []
+        self._memory: list[float] = []
+        sides = [count // THINNED for count in GEOMETRY.size]
+        coarse = GridGeometry.from_size((sides[0], sides[1]), THINNED * GEOMETRY.resolution)
+        self._overview = GridMap.from_geometry(coarse, layers={LAYER: np.nan}, frame_id="map")
+        self._windows = MapSubscription(self, WINDOWS, self._on_window)
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
+        self.give_up_after(self._duration + timeout)
+
+    def silent_topics(self) -> list[str]:
+        return [DIAGNOSTICS if self._times else WINDOWS]
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if status.name == WINDOW_NODE and self._times and MEMORY in values:
+                self._memory.append(float(values[MEMORY]))
+
+    def _on_window(self, received: ReceivedMap) -> None:
+        now = 1e-9 * self.get_clock().now().nanoseconds
+        window = received.decode([LAYER])
+        self._times.append(now)
+        self._delays.append(1e3 * (now - 1e-9 * window.timestamp))
+        self._overview.add_data_from(window, extend_map=False, overwrite_data=True, layers=[LAYER])
+        seconds = now - self._times[0]
+        if seconds < self._duration or len(self._memory) < 2:
+            return
+        half, most, worst = np.percentile(self._delays, [50, 95, 100])
+        gigabytes = 4e-9 * GEOMETRY.size[0] * GEOMETRY.size[1]
+        tables: Tables = {
+            "Map on disk": {
+                "cells": size_of(GEOMETRY.size),
+                "one layer in memory": f"{gigabytes:.1f} GB",
+            },
+            "Windows": {
+                "cells": size_of(window.size),
+                "drive": f"{seconds:.0f} s",
+                "rate": f"{(len(self._times) - 1) / seconds:.1f} Hz",
+                "longest gap": f"{1e3 * np.diff(self._times).max():.0f} ms",
+            },
+            "From a pose to its window, in another process": {
+                "median": f"{half:.1f} ms",
+                "95 % below": f"{most:.1f} ms",
+                "worst": f"{worst:.1f} ms",
+            },
+            f"Resident memory of {WINDOW_NODE}": {
+                "at the begin": f"{self._memory[0]:.1f} MB",
+                "in the middle": f"{self._memory[len(self._memory) // 2]:.1f} MB",
+                "at the end": f"{self._memory[-1]:.1f} MB",
+            },
+        }
+        colors = {"color_map": "gist_earth", "label": "elevation [m]"}
+        way = {**colors, "title": "Windows on their way over the site"}
+        last = {**colors, "title": "The last window"}
+        self.finish(tables, {"way": (self._overview, LAYER, way), "window": (window, LAYER, last)})
+
+
+REPORTS = {
+    "filters": DemoReportNode,
+    "elevation_mapping": ElevationMappingReportNode,
+    "large_map": LargeMapReportNode,
+}
+
+if __name__ == "__main__":
+    raise SystemExit(REPORTS[sys.argv[1]].main())
