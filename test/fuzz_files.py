@@ -21,7 +21,7 @@ from viser._messages import Message
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
-from grid_map_core_py.commands import main
+from grid_map_core_py._commands import main
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import (
     load_cloud,

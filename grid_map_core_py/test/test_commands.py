@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from command_line import PROGRAM, SECOND, a_map, printed
 
-from grid_map_core_py import GridMap, __version__, load
-from grid_map_core_py.commands import _main
+from grid_map_core_py import GridMap, __version__
+from grid_map_core_py._commands import _main
 from grid_map_core_py.files import load_npz, save_npz
 from grid_map_core_py.testing import assert_maps_equal
 
@@ -132,13 +132,11 @@ def test_single_value_is_in_the_middle_of_its_histogram(value, command):
 
 def test_a_map_goes_through_every_format(command):
     pytest.importorskip("rasterio")
-    steps = ["site.npz", "images/map.yaml", "site.tif", "again.npz"]
+    steps = ["site.npz", "site.tif", "again.npz"]
     for source, destination in pairwise(steps):
         code, text, error = command(f"convert {source} {destination}")
         assert (code, text, error) == (0, "", f"grid-map: 1 map in {destination}\n")
-    assert_maps_equal(load_npz("again.npz"), load("images"))
-    lost = np.abs(load_npz("again.npz")["elevation"] - load_npz("site.npz")["elevation"])
-    assert np.nanmax(lost) < 1e-3
+    assert_maps_equal(load_npz("again.npz"), load_npz("site.npz"))
 
 
 def test_options_of_formats_reach_reader_and_writer(command):
@@ -233,14 +231,14 @@ WRONG = {
     "inspect site.npz --from zip": (1, "format: expected one that is read, npz"),
     "convert site.npz chain.yaml": (1, "chain.yaml: is there already; --force replaces it"),
     "convert site.npz site.jpg": (2, "expected a name of one of the formats npz"),
-    "convert site.npz - --to images": (2, "standard output takes npz, not images"),
-    "convert - x.npz --from images": (2, "standard input takes npz, not images"),
+    "convert site.npz - --to geotiff": (2, "standard output takes npz, not geotiff"),
+    "convert - x.npz --from geotiff": (2, "standard input takes npz, not geotiff"),
     "convert site.npz nowhere/map.npz": (1, "nowhere/map.npz: cannot be written"),
     "convert site.npz new.npz --crs EPSG:1": (2, "--crs is for geotiff, zarr, and this is npz"),
     "convert site.npz new.npz --resolution 1": (2, "--resolution is for height_image, pcd, mesh"),
     "convert site.npz new.npz --reduce mean": (2, "--reduce is for pcd, mesh"),
     "convert site.npz new.npz --as mesh": (2, "--as is for pcd, mesh"),
-    "convert site.npz new.npz --bits 8": (2, "--bits is for images, height_image"),
+    "convert site.npz new.npz --bits 8": (2, "--bits is for"),
     "convert site.npz new.npz --black 0": (2, "--black is for height_image"),
     "inspect site.npz --bars": (2, "--bars (see 'grid-map inspect --help')"),
     "info site.npz --ind 0": (2, "unrecognized arguments: --ind 0"),
@@ -258,8 +256,8 @@ def test_every_mistake_is_one_line(line, refused):
 
 
 def test_only_force_replaces_a_file(command):
-    for line in ("convert site.npz new.npz", "convert site.npz new/map.yaml"):
-        name = line.split()[-1]
+    for line in ("convert site.npz new.npz", "convert site.npz new.png --layer elevation"):
+        name = line.split()[2]
         assert command(line)[0] == 0
         before = Path(name).stat().st_ino
         code, _, error = command(line)
@@ -354,7 +352,7 @@ def test_signal_ends_it_without_traceback_or_temporary_files(number, tmp_path):
 
 @pytest.mark.parametrize(("prefix", "numbers"), [([], "2 15 1"), (["nohup"], "2 15")])
 def test_hangup_stays_ignored_under_nohup(prefix, numbers, tmp_path):
-    code = "from grid_map_core_py.commands import on_end\nprint(*map(int, on_end(lambda *_: None)))"
+    code = "from grid_map_core_py._commands import on_end\nprint(*map(int, on_end(lambda *_: None)))"
     done = run(*prefix, sys.executable, "-c", code, cwd=tmp_path)
     assert done.stdout.split() == numbers.split()
 
@@ -365,7 +363,7 @@ def test_hangup_stays_ignored_under_nohup(prefix, numbers, tmp_path):
 def test_help_imports_neither_packages_nor_numpy(tmp_path):
     heavy = ("numpy", "cv2", "matplotlib", "yaml", "scipy", "rclpy", "argcomplete", "viser")
     code = (
-        "import sys\nfrom grid_map_core_py.commands import main\n"
+        "import sys\nfrom grid_map_core_py._commands import main\n"
         "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
         f"found = [name for name in {heavy} if name in sys.modules]\n"
         "print(found, [name for name in sys.modules if name.startswith('grid_map_filters')])"
@@ -381,17 +379,17 @@ def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
     others = ("grid_map_ros_py", "grid_map_filters_py", "grid_map_visualization_py")
     code = (
         f"import sys\nfor name in {(*blocked, *others)}:\n    sys.modules[name] = None\n"
-        "from grid_map_core_py.commands import main\n"
+        "from grid_map_core_py._commands import main\n"
         "print([main(line.split()) for line in sys.argv[1:]], file=sys.stderr)\n"
     )
     lines = [
         f"inspect {files}/site.npz",
-        f"convert {files}/site.npz images/map.yaml",
-        "convert images slope.png --layer elevation",
-        "info images",
+        f"convert {files}/site.npz copy.npz",
+        "convert copy.npz slope.png --layer elevation",
+        "info copy.npz",
         "info survey.mcap",
-        "plot images map.png",
-        "convert images map.tif",
+        "plot copy.npz map.png",
+        "convert copy.npz map.tif",
     ]
     errors = run(sys.executable, "-c", code, *lines, cwd=tmp_path).stderr.splitlines()
     assert errors[-1] == "[0, 0, 0, 0, 1, 1, 1]"
@@ -406,9 +404,7 @@ def plug_in(monkeypatch, tmp_path):
     package = tmp_path / "dancing"
     package.mkdir()
     (package / "__init__.py").write_text("raise SystemError('imported')")
-    (package / "dance.py").write_text(
-        '"""Dance to the music.\n\nMore."""\nraise OSError("no shoes")'
-    )
+    (package / "dance.py").write_text("raise OSError('no shoes')")
     monkeypatch.syspath_prepend(str(tmp_path))
     entries = [
         ("dance", "dancing.dance"),
@@ -423,7 +419,7 @@ def plug_in(monkeypatch, tmp_path):
 def test_broken_command_leaves_others_usable(command):
     code, text, _ = command("--help")
     assert code == 0
-    assert "Dance to the music\n" in text
+    assert "command of dancing.dance\n" in text
     assert command("info site.npz")[0] == 0
     for name, reason in (("dance", "imported"), ("gone", "No module named 'no_such_package'")):
         code, _, error = command(name)

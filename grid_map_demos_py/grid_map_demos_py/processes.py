@@ -13,7 +13,7 @@ from itertools import takewhile
 from pathlib import Path
 from types import FrameType
 
-from grid_map_core_py.commands import die_with_parent, on_end
+from grid_map_core_py._commands import die_with_parent, on_end
 
 VIEWERS = {
     "rerun_cli": "grid_map_visualization_py._executables.rerun_viewer",

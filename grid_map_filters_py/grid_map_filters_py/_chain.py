@@ -13,7 +13,7 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer, Size
-from grid_map_core_py.commands import table
+from grid_map_core_py._commands import table
 from grid_map_core_py.errors import ConfigError, GridMapError, short
 from grid_map_core_py.plugins import build, check, descriptions
 

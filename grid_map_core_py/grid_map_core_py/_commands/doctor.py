@@ -8,8 +8,8 @@ import platform
 import subprocess
 import sys
 
-from ..commands._arguments import add_json
-from ..commands._output import print_json, print_table
+from ._arguments import add_json
+from ._output import print_json, print_table
 
 _BUILD = "build and source the workspace, or pip install it"
 _SOURCE = "source ROS 2 Jazzy, then the workspace"

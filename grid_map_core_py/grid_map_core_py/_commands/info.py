@@ -5,9 +5,9 @@ import argparse
 from datetime import UTC, datetime
 from typing import Any
 
-from ..commands._arguments import add_json, add_source
-from ..commands._maps import describe
-from ..commands._output import byte_count, coordinate, number, print_json, print_table, shown
+from ._arguments import add_json, add_source
+from ._maps import describe
+from ._output import byte_count, coordinate, number, print_json, print_table, shown
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""

@@ -4,9 +4,9 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from ..commands._arguments import add_json, add_layers, add_source
-from ..commands._maps import read_map
-from ..commands._output import UsageError, can_print, number, print_json, print_table, shown
+from ._arguments import add_json, add_layers, add_source
+from ._maps import read_map
+from ._output import UsageError, can_print, number, print_json, print_table, shown
 
 if TYPE_CHECKING:
     import numpy as np

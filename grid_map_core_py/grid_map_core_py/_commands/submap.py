@@ -3,9 +3,9 @@
 
 import argparse
 
-from ..commands._arguments import add_destination, add_layers, add_source
-from ..commands._maps import Destination
-from ..commands._tiles import add_rectangle, read_rectangle
+from ._arguments import add_destination, add_layers, add_source
+from ._maps import Destination
+from ._tiles import add_rectangle, read_rectangle
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

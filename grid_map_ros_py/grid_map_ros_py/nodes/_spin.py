@@ -25,7 +25,7 @@ from rclpy.timer import Timer
 from rclpy.utilities import ok, try_shutdown
 
 from grid_map_core_py._arrays import trim_memory
-from grid_map_core_py.commands import on_end
+from grid_map_core_py._commands import on_end
 from grid_map_core_py.errors import GridMapError, cut
 
 from ..errors import NodeFailedError, reason

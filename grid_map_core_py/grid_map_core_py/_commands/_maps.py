@@ -8,13 +8,12 @@ import argparse
 import os
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from .._unfinished import unfinished
+from .._unfinished import scratch_folder
 from ..errors import GridMapError
 from ._output import CommandError, UsageError, message
 
@@ -228,7 +227,7 @@ def _source(path: str) -> Iterator[Path | str]:
         return
     if sys.stdin is None or sys.stdin.isatty():
         raise CommandError("expected an .npz file on standard input, from a file or a pipe")
-    with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-"))) as folder:
+    with scratch_folder() as folder:
         file = folder / "map.npz"
         with file.open("wb") as copy:
             shutil.copyfileobj(sys.stdin.buffer, copy)
@@ -312,7 +311,7 @@ class Destination:
                 self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
                 continue
             # An archive is not written from its beginning to its end.
-            with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-"))) as folder:
+            with scratch_folder() as folder:
                 path = folder / "map.npz"
                 self.format.save(grid_map, path, **self._given)  # type: ignore[misc]
                 with path.open("rb") as file:

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tables, JSON, messages, errors and progress, as the command line prints them."""
+"""Tables, JSON, messages, errors and progress of the command line."""
 
-import io
 import json
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TextIO
+from datetime import timedelta
+from typing import TextIO
 
 from ..errors import GridMapError, cut
 
@@ -88,14 +89,13 @@ class ProgressBar:
     the last state is written.
 
     Args:
-        stream: None means standard error.
+        stream: None means standard error, or standard output for `as_json`.
         clock: returns the time [s].
         quiet: show nothing.
         unit: what is counted.
         cells: cells of each, for a rate of cells; then the first call tells how many were finished
             before.
-        as_json: print a line of JSON every second and at the end to the stream, which is standard
-            output unless it is given.
+        as_json: print a line of JSON every second and at the end.
     """
 
     def __init__(
@@ -108,99 +108,50 @@ class ProgressBar:
         cells: float = 0.0,
         as_json: bool = False,
     ) -> None:
-        usual = sys.stdout if as_json else sys.stderr
-        self._stream = io.StringIO() if quiet and not as_json else stream or usual
+        self._stream = stream or (sys.stdout if as_json else sys.stderr)
         self._clock = clock
+        self._quiet = quiet and not as_json
         self._unit, self._cells, self._as_json = unit, cells, as_json
-        self._period = _JSON_PERIOD if as_json else _PERIOD
         self._begin = clock()
-        self._begun = None if cells else 0
-        self._shown_at = -self._period
-        self._shown = ""
-        self._state: tuple[int, int | None] = (0, None)
+        self._before = None if cells else 0
+        self._shown_at = -math.inf
+        self._done, self._total = 0, None
 
     def __enter__(self) -> "ProgressBar":
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._as_json or self._begun is not None:
-            self._show()
-            self._write("" if self._as_json else "\n")
+        if self._as_json or (self._before is not None and not self._quiet):
+            self._show(end="\n")
 
     def __call__(self, done: int, total: int | None = None) -> None:
         """Show that `done` of `total` are finished; None if `total` is unknown."""
-        self._state = (done, total)
+        self._done, self._total = done, total
         now = self._clock()
-        if self._begun is None:
-            self._begin, self._begun = now, done
-        shows = self._as_json or self._stream.isatty()
-        if shows and now - self._shown_at >= self._period:
+        if self._before is None:
+            self._begin, self._before = now, done
+        shows = self._as_json or (self._stream.isatty() and not self._quiet)
+        if shows and now - self._shown_at >= (_JSON_PERIOD if self._as_json else _PERIOD):
             self._shown_at = now
-            self._show()
+            self._show(end="\n" if self._as_json else "")
 
-    def _show(self) -> None:
-        about = Progress(*self._state, self._clock() - self._begin, self._begun or 0)
+    def _show(self, end: str) -> None:
+        done, total, seconds = self._done, self._total, self._clock() - self._begin
+        rate = (done - (self._before or 0)) / seconds if seconds > 0 else 0.0
+        left = (total - done) / rate if total is not None and rate else 0.0
+        pace = ("cells", rate * self._cells) if self._cells else (self._unit, rate)
         if self._as_json:
-            self._write(json.dumps(about.facts(self._unit, self._cells)) + "\n")
-            return
-        text = about.text(self._unit, self._cells)
-        start = "\r" if self._stream.isatty() else ""
-        # Spaces overwrite the rest of a longer line.
-        self._write(start + text.ljust(len(self._shown)))
-        self._shown = text
-
-    def _write(self, text: str) -> None:
-        self._stream.write(text)
+            facts = {self._unit: done, "of": total, "seconds": seconds}
+            facts |= {f"{pace[0]}_per_second": pace[1], "seconds_left": left}
+            text = json.dumps(facts)
+        else:
+            text = f"{done} {self._unit}, {pace[1]:.3g} {pace[0]}/s"
+            if total is not None:
+                filled = _BAR * done // max(total, 1)
+                text = f"[{'#' * filled:.<{_BAR}}] {text.replace(' ', f'/{total} ', 1)}"
+            if left:
+                text += f", {timedelta(seconds=round(left))} left"
+            if self._stream.isatty():
+                text = f"\r{text}\x1b[K"  # erases the rest of a longer line
+        self._stream.write(text + end)
         self._stream.flush()
-
-
-class Progress(NamedTuple):
-    """State of a run.
-
-    Attributes:
-        done: number that are finished.
-        total: number of all; None if it is unknown.
-        seconds: time since the begin.
-        begun: number that was finished at the begin.
-    """
-
-    done: int
-    total: int | None
-    seconds: float
-    begun: int = 0
-
-    @property
-    def rate(self) -> float:
-        """Number per second."""
-        return (self.done - self.begun) / self.seconds if self.seconds > 0 else 0.0
-
-    @property
-    def left(self) -> float | None:
-        """Time until the end [s]; None if it is unknown or over."""
-        if self.total is None or not self.rate or self.done >= self.total:
-            return None
-        return (self.total - self.done) / self.rate
-
-    def text(self, unit: str = "maps", cells: float = 0.0) -> str:
-        """Return the line of the progress bar."""
-        pace = f"{cells * self.rate / 1e6:.3g} million cells/s" if cells else ""
-        pace = pace or f"{self.rate:.1f} {unit}/s"
-        if self.total is None:
-            return f"{self.done} {unit}, {pace}"
-        filled = _BAR * self.done // self.total if self.total else _BAR
-        bar = "#" * filled + "." * (_BAR - filled)
-        text = f"[{bar}] {self.done}/{self.total} {unit}, {pace}"
-        if self.left is None:
-            return text
-        minutes, rest = divmod(round(self.left), 60)
-        hours, minutes = divmod(minutes, 60)
-        clock = f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
-        return f"{text}, {clock} left"
-
-    def facts(self, unit: str, cells: float) -> dict[str, float | None]:
-        """Return the same as JSON has it."""
-        rate = (
-            {"cells_per_second": cells * self.rate} if cells else {f"{unit}_per_second": self.rate}
-        )
-        counts = {unit: self.done, "of": self.total, "seconds": self.seconds}
-        return counts | rate | {"seconds_left": self.left or 0.0}
