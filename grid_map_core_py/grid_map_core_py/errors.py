@@ -10,6 +10,7 @@ GridMapError
 └── MissingPackageError (ImportError)
 """
 
+import difflib
 import math
 import reprlib
 from collections.abc import Iterable
@@ -25,6 +26,7 @@ __all__ = [
     "MissingPackageError",
     "OutOfMapError",
     "cut",
+    "hint",
     "required",
     "short",
 ]
@@ -53,7 +55,8 @@ class LayerNotFoundError(GridMapError, KeyError):
         super().__init__(layer, self.available)
 
     def whole_text(self) -> str:
-        return f"no layer {self.layer!r}; available: {', '.join(self.available) or '(none)'}"
+        names = ", ".join(self.available) or "(none)"
+        return f"no layer {self.layer!r}; available: {names}{hint(self.layer, self.available)}"
 
 
 class OutOfMapError(GridMapError, IndexError):
@@ -102,6 +105,12 @@ def short(value: object) -> str:
         return f"an array of shape {shape} and type {dtype}"
     text = " ".join(_repr.repr(value).split())
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
+    """Return `; did you mean a or b?` with at most `most` similar names; "" if there is none."""
+    close = difflib.get_close_matches(str(wrong), [*known], most)
+    return f"; did you mean {' or '.join(close)}?" if close else ""
 
 
 def required(module: str, feature: str, remedy: str) -> Any:

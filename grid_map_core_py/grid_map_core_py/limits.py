@@ -21,8 +21,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from ._parameters import check
 from .errors import LimitError
-from .plugins import check
 
 __all__ = [
     "Limits",

@@ -352,7 +352,9 @@ def test_signal_ends_it_without_traceback_or_temporary_files(number, tmp_path):
 
 @pytest.mark.parametrize(("prefix", "numbers"), [([], "2 15 1"), (["nohup"], "2 15")])
 def test_hangup_stays_ignored_under_nohup(prefix, numbers, tmp_path):
-    code = "from grid_map_core_py._commands import on_end\nprint(*map(int, on_end(lambda *_: None)))"
+    code = (
+        "from grid_map_core_py._commands import on_end\nprint(*map(int, on_end(lambda *_: None)))"
+    )
     done = run(*prefix, sys.executable, "-c", code, cwd=tmp_path)
     assert done.stdout.split() == numbers.split()
 

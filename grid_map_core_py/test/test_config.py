@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from grid_map_core_py._parameters import build, cast, describe
 from grid_map_core_py.errors import ConfigError
-from grid_map_core_py.plugins import build, cast, describe
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -120,7 +120,8 @@ def test_a_map_has_no_hash_and_no_layers_as_attributes(terrain):
 def test_error_of_missing_layer_lists_existing_layers(terrain):
     with pytest.raises(LayerNotFoundError) as caught:
         terrain["elevtion"]
-    assert str(caught.value) == "no layer 'elevtion'; available: elevation, variance"
+    text = "no layer 'elevtion'; available: elevation, variance; did you mean elevation?"
+    assert str(caught.value) == text
     assert isinstance(caught.value, KeyError)
     assert isinstance(caught.value, GridMapError)
 

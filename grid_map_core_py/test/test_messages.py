@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError, Polygon, circle_cells
+from grid_map_core_py._parameters import cast
 from grid_map_core_py.errors import LayerNotFoundError, MissingPackageError, short
-from grid_map_core_py.plugins import cast
 
 WORDS = np.full((300, 200), "high")
 LONG_NAME = "n" * 10**6

@@ -183,7 +183,7 @@ def test_unusual_indices_are_taken_as_in_arrays(index):
     grid_map = GridMap((4.0, 6.0), 0.5, layers={"elevation": 1.0}, basic_layers=["elevation"])
 
     def as_arrays():
-        cells = grid_map.geometry.check_cells(index)
+        cells = grid_map.geometry.check_indices(index)
         return bool(np.isfinite(grid_map["elevation"][cells]))
 
     assert outcome(grid_map.is_valid, index) == outcome(as_arrays)
@@ -192,7 +192,7 @@ def test_unusual_indices_are_taken_as_in_arrays(index):
 def test_single_calls_make_no_arrays_of_positions(monkeypatch):
     grid_map = GridMap((4.0, 6.0), 0.5, layers={"elevation": 1.0}, basic_layers=["elevation"])
     grid_map.move((1.0, 1.0))
-    for name in ("is_inside", "cells_at", "centers", "check_cells", "length", "position"):
+    for name in ("is_inside", "cells_at", "centers", "check_indices", "length", "position"):
         monkeypatch.delattr(GridGeometry, name)
     for cell, position in ((3, 4), (0.3, 0.4)), (np.array([3, 4]), np.array([0.3, 0.4])):
         assert grid_map.is_inside(position)

@@ -21,35 +21,21 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     group = parser.add_argument_group("reading")
     name = group.add_argument("--from", dest="from_format", metavar="FORMAT", help=_FORMAT)
     completed(name, complete_formats)
-    for option, text in (
-        ("--resolution", "clouds, meshes, height images: side of a cell [m]"),
-        ("--black", "height images, read or written: height of black [m]"),
-        ("--white", "height images, read or written: height of white [m]"),
-        ("--min-height", "clouds: smallest height of points that are used [m]"),
-        ("--max-height", "clouds: largest height of points that are used [m]"),
-    ):
-        group.add_argument(option, type=float, help=text)
-    group.add_argument(
-        "--height-layer", metavar="NAME", help="name of the layer of heights (elevation)"
-    )
-    group.add_argument(
-        "--as",
-        dest="kind",
-        choices=("points", "mesh"),
-        help="clouds and meshes: read as (mesh if the file has faces)",
-    )
-    group.add_argument(
-        "--reduce",
-        dest="reduction",
-        choices=("max", "min", "mean", "median", "first", "last", "variance", "count"),
-        help="clouds: reduction of the heights in a cell (max)",
-    )
-    group.add_argument(
-        "--tight",
-        action="store_const",
-        const=True,
-        help="clouds: center the map on the points, not on multiples of the resolution",
-    )
+    number = partial(group.add_argument, type=float)
+    number("--resolution", help="clouds, meshes, height images: side of a cell [m]")
+    number("--black", help="height images, read or written: height of black [m]")
+    number("--white", help="height images, read or written: height of white [m]")
+    number("--min-height", help="clouds: smallest height of points that are used [m]")
+    number("--max-height", help="clouds: largest height of points that are used [m]")
+    about = "name of the layer of heights (elevation)"
+    group.add_argument("--height-layer", metavar="NAME", help=about)
+    about = "clouds and meshes: read as (mesh if the file has faces)"
+    group.add_argument("--as", dest="kind", choices=("points", "mesh"), help=about)
+    reductions = ("max", "min", "mean", "median", "first", "last", "variance", "count")
+    about = "clouds: reduction of the heights in a cell (max)"
+    group.add_argument("--reduce", dest="reduction", choices=reductions, help=about)
+    about = "clouds: center the map on the points, not on multiples of the resolution"
+    group.add_argument("--tight", action="store_const", const=True, help=about)
     group = parser.add_argument_group("bags")
     topic = group.add_argument("--topic", help="topic of the maps, if the bag has several")
     completed(topic, complete_topics)
@@ -83,25 +69,18 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
         "(nav2's map_server), or - for .npz to a pipe",
     )
     group = parser.add_argument_group("writing")
-    group.add_argument(
-        "-f", "--force", "--overwrite", action="store_true", help="replace existing files"
-    )
+    about = "replace existing files"
+    group.add_argument("-f", "--force", "--overwrite", action="store_true", help=about)
     name = group.add_argument("--to", metavar="FORMAT", help=_FORMAT)
     completed(name, partial(complete_formats, writes=True))
-    group.add_argument(
-        "--compress", action="store_const", const=True, help="bags, npz, GeoTIFF: compress the file"
-    )
-    group.add_argument(
-        "--bits", type=int, choices=(8, 16, 32), help="images: bits per pixel (16; 32 for .tif)"
-    )
-    group.add_argument(
-        "--mode",
-        choices=("trinary", "scale", "raw"),
-        help="map_server: mode of the image (trinary)",
-    )
-    group.add_argument(
-        "--crs", help="GeoTIFF, Zarr: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
-    )
+    about = "bags, npz, GeoTIFF: compress the file"
+    group.add_argument("--compress", action="store_const", const=True, help=about)
+    about = "height images: bits per pixel (16; 32 for .tif)"
+    group.add_argument("--bits", type=int, choices=(8, 16, 32), help=about)
+    about = "map_server: mode of the image (trinary)"
+    group.add_argument("--mode", choices=("trinary", "scale", "raw"), help=about)
+    about = "GeoTIFF, Zarr: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
+    group.add_argument("--crs", help=about)
     group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: storage format (mcap)")
     group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic of the maps")
 
@@ -111,15 +90,12 @@ def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:
     parser.add_argument("--json", action="store_true", help=text)
 
 
-# --- completion -----------------------------------------------------------------------------------
-
-
 def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> None:
     """Set the `completer` of an argument, which argcomplete calls."""
     action.completer = completer  # type: ignore[attr-defined]
 
 
-# On any error the completer returns nothing; the command itself reports the error.
+# On any error a completer returns nothing; the command itself reports the error.
 
 
 def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:

@@ -115,7 +115,8 @@ class ProgressBar:
         self._begin = clock()
         self._before = None if cells else 0
         self._shown_at = -math.inf
-        self._done, self._total = 0, None
+        self._done = 0
+        self._total: int | None = None
 
     def __enter__(self) -> "ProgressBar":
         return self

@@ -5,11 +5,11 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 
+from ..errors import GridMapError
 from ._arguments import add_destination, add_json, add_layers, add_source
 from ._maps import Destination, TimedMap, open_records
 from ._output import ProgressBar, message
 from ._tiles import add_tiles, tiled_source, write_tiles
-from ..errors import GridMapError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

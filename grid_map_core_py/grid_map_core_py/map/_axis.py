@@ -90,7 +90,7 @@ class Axis:
         return lower, upper
 
     def cell_at(self, x: float) -> int:
-        """Return the cell under a coordinate on the map."""
+        """Return the cell under a coordinate on the map; a cell owns its + border."""
         return min(max(int(self.steps(x)), 0), self.size - 1)
 
     def center_of(self, cell: Coordinate) -> Coordinate:

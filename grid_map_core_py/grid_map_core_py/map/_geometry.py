@@ -216,7 +216,7 @@ class GridGeometry:
         cells = as_cells(cells)
         positions = np.empty((*cells[0].shape, 2))
         if 2 * cells[0].size <= sum(self.size):
-            self.check_cells(cells)
+            self.check_indices(cells)
             for number, axis in enumerate((self._x, self._y)):
                 lines = (cells[number] - start_index[number]) % axis.size
                 positions[..., number] = axis.center_of(lines)
@@ -230,7 +230,7 @@ class GridGeometry:
                 found = cells[number][part]
                 # Checking each piece in the cache is faster than checking all cells at once.
                 if found.view(np.uint64).max() >= self.size[number]:
-                    self.check_cells(cells)
+                    self.check_indices(cells)
                 np.add(found, begin, out=chosen[:, number])
             table.take(chosen, out=positions[part], mode="clip")
         return positions
@@ -251,7 +251,7 @@ class GridGeometry:
         x.flags.writeable = y.flags.writeable = False
         return x, y
 
-    def check_cells(self, cells: ArrayLike, name: str = "index") -> Cells:
+    def check_indices(self, cells: ArrayLike, name: str = "index") -> Cells:
         """Return cells as (rows, cols) that are on the map.
 
         Args:

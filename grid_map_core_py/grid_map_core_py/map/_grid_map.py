@@ -208,7 +208,7 @@ class GridMap(MutableMapping[str, Layer]):
     @start_index.setter
     def start_index(self, index: ArrayLike) -> None:
         start = as_size(index, "start_index")
-        self._geometry.check_cells(start, "start_index")
+        self._geometry.check_indices(start, "start_index")
         self._start = start
 
     @property
@@ -481,7 +481,7 @@ class GridMap(MutableMapping[str, Layer]):
         row, column = cell = as_size(index, "index")
         rows, columns = self._geometry.size
         if not (0 <= row < rows and 0 <= column < columns):
-            self._geometry.check_cells(cell)
+            self._geometry.check_indices(cell)
         return cell
 
     # Validity and vectors
@@ -502,7 +502,7 @@ class GridMap(MutableMapping[str, Layer]):
             self._checked(cell)
             names = self._names(layers)
             return bool(names) and all(isfinite(self._layers[n].item(cell)) for n in names)
-        cells = self._geometry.check_cells(index)
+        cells = self._geometry.check_indices(index)
         names = self._names(layers)
         valid = np.full(cells[0].shape, bool(names))
         for name in names:

@@ -17,8 +17,9 @@ import numpy.typing as npt
 
 from .._arrays._checks import Layer, Size
 from .._arrays._pieces import slices
-from ..errors import GeometryError
+from ..errors import GeometryError, short
 from . import _ring_buffer as ring_buffer
+from ._interpolation import Interpolation
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -34,8 +35,28 @@ _SMALL_BLOCK = 2**14
 _TIE = 1e-9  # tolerance [cells] for target cells in the middle between two source cells
 
 
+_FLAGS = {
+    "nearest": cv2.INTER_NEAREST,
+    "linear": cv2.INTER_LINEAR,
+    "cubic": cv2.INTER_CUBIC,
+    "area": cv2.INTER_AREA,
+    "lanczos": cv2.INTER_LANCZOS4,
+}
+
+
+def resize_flag(interpolation: Interpolation | str | int) -> int:
+    """Return the flag of OpenCV's `resize` for a name, an `Interpolation`, or a flag."""
+    if isinstance(interpolation, int):
+        return interpolation
+    name = interpolation.value if isinstance(interpolation, Interpolation) else interpolation
+    if name not in _FLAGS:
+        known = ", ".join(_FLAGS)
+        raise GeometryError(f"interpolation: expected one of {known}, got {short(name)}")
+    return _FLAGS[name]
+
+
 @dataclass(frozen=True)
-class Axis:
+class ResizedAxis:
     """Resampling along one axis: the source cells of each target cell, and their weights.
 
     Args:
@@ -114,7 +135,7 @@ class Axis:
         return np.concatenate(parts, axis=1)[: self.targets]
 
 
-def resample(layer: Layer, start: Size, rows: Axis, columns: Axis) -> Layer:
+def resample(layer: Layer, start: Size, rows: ResizedAxis, columns: ResizedAxis) -> Layer:
     """Interpolate a layer.
 
     A target cell whose nearest source cell is not finite takes its value, NaN or an infinity. All
@@ -152,7 +173,7 @@ def _part(weights: "sparse.csr_array", targets: slice) -> tuple[slice, "sparse.c
     return slice(first, stop), type(weights)(values, (targets.stop - targets.start, stop - first))
 
 
-def _interpolate(block: Layer, rows: Axis, columns: "sparse.csr_array") -> Layer:
+def _interpolate(block: Layer, rows: ResizedAxis, columns: "sparse.csr_array") -> Layer:
     """Return the interpolated block; the values at holes have no meaning. Overwrites the block."""
     missing = ~np.isfinite(block)
     np.copyto(block, 0, where=missing)

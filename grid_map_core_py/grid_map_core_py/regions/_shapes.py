@@ -55,7 +55,7 @@ def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> 
         GeometryError: a size is negative.
     """
     start, extent = as_size(start_index, "start_index"), as_size(size, "size")
-    grid_map.geometry.check_cells(start)
+    grid_map.geometry.check_indices(start)
     if min(extent) < 0:
         raise GeometryError(f"size: expected no negative numbers, got {extent}")
     rows, columns = (
@@ -82,7 +82,7 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
     Raises:
         OutOfMapError: there is no such cell.
     """
-    chosen = grid_map.geometry.check_cells(cells, "cells")
+    chosen = grid_map.geometry.check_indices(cells, "cells")
     mask: Mask = np.zeros(grid_map.size, dtype=np.bool_, order="F")
     mask[chosen] = True
     return mask
@@ -241,7 +241,7 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
     """
     ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
     for cell in ends:
-        grid_map.geometry.check_cells(cell)
+        grid_map.geometry.check_indices(cell)
     (row, column), (rows, columns) = grid_map.start_index, grid_map.size
     first, last = (((i - row) % rows, (j - column) % columns) for i, j in ends)
     return _drawn(grid_map, first, last)
