@@ -107,9 +107,6 @@ def cast(name: str, value: object, kind: Any) -> Any:
         value: as YAML gave it; None, as which an empty list in a ROS parameter file arrives, is an
             empty tuple or list where one is wanted.
         kind: one of the types that `build` knows.
-
-    Raises:
-        ConfigError: the value is of another type.
     """
     result = _try_cast(value, kind)
     if result is MISSING:

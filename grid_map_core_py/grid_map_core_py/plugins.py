@@ -33,11 +33,7 @@ class Registry(Generic[T]):
     group: str
 
     def __getitem__(self, type_name: str) -> type[T]:
-        """Return the class of a type.
-
-        Raises:
-            ConfigError: there is none, it cannot be loaded, or two share a name.
-        """
+        """Return the class of a type."""
         plugins = self._plugins
         if type_name in plugins:
             entry = plugins[type_name]
