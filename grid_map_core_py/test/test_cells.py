@@ -133,15 +133,6 @@ def test_a_disc_holds_the_cells_exactly_on_its_rim():
         assert len(pairs(shape(grid_map, (0, 0), 1.0))) == 100
 
 
-@pytest.mark.parametrize("shape", [circle_cells, ellipse_cells])
-def test_large_shapes_have_no_seams_between_bands_of_rows(shape):
-    grid_map = GridMap((40, 30), 0.1)
-    x, y = grid_map.axes()
-    inside = np.hypot(x[:, None] - 0.3, y + 0.2) <= 14.0
-    size = 14.0 if shape is circle_cells else (28.0, 28.0)
-    assert pairs(shape(grid_map, (0.3, -0.2), size)) == np.argwhere(inside).tolist()
-
-
 # Spirals
 
 

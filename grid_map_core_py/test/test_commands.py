@@ -274,36 +274,6 @@ def test_pipes_and_devices_are_never_replaced(command):
     assert Path("pipe").is_fifo()
 
 
-def test_long_name_does_not_fill_the_screen(command):
-    name = "n" * 30_000
-    save_npz(GridMap((1.0, 1.0), 0.5, layers=[name]), "long.npz")
-    for words in "info", "inspect", "inspect --layer none", f"info --{'n' * 9999}":
-        line = f"{words} long.npz"
-        _, text, error = command(line)
-        assert 100 < max(map(len, f"{text}\n{error}".splitlines())) < 700, line
-    assert name in command("info long.npz --json")[1]
-
-
-def test_error_keeps_existing_data(command):
-    save_npz(a_map(1), "out.npz")
-    before = Path("out.npz").read_bytes()
-    code, _, error = command("convert notes.txt out.npz --force --from npz")
-    assert (code, "notes.txt: cannot be read" in error) == (1, True)
-    assert Path("out.npz").read_bytes() == before
-    assert not [path for path in Path().iterdir() if "partial" in path.name]
-
-
-@pytest.mark.needs("rasterio")
-@pytest.mark.parametrize("ending", ["npz", "tif", "png"])
-def test_full_disk_is_an_error_and_keeps_existing_data(command, full_disk, ending):
-    assert command(f"convert site.npz out.{ending} --layer elevation")[0] == 0
-    before = Path(f"out.{ending}").read_bytes()
-    with full_disk(200):
-        found = command(f"convert site.npz out.{ending} --force")
-    assert found == (1, "", f"grid-map: error: out.{ending}: cannot be written: File too large\n")
-    assert Path(f"out.{ending}").read_bytes() == before
-
-
 def test_invisible_characters_in_names_are_escaped(command):
     save_npz(GridMap((1, 1), 0.5, layers={"\u202ered": 1.0}, frame_id="a\u2028b"), "evil.npz")
     for line in ("info evil.npz", "inspect evil.npz"):

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, Interpolation, color_vector_to_value
@@ -264,14 +263,6 @@ def test_colors_are_picked_not_mixed():
 
 def test_a_map_without_layers_has_a_resolution_too():
     assert change_resolution(GridMap((4, 3), 1.0), 0.5).size == (8, 6)
-
-
-@pytest.mark.parametrize("resolution", [0.1, 0.025, 0.07])
-def test_memory_stays_below_three_times_the_result(resolution):
-    grid_map = terrain(1000, 1100, holes=0.05)
-    grid_map.start_index = (300, 1)
-    peak, result = peak_of(change_resolution, grid_map, resolution)
-    assert peak < 3 * result["elevation"].nbytes
 
 
 @pytest.mark.parametrize(
