@@ -35,7 +35,7 @@ from ..map import _ring_buffer as ring_buffer
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._interpolation import Interpolation
-from ..map._resampling import ResizedAxis, resample, resize_flag
+from ..map._resampling import resample, resize_flag
 from ._packed_colors import color_channels_to_value, color_value_to_bytes
 
 Image: TypeAlias = NDArray[Any]
@@ -367,23 +367,17 @@ def change_resolution(
     expected = f"at most twice the length {tuple(grid_map.length.tolist())} of the map"
     _check(rows > 0 and columns > 0, "resolution", expected, resolution)
     geometry = GridGeometry.from_size((rows, columns), target, grid_map.position)
-    axes = _axes(grid_map.size, geometry.size, factor, resize_flag(interpolation))
-    picking = _axes(grid_map.size, geometry.size, factor, cv2.INTER_NEAREST_EXACT)
+    flag = resize_flag(interpolation)
     layers = {
-        name: resample(layer, grid_map.start_index, *(picking if name == COLOR_LAYER else axes))
-        for name, layer in grid_map.items()
+        name: resample(
+            grid_map.unwrapped(name),
+            geometry.size,
+            factor,
+            cv2.INTER_NEAREST_EXACT if name == COLOR_LAYER else flag,
+        )
+        for name in grid_map
     }
     return grid_map._with(layers, geometry, (0, 0))
-
-
-def _axes(
-    old: Size, new: Size, factor: float, interpolation: int
-) -> tuple[ResizedAxis, ResizedAxis]:
-    rows, columns = (
-        ResizedAxis(*cells, factor, interpolation) for cells in zip(old, new, strict=True)
-    )
-    # One axis shares the cached weights of the other.
-    return rows, (rows if rows == columns else columns)
 
 
 # --- checks ---------------------------------------------------------------------------------------

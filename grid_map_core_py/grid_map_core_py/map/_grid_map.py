@@ -580,11 +580,14 @@ class GridMap(MutableMapping[str, Layer]):
         )
 
     def _blocks(self, rows: slice, columns: slice) -> dict[str, Layer]:
-        start = self._start
-        return {
-            name: ring_buffer.block(data, start, rows, columns)
-            for name, data in self._layers.items()
-        }
+        copies = ring_buffer.copies(self._start, self.size, rows, columns)
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        layers = {}
+        for name, data in self._layers.items():
+            layers[name] = out = np.empty(shape, np.float32, "F")
+            for source, target in copies:
+                out[target] = data[source]
+        return layers
 
     def get_block(self, rows: slice, columns: slice) -> GridMap:
         """Return a block of cells, for work on a large map tile by tile.

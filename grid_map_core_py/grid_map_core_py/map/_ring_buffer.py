@@ -68,15 +68,25 @@ def block(
     """
     if out is None:
         out = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
-    in_columns = _pieces(columns, start[1], layer.shape[1])
-    for from_rows, to_rows in _pieces(rows, start[0], layer.shape[0]):
-        for from_columns, to_columns in in_columns:
-            out[to_rows, to_columns] = layer[from_rows, from_columns]
+    for source, target in copies(start, layer.shape, rows, columns):
+        out[target] = layer[source]
     return out
 
 
+def copies(
+    start: Size, size: Size, rows: slice, columns: slice
+) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
+    """Return the places in the buffer, and in the block, of the one to four pieces of a block."""
+    in_columns = _pieces(columns, start[1], size[1])
+    return [
+        ((from_rows, from_columns), (to_rows, to_columns))
+        for from_rows, to_rows in _pieces(rows, start[0], size[0])
+        for from_columns, to_columns in in_columns
+    ]
+
+
 def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy of a layer in map order; the arguments are those of `block`."""
+    """Return a copy of a layer in map order; `start` and `out` are those of `block`."""
     rows, columns = layer.shape
     return block(layer, start, slice(0, rows), slice(0, columns), out)
 
