@@ -15,6 +15,7 @@ import math
 import reprlib
 from collections.abc import Iterable
 from importlib import import_module
+from itertools import islice
 from typing import Any
 
 __all__ = [
@@ -89,6 +90,7 @@ class MissingPackageError(GridMapError, ImportError):
 
 _LONGEST = 80  # characters of a value in a message
 _LONGEST_TEXT, _END = 500, 100  # characters of a whole message, and those at its end
+_MOST_NAMES = 1000  # names that are compared with a wrong one
 _MOST_ELEMENTS = 4  # elements of an array that is shown in full
 
 _repr = reprlib.Repr()
@@ -109,7 +111,8 @@ def short(value: object) -> str:
 
 def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
     """Return `; did you mean a or b?` with at most `most` similar names; "" if there is none."""
-    close = difflib.get_close_matches(str(wrong), [*known], most)
+    # A message may bring any number of names.
+    close = difflib.get_close_matches(str(wrong)[:_LONGEST], islice(known, _MOST_NAMES), most)
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
 

@@ -11,7 +11,7 @@ _FORMAT = "name of the format, if the name of the file does not tell it"
 
 
 def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
-    """Add the file to read, how to read it, and which map of a bag to take.
+    """Add the file to read and the options of its formats.
 
     Args:
         parser: of the command.
@@ -54,7 +54,6 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
 
 
 def add_layers(parser: argparse.ArgumentParser, text: str) -> None:
-    """Add names of layers."""
     action = parser.add_argument(
         "--layer", dest="layers", metavar="LAYER", action="append", help=f"{text}; may be repeated"
     )
@@ -86,7 +85,6 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:
-    """Add the choice of JSON."""
     parser.add_argument("--json", action="store_true", help=text)
 
 
@@ -99,12 +97,10 @@ def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> N
 
 
 def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    """Return the layers of the source."""
     return [name for topic in _topics(parsed_args) for name in topic["map"]["layers"]]
 
 
 def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    """Return the topics of maps in the source."""
     parsed_args.topic = None
     return [topic["name"] for topic in _topics(parsed_args) if "name" in topic]
 
@@ -120,7 +116,6 @@ def _topics(parsed_args: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def complete_formats(*, writes: bool = False, **_: Any) -> list[str]:
-    """Return the names of the formats that are read, or written."""
     with suppress(Exception):
         from ..files import formats
 

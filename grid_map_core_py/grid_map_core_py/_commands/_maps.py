@@ -87,7 +87,6 @@ def _choose(
 
 
 def source_format(options: argparse.Namespace) -> str:
-    """Return the name of the format of the source that the arguments of `add_source` name."""
     return _choose(options)[0].name
 
 
@@ -146,13 +145,7 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield records of the maps that go from the source to the destination.
 
-    These are all maps of a bag if the destination is a bag and `--index` is not given, else one
-    map.
-
-    Args:
-        options: the arguments of `add_source`.
-        destination: where the maps go.
-        layers: names of the layers to read; None means all.
+    These are all maps of a bag if both are bags and `--index` is not given, else one map.
     """
     if _choose(options)[0].open_maps is None:
         yield [_Only(None, read_map(options, layers))]  # type: ignore[list-item]
@@ -239,7 +232,6 @@ class Destination:
 
     @property
     def takes_many(self) -> bool:
-        """True for a bag, which holds any number of maps."""
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:

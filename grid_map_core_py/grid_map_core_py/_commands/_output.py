@@ -30,7 +30,6 @@ def message(text: str) -> None:
 
 
 def print_json(value: object) -> None:
-    """Print data as JSON."""
     print(json.dumps(value, indent=2, allow_nan=False))
 
 
@@ -44,7 +43,6 @@ def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
 
 
 def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> None:
-    """Print rows as a table, as `table` returns it."""
     print(table(rows, numbers))
 
 
@@ -54,7 +52,6 @@ def shown(text: str) -> str:
 
 
 def number(value: float) -> str:
-    """Return a number with six significant digits."""
     return f"{value:.6g}"
 
 
@@ -64,22 +61,12 @@ def coordinate(value: float) -> str:
 
 
 def byte_count(size: int) -> str:
-    """Return a number of bytes in a unit of suitable size."""
     value = float(size)
     for unit in ("B", "kB", "MB"):
         if value < 1000:
             return f"{value:.3g} {unit}"
         value /= 1000
     return f"{value:.3g} GB"
-
-
-def can_print(text: str) -> bool:
-    """Return whether standard output has these characters."""
-    try:
-        text.encode(sys.stdout.encoding or "ascii")
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 class ProgressBar:

@@ -91,7 +91,6 @@ def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = N
 
 
 def has_rectangle(options: argparse.Namespace) -> bool:
-    """Return whether an argument of `add_rectangle` is given."""
     return any(getattr(options, name) is not None for name in _RECTANGLE)
 
 

@@ -72,12 +72,10 @@ for module in sys.argv[1:]:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the findings; return 1 if a package does not work."""
     packages = examined([*PACKAGES])
     failures = [
         name

@@ -14,13 +14,11 @@ SECOND = 1_000_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the contents of a file."""
     facts = describe(options)
     if options.json:
         print_json(facts)
