@@ -38,3 +38,5 @@ from ._tiles import (
     tiled_source as tiled_source,
     write_tiles as write_tiles,
 )
+
+__all__ = [name for name in dir() if not name.startswith("_")]
