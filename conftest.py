@@ -89,7 +89,7 @@ def grid_map_command(
 
     It returns the exit code, the output and the errors.
     """
-    from grid_map_core_py.commands import main
+    from grid_map_core_py._commands import main
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"nothing")))

@@ -21,7 +21,8 @@ from viser._messages import Message
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
-from grid_map_core_py.commands import main
+from grid_map_core_py._commands import main
+from grid_map_core_py._parameters import nested, node_sections
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import (
     load_cloud,
@@ -37,7 +38,7 @@ from grid_map_core_py.files import (
     save_map_server,
     save_npz,
 )
-from grid_map_core_py.plugins import check, nested, node_sections
+from grid_map_core_py.plugins import check
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py.expression import Expression
 from grid_map_ros_py import bag_maps, load_octomap, save_to_bag

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grid_map_core_py import GridMap, load, save
-from grid_map_core_py.commands import on_end
+from grid_map_core_py._commands import on_end
 from grid_map_core_py.tiled import TiledMap
 from grid_map_ros_py import BagReader, save_to_bag
 from grid_map_ros_py.testing import Peer, Process, peer, wait_until

@@ -36,8 +36,8 @@ from unittest.mock import patch
 import rclpy
 from rclpy.node import Node
 
+from grid_map_core_py._parameters import descriptions
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.plugins import descriptions
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_ros_py import nodes
 from grid_map_ros_py._mapping.elevation_parameters import MODELS

@@ -16,7 +16,7 @@ import yaml
 from PIL import Image
 
 from grid_map_core_py import save
-from grid_map_core_py.commands import main as grid_map
+from grid_map_core_py._commands import main as grid_map
 from grid_map_demos_py.terrain import load_terrain
 from grid_map_filters_py import FilterChain
 

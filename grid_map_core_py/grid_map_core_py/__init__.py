@@ -11,9 +11,8 @@
 - Statistics of finite values: `mean_of_finites` and its siblings.
 - Errors: all derive from `GridMapError`.
 
-The rooms `map`, `regions`, `conversions`, `files`, `elevation`, `simulation`, `plugins`, `arrays`,
-`loops`, `errors` and `testing` offer more, each with a list of its own. Conversions and files are
-imported when they are first used.
+`map`, `regions`, `conversions`, `files`, `elevation`, `simulation`, `tiled`, `plugins`, `limits`,
+`errors` and `testing` offer more. They are imported when they are first used.
 """
 
 from importlib import import_module

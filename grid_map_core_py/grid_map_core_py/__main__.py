@@ -8,7 +8,7 @@ import sys
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
-from .commands import main  # noqa: E402
+from ._commands import main  # noqa: E402
 
 if __name__ == "__main__":
     sys.exit(main())

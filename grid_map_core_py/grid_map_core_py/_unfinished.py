@@ -2,8 +2,9 @@
 """Files and folders that are removed unless they are finished."""
 
 import shutil
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 _paths: set[Path] = set()
@@ -18,6 +19,11 @@ def unfinished(path: Path) -> Iterator[Path]:
     finally:
         remove(path)
         _paths.discard(path)
+
+
+def scratch_folder() -> AbstractContextManager[Path]:
+    """Return a new folder that is removed at the end."""
+    return unfinished(Path(tempfile.mkdtemp(prefix="grid-map-")))
 
 
 def remove(path: Path) -> None:

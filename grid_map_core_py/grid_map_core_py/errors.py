@@ -10,10 +10,12 @@ GridMapError
 └── MissingPackageError (ImportError)
 """
 
+import difflib
 import math
 import reprlib
 from collections.abc import Iterable
 from importlib import import_module
+from itertools import islice
 from typing import Any
 
 __all__ = [
@@ -25,6 +27,7 @@ __all__ = [
     "MissingPackageError",
     "OutOfMapError",
     "cut",
+    "hint",
     "required",
     "short",
 ]
@@ -53,7 +56,8 @@ class LayerNotFoundError(GridMapError, KeyError):
         super().__init__(layer, self.available)
 
     def whole_text(self) -> str:
-        return f"no layer {self.layer!r}; available: {', '.join(self.available) or '(none)'}"
+        names = ", ".join(self.available) or "(none)"
+        return f"no layer {self.layer!r}; available: {names}{hint(self.layer, self.available)}"
 
 
 class OutOfMapError(GridMapError, IndexError):
@@ -86,6 +90,7 @@ class MissingPackageError(GridMapError, ImportError):
 
 _LONGEST = 80  # characters of a value in a message
 _LONGEST_TEXT, _END = 500, 100  # characters of a whole message, and those at its end
+_MOST_NAMES = 1000  # names that are compared with a wrong one
 _MOST_ELEMENTS = 4  # elements of an array that is shown in full
 
 _repr = reprlib.Repr()
@@ -102,6 +107,13 @@ def short(value: object) -> str:
         return f"an array of shape {shape} and type {dtype}"
     text = " ".join(_repr.repr(value).split())
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
+    """Return `; did you mean a or b?` with at most `most` similar names; "" if there is none."""
+    # A message may bring any number of names.
+    close = difflib.get_close_matches(str(wrong)[:_LONGEST], islice(known, _MOST_NAMES), most)
+    return f"; did you mean {' or '.join(close)}?" if close else ""
 
 
 def required(module: str, feature: str, remedy: str) -> Any:

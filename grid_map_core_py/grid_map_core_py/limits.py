@@ -21,8 +21,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from ._parameters import check
 from .errors import LimitError
-from .plugins import check
 
 __all__ = [
     "Limits",
@@ -54,9 +54,6 @@ class Limits:
             points, a mesh or an octomap.
         max_ratio: largest quotient of unpacked and packed bytes, where the unpacked ones are more
             than 100 MB; of a part of a file, and of all that is unpacked at once.
-
-    Raises:
-        ConfigError: a limit is no finite number of at least 1.
     """
 
     max_cells: float = 16_000_000
@@ -87,9 +84,6 @@ def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
     Args:
         limits: the new ones; None takes those of the process.
         changes: `max_cells`, `max_bytes` or `max_ratio`, in place of those.
-
-    Raises:
-        ConfigError: a limit is no number of at least 1.
     """
     global _process
     before = _process
@@ -153,10 +147,7 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
 
 
 def check_ratio(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if packed data unpacks to too many bytes for its size.
-
-    For data that is unpacked in pieces, of which memory holds one; arguments: see `check_bytes`.
-    """
+    """Raise `LimitError` if data that is unpacked in pieces has too many bytes for its size."""
     if unpacked > _most_by_ratio(packed):
         _refuse("max_ratio", name, "bytes from one byte", f"{unpacked} unpacked from {packed}")
 

@@ -1,191 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts for plug-ins: registries of classes, and dataclasses built from YAML parameters.
+"""Parts for plug-ins: registries of classes, and the check of a parameter.
 
-Filters and visualizations are dataclasses whose fields are their parameters. `build` checks names
-and types, and casts where YAML is loose: `1` for a float, `3.0` for an integer, a list for a tuple.
-A `Registry` finds such classes by their type names in YAML, in all installed packages.
+Filters and visualizations are dataclasses whose fields are their parameters. A `Registry` finds
+such classes by their type names in YAML, in all installed packages; `check` refuses a value.
 """
 
-import difflib
-import inspect
-import numbers
-import re
-import types
-import typing
-from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
+from typing import Generic, TypeVar
 
-from .errors import ConfigError, short
+from ._parameters import check as check
+from .errors import ConfigError, hint
 
-__all__ = [
-    "Registry",
-    "build",
-    "cast",
-    "check",
-    "describe",
-    "descriptions",
-    "mismatch",
-    "nested",
-    "node_sections",
-]
+__all__ = ["Registry", "check"]
 
 T = TypeVar("T")
-
-DEEPEST = 50
-"""Maximum number of nested levels of parameters and of YAML: functions that follow them recurse."""
-
-
-def build(cls: type[T], parameters: Mapping[str, object]) -> T:
-    """Return the dataclass `cls` with the parameters as its fields.
-
-    Fields may be `bool`, `int`, `float`, `str`, a `Literal`, a `tuple[X, ...]` or `list[X]` of
-    those, or optional.
-
-    Raises:
-        ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` itself refused
-            it.
-    """
-    known = {f.name: f for f in fields(cls) if f.init}  # type: ignore[arg-type]
-    for name in parameters:
-        if name not in known:
-            raise ConfigError(f"unknown parameter {name!r}; known: {', '.join(known) or '(none)'}")
-    for name, declared in known.items():
-        is_required = declared.default is MISSING and declared.default_factory is MISSING
-        if is_required and name not in parameters:
-            raise ConfigError(f"missing parameter {name!r}")
-    hints = typing.get_type_hints(cls)
-    return cls(**{name: cast(name, value, hints[name]) for name, value in parameters.items()})
-
-
-def descriptions(cls: type) -> dict[str, str]:
-    """Return the descriptions below `Attributes:` in the docstrings of a class and its bases."""
-    found: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        _, _, rest = inspect.cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
-        section = re.match(r"(?:    .*\n?)*", rest)
-        for names, text in re.findall(
-            r"^    (\w[\w, ]*): (.*(?:\n {8}.*)*)", section[0] if section else "", re.MULTILINE
-        ):
-            found |= dict.fromkeys(names.split(", "), " ".join(text.split()).rstrip("."))
-    return found
-
-
-def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the name of a node, such as `/robot/viewer`, and its parameters, from a ROS file."""
-    for key, value in content.items():
-        if key == "ros__parameters" and isinstance(value, Mapping):
-            yield path or "/", value
-        elif isinstance(value, Mapping):
-            yield from node_sections(value, f"{path}/{key}".replace("//", "/"))
-
-
-def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
-    """Return parameters with dots in their names, `a.b: 1`, as mappings, `a: {b: 1}`.
-
-    ROS reads an empty mapping in a parameter file as None; a mapping replaces it.
-
-    Args:
-        parameters: values by name.
-        above: number of levels above them.
-
-    Raises:
-        ConfigError: a parameter has both a value and parameters below it, or is nested more than
-            `DEEPEST` times.
-    """
-    result: dict[str, Any] = {}
-    expected = "no value, as there are parameters below it"
-    for name, value in parameters.items():
-        *parents, last = path = str(name).split(".")
-        level = above + len(path)
-        check(level <= DEEPEST, str(name), f"at most {DEEPEST} nested levels", level)
-        place = result
-        for depth, parent in enumerate(path if isinstance(value, Mapping) else parents, start=1):
-            inner = place.get(parent)
-            check(isinstance(inner, dict | None), ".".join(path[:depth]), expected, inner)
-            place[parent] = place = inner or {}
-        if isinstance(value, Mapping):
-            place.update(nested(value, level))
-        elif not isinstance(place.get(last), dict):
-            place[last] = value
-        else:
-            check(value is None, name, expected, value)
-    return result
-
-
-def cast(name: str, value: object, hint: Any) -> Any:
-    """Return the value of a parameter as the type that a field, or anything else, declares.
-
-    Args:
-        name: name of the parameter, for the error.
-        value: as YAML gave it; None, as which an empty list in a ROS parameter file arrives, is an
-            empty tuple or list where one is wanted.
-        hint: one of the types that `build` knows.
-
-    Raises:
-        ConfigError: the value is of another type.
-    """
-    result = _try_cast(value, hint)
-    if result is MISSING:
-        # ROS reads y, n, yes, no, on and off as truth values.
-        is_text = hint is str or (get_origin(hint) is Literal and str in map(type, get_args(hint)))
-        unquoted = is_text and isinstance(value, bool | int | float)
-        raise mismatch(name, describe(hint) + (" (quote it)" if unquoted else ""), value)
-    return result
-
-
-def mismatch(name: str, expected: str, value: object) -> ConfigError:
-    """Return a `ConfigError` that says what was expected and what was given."""
-    found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
-    return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
-
-
-def check(condition: bool, name: str, expected: str, value: object) -> None:
-    """Raise a `ConfigError` about a parameter's value unless `condition` is true."""
-    if not condition:
-        raise mismatch(name, expected, value)
-
-
-def _try_cast(value: object, hint: Any) -> object:
-    """Return the value converted to the hinted type; MISSING if it does not fit."""
-    origin = get_origin(hint)
-    if origin is Literal:
-        return value if value in get_args(hint) else MISSING
-    if origin in (types.UnionType, typing.Union):
-        casts = (_try_cast(value, option) for option in get_args(hint))
-        return next((cast for cast in casts if cast is not MISSING), MISSING)
-    if origin in (tuple, list):
-        if value is None:
-            # ROS parameters have no type for an empty list.
-            return origin()
-        if not isinstance(value, list | tuple):
-            return MISSING
-        items = [_try_cast(item, get_args(hint)[0]) for item in value]
-        return MISSING if MISSING in items else origin(items)
-    is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    if hint is float and is_number:
-        return float(typing.cast("float", value))
-    if hint is int:
-        # NumPy's integers are integral as well.
-        is_whole = isinstance(value, numbers.Integral) and is_number
-        is_whole |= isinstance(value, float) and value.is_integer()
-        return int(typing.cast("int", value)) if is_whole else MISSING
-    return value if isinstance(value, hint) else MISSING
-
-
-def describe(hint: Any) -> str:
-    """Return the description of a type that `build` supports."""
-    origin = get_origin(hint)
-    if origin is Literal:
-        return "one of " + ", ".join(map(repr, get_args(hint)))
-    if origin in (types.UnionType, typing.Union):
-        return " or ".join(describe(option) for option in get_args(hint))
-    if origin in (tuple, list):
-        return f"a list, each item {describe(get_args(hint)[0])}"
-    names = {float: "a number", int: "an integer", str: "a string", bool: "true or false"}
-    return names.get(hint, "nothing" if hint is types.NoneType else hint.__name__)
 
 
 @dataclass(frozen=True)
@@ -202,11 +33,7 @@ class Registry(Generic[T]):
     group: str
 
     def __getitem__(self, type_name: str) -> type[T]:
-        """Return the class of a type.
-
-        Raises:
-            ConfigError: there is none, it cannot be loaded, or two share a name.
-        """
+        """Return the class of a type."""
         plugins = self._plugins
         if type_name in plugins:
             entry = plugins[type_name]
@@ -215,9 +42,13 @@ class Registry(Generic[T]):
             except Exception as error:  # a plugin may raise anything; the user must learn which one
                 raise ConfigError(f"cannot load {entry.value!r}: {error}") from error
             return loaded
-        if type_name not in self.built_in:
-            raise ConfigError(f"unknown type {type_name!r}; {self._suggestion(type_name)}")
-        return self.built_in[type_name]
+        if type_name in self.built_in:
+            return self.built_in[type_name]
+        text = hint(type_name, self.types, 3) or f"; known: {', '.join(self.types)}."
+        package = type_name.rpartition("/")[0]
+        if package not in {name.rpartition("/")[0] for name in self.types}:
+            text += f" No installed package adds types of {package!r}; is its workspace sourced?"
+        raise ConfigError(f"unknown type {type_name!r}{text}")
 
     @property
     def types(self) -> tuple[str, ...]:
@@ -236,16 +67,3 @@ class Registry(Generic[T]):
                 )
             plugins[entry.name] = entry
         return plugins
-
-    def _suggestion(self, type_name: str) -> str:
-        close = difflib.get_close_matches(type_name, self.types, n=3, cutoff=0.6)
-        if close:
-            text = f"did you mean {' or '.join(close)}?"
-        else:
-            text = f"known: {', '.join(self.types)}."
-        package = type_name.rpartition("/")[0]
-        if package not in {name.rpartition("/")[0] for name in self.types}:
-            text += f" No installed package adds types of {package!r}; is its workspace sourced?"
-        elif not close:
-            text += " For a type of another package, source its workspace."
-        return text

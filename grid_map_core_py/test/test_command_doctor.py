@@ -4,8 +4,7 @@
 import json
 import sys
 
-from grid_map_core_py._commands import doctor
-from grid_map_core_py.commands import main
+from grid_map_core_py._commands import doctor, main
 
 
 def test_healthy_machine_has_no_failures(capfd, monkeypatch):

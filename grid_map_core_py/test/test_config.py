@@ -4,11 +4,10 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
 import pytest
 
+from grid_map_core_py._parameters import build, cast, describe
 from grid_map_core_py.errors import ConfigError
-from grid_map_core_py.plugins import build, cast, describe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,15 +29,6 @@ def test_yaml_numbers_are_cast_to_the_type_of_the_field():
     assert isinstance(example.count, int)
     assert isinstance(example.limit, float)
     assert build(Example, {"radius": 1.0, "limit": None}).limit is None
-
-
-def test_numpy_numbers_are_accepted():
-    assert cast("x", np.float32(0.5), float) == 0.5
-    assert cast("x", np.int64(3), float) == 3.0
-    assert type(cast("x", np.int64(3), int)) is int
-    assert type(cast("x", np.float64(3.0), int)) is int
-    with pytest.raises(ConfigError, match="expected a number"):
-        cast("x", np.True_, float)
 
 
 def test_error_of_boolean_for_text_suggests_quotes():

@@ -241,13 +241,3 @@ def test_positions_of_a_wrong_shape_are_refused(positions):
         GridGeometry((1, 1), 0.1).is_inside(positions)
     with pytest.raises(GeometryError, match="NaN has no closest position"):
         GridGeometry((1, 1), 0.1).closest_position((np.nan, 0))
-
-
-@pytest.mark.parametrize("largest", [1e308, np.finfo(np.float64).max, np.inf])
-@pytest.mark.filterwarnings("error")
-def test_the_largest_coordinates_are_outside(largest):
-    geometry = GridGeometry((2, 1), 0.01, (1e3, 5.0))
-    cells, inside = geometry.cells_at([(largest, -largest), (-largest, largest)])
-    assert golden.pairs(cells) == [[0, 99], [199, 0]]
-    assert not inside.any()
-    assert not geometry.is_inside((largest, 5.0))

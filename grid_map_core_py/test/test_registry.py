@@ -59,7 +59,6 @@ def test_error_of_unknown_type_suggests_or_lists_types(registry):
             "my_package/New",
             "known: .*their/Type. No installed package adds types of 'my_package'; ",
         ),
-        ("quite_another", "known: .*. For a type of another package, source its workspace"),
         ("their/Typ", r"did you mean their/Type\?$"),
         ("built-in", r"did you mean built_in\?$"),
     ],

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 from scipy.interpolate import RegularGridInterpolator
 
 import golden
@@ -128,12 +127,6 @@ def test_nodes_of_larger_maps_have_exact_distances():
         np.testing.assert_allclose(found, expected, **ROUND_OFF)
 
 
-def test_result_does_not_depend_on_strips(monkeypatch):
-    expected = hills_field().distances
-    monkeypatch.setattr("grid_map_core_py.map._signed_distance_field._STRIP", 12)
-    np.testing.assert_array_equal(hills_field().distances, expected)
-
-
 def test_large_heights_keep_precision():
     grid_map = flat(height=4000.0)
     field = SignedDistanceField(grid_map, "elevation", 3999.95, 4001.0)
@@ -224,13 +217,6 @@ def test_a_single_row_or_column_makes_the_field_constant_across(grid_map):
     assert np.isfinite(field.value(points)).all()
 
 
-def test_field_of_one_cell_varies_along_z_only():
-    field = SignedDistanceField(flat((1, 1)), "elevation", 0.0, 0.1)
-    assert field.shape == (1, 1, 2)
-    np.testing.assert_allclose(field.value((5.0, -3.0, 1.0)), 0.75, **ROUND_OFF)
-    np.testing.assert_allclose(field.gradient((5.0, -3.0, 1.0)), (0, 0, 1), **ROUND_OFF)
-
-
 def test_nearest_value_is_of_the_nearest_node():
     field = hills_field()
     points = points_around(field, 0.4)
@@ -265,14 +251,6 @@ def test_at_a_node_the_gradient_is_the_central_difference():
     np.testing.assert_allclose(field.gradient(nodes.reshape(-1, 3)), expected, atol=1e-5)
     off = nodes.reshape(-1, 3) + 5e-10
     np.testing.assert_allclose(field.gradient(off), expected, atol=1e-5)
-
-
-def test_gradient_beside_a_node_is_one_sided():
-    field = hills_field()
-    node, d = nodes_of(field)[4, 3, 5], field.distances
-    for offset, above, below in ((1e-7, d[4, 3, 6], d[4, 3, 5]), (-1e-7, d[4, 3, 5], d[4, 3, 4])):
-        slope = field.gradient(node + (0, 0, offset))[2]
-        np.testing.assert_allclose(slope, (above - below) / 0.1, atol=1e-5)
 
 
 def test_value_and_gradient_equal_separate_calls():
@@ -422,25 +400,3 @@ def test_points_are_the_nodes_and_their_distances():
     for limits in ({"lower": None}, {"upper": "near"}):
         with pytest.raises(GeometryError, match="er: expected a number"):
             field.to_points(**limits)
-
-
-@pytest.mark.parametrize(("rows", "columns", "levels"), [(900, 700, 2), (400, 300, 12)])
-def test_building_takes_little_more_memory_than_the_field(rows, columns, levels):
-    grid_map = hills(rows=rows, columns=columns)
-    grid_map.move(grid_map.position + 0.5)
-    grid_map["elevation"][np.isnan(grid_map["elevation"])] = 0.0
-    limits = 0.0, 0.1 * (levels - 1)
-    peak, field = peak_of(SignedDistanceField, grid_map, "elevation", *limits)
-    assert field.levels.size == levels
-    assert peak <= 3 * field.distances.nbytes
-
-
-def test_queries_and_export_take_little_more_memory_than_they_return():
-    field = hills_field(rows=90, columns=60)
-    points = points_around(field, 0.1, 200_000)
-    peak, values = peak_of(field.value, points)
-    assert peak <= 3 * values.nbytes
-    peak, gradients = peak_of(field.gradient, points)
-    assert peak <= 3 * gradients.nbytes
-    peak, exported = peak_of(field.to_points)
-    assert peak <= 3 * exported.nbytes

@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
@@ -114,16 +113,6 @@ def test_a_window_length_becomes_an_odd_number_of_cells(length, size):
     assert windows.shape == (8, 8, size, size)
 
 
-def test_windows_larger_than_any_map_take_no_memory():
-    grid_map = GridMap((3, 2), 1.0, layers={"elevation": 1.0})
-    grid_map.start_index = (1, 1)
-    for size in ({"window_size": 10**9 + 1}, {"window_length": 1e300}):
-        cropped = [window for _, window in sliding_windows(grid_map, "elevation", "crop", **size)]
-        assert len(cropped) == 6
-        assert all(np.array_equal(window, np.ones((3, 2))) for window in cropped)
-        assert not list(sliding_windows(grid_map, "elevation", "inside", **size))
-
-
 @pytest.mark.parametrize("windows", [sliding_windows, window_array])
 def test_wrong_arguments_are_refused_before_the_first_window(windows):
     grid_map = GridMap((0.8, 0.8), 0.1, layers=["elevation"])
@@ -142,11 +131,3 @@ def test_wrong_arguments_are_refused_before_the_first_window(windows):
         windows(grid_map, "elevtion", "empty", 3)
     with pytest.raises(GridMapError, match="expected one of inside, empty, mean"):
         window_array(grid_map, "elevation", "crop", 3)
-
-
-@pytest.mark.parametrize(("edges", "layers"), [("inside", 1), ("empty", 1), ("mean", 25)])
-def test_all_windows_take_little_more_memory_than_promised(edges, layers):
-    grid_map = GridMap((30, 20), 0.1, layers={"elevation": 1.0})
-    grid_map.start_index = (7, 9)
-    peak, _ = peak_of(window_array, grid_map, "elevation", edges, 5)
-    assert peak < 3 * layers * grid_map["elevation"].nbytes

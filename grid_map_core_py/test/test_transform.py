@@ -6,7 +6,6 @@ import itertools
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
@@ -128,13 +127,6 @@ def test_equals_a_loop_over_all_points(grid_map, transform, ratio):
     assert grid_map.start_index == before.start_index
 
 
-@given(terrains(("elevation",)), TRANSFORMS, RATIOS)
-def test_a_single_layer_equals_a_loop_over_all_points(grid_map, transform, ratio):
-    result = grid_map.get_transformed_map(transform, "elevation", "new", ratio)
-    expected = naively_transformed(grid_map, transform, "elevation", "new", ratio, result.geometry)
-    assert_maps_equal(result, expected)
-
-
 @pytest.mark.parametrize("size", [(40_000, 1), (1, 40_000), (2, 20_000), (200, 300)])
 def test_maps_of_many_cells_are_complete_and_in_order(size):
     values = np.arange(np.prod(size)).reshape(size)
@@ -222,13 +214,3 @@ def test_invalid_arguments_are_refused():
     for ratio in (np.nan, np.inf, "much"):
         with pytest.raises(GeometryError, match="sample_ratio: expected a"):
             grid_map.get_transformed_map(np.eye(4), "elevation", "new", ratio)
-
-
-@pytest.mark.parametrize("layers", [1, 2, 4])
-@pytest.mark.parametrize("start", [(0, 0), (7, 9)])
-def test_needs_little_memory(layers, start):
-    names = ["elevation", "a", "b", "c"][:layers]
-    grid_map = GridMap((800, 700), 1.0, layers=dict.fromkeys(names, 1.0))
-    grid_map.start_index = start
-    peak, result = peak_of(grid_map.get_transformed_map, np.eye(4), "elevation", "new", 0.25)
-    assert peak <= 3.0 * sum(result[layer].nbytes for layer in result)

@@ -22,7 +22,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import FrameType
 
-from grid_map_core_py.commands import die_with_parent, on_end
+from grid_map_core_py._commands import die_with_parent, on_end
 from grid_map_core_py.errors import GridMapError
 
 VIEWERS = {

@@ -7,7 +7,7 @@ the expression language, `parts` helpers for fast filters of your own. The execu
 runs a chain on a topic; it alone needs ROS.
 """
 
-from grid_map_core_py.commands import ProgressBar
+from grid_map_core_py._commands import ProgressBar
 
 from ._chain import FilterChain, Step, StepTimes
 from ._config import StepConfig

@@ -13,9 +13,10 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer, Size
-from grid_map_core_py.commands import table
+from grid_map_core_py._commands import table
+from grid_map_core_py._parameters import build, descriptions
 from grid_map_core_py.errors import ConfigError, GridMapError, short
-from grid_map_core_py.plugins import build, check, descriptions
+from grid_map_core_py.plugins import check
 
 from ._config import StepConfig, field_name, parse_steps, read_chain
 from ._filter import Filter, TileOptions, reach_of, running

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from grid_map_core_py._parameters import nested, node_sections
 from grid_map_core_py.errors import ConfigError, GridMapError, short
 from grid_map_core_py.files import load_yaml
-from grid_map_core_py.plugins import nested, node_sections
 
 from .errors import FilterConfigError
 

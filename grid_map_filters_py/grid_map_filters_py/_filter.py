@@ -2,7 +2,7 @@
 """The filter protocol, and warnings of filters.
 
 A filter is a frozen dataclass that can be called. Its fields are its YAML parameters:
-`grid_map_core_py.plugins.build` checks their names and types, `__post_init__` their values. A call
+`FilterChain` checks their names and types, `__post_init__` their values. A call
 takes a map whose start index is (0, 0), and returns a new map that shares the unchanged layers. It
 never writes into its input. A filter raises an error if it cannot do its work, and calls `warn` if
 the user should know something about the result.

@@ -201,7 +201,8 @@ def test_missing_layer_error_names_filter_and_layers(grid_map):
     with pytest.raises(FilterError) as caught:
         chain(grid_map)
     assert str(caught.value) == (
-        f"filter 2 'copy' ({DUPLICATION}): no layer 'elevtion'; available: elevation, out"
+        f"filter 2 'copy' ({DUPLICATION}): no layer 'elevtion'; available: elevation, out; "
+        "did you mean elevation?"
     )
     assert isinstance(caught.value.__cause__, LayerNotFoundError)
 

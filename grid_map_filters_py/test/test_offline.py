@@ -153,4 +153,4 @@ def test_log_file_gets_one_line_when_a_run_fails():
 
     with pytest.raises(FilterError):
         run()
-    assert log.getvalue() == f"[{'#' * 15}{'.' * 15}] 1/2 maps, 2.0 maps/s, 0:00 left\n"
+    assert log.getvalue() == f"[{'#' * 15}{'.' * 15}] 1/2 maps, 2 maps/s, 0:00:00 left\n"

@@ -28,7 +28,7 @@ from hypothesis import given, settings, strategies as st
 from rclpy.serialization import deserialize_message
 
 from grid_map_core_py import GridMap, LayerNotFoundError
-from grid_map_core_py.commands import main
+from grid_map_core_py._commands import main
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 from grid_map_msgs.msg import GridMap as GridMapMessage

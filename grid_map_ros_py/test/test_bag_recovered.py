@@ -11,7 +11,7 @@ import pytest
 import yaml
 from bags import DATA, SECOND, TOPIC, number_of, numbered_map, write_mcap
 
-from grid_map_core_py.commands import main
+from grid_map_core_py._commands import main
 from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import (
     BagError,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import ConfigError
+from grid_map_core_py._parameters import cast
 from grid_map_core_py.elevation import LaserModel, StereoModel, StructuredLightModel
-from grid_map_core_py.plugins import cast
 from grid_map_ros_py._mapping.elevation_parameters import (
     InputSource,
     channel_fusions,

@@ -42,18 +42,9 @@ def test_no_large_map_is_lost() -> None:
 def test_freed_memory_is_kept_on_request() -> None:
     process = start("print pages")
     assert process.wait() == 0
-    by_itself, kept, returned, still_returned = map(int, process.lines)
+    by_itself, kept = map(int, process.lines)
     assert kept < 100
-    assert min(by_itself, returned, still_returned) > 9000
-
-
-def test_nodes_return_holes_in_their_memory() -> None:
-    process = start("free")
-    assert process.wait() == 0, process.text
-    before, after = json.loads(process.lines[0])
-    # Half of the blocks, 50 MB, were freed between the others.
-    assert before > 95
-    assert after < before - 25
+    assert by_itself > 9000
 
 
 @pytest.fixture

@@ -44,7 +44,7 @@ class NoMessages(importlib.abc.MetaPathFinder):
 
 sys.meta_path.insert(0, NoMessages())
 from grid_map_core_py import GridMap
-from grid_map_core_py.commands import main
+from grid_map_core_py._commands import main
 from grid_map_core_py.errors import MissingPackageError
 import grid_map_ros_py as ros
 from grid_map_ros_py import bags, errors, messages

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
 from grid_map_core_py import GridMap
+from grid_map_core_py._parameters import build, descriptions
 from grid_map_core_py.errors import ConfigError, GridMapError
-from grid_map_core_py.plugins import Registry, build, check, descriptions
+from grid_map_core_py.plugins import Registry, check
 
 from . import builtin
 

@@ -128,7 +128,7 @@ def test_only_force_replaces_a_picture(command):
 def test_error_without_matplotlib_says_how_to_install_it(command):
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
-        "from grid_map_core_py.commands import main\nsys.exit(main(sys.argv[1:]))"
+        "from grid_map_core_py._commands import main\nsys.exit(main(sys.argv[1:]))"
     )
     assert command("--version")[0] == 0
     words = [sys.executable, "-c", code, "plot", "site.npz", "map.png"]

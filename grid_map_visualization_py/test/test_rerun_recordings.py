@@ -27,7 +27,7 @@ from recordings import (
 )
 
 from grid_map_core_py import GridMap, save
-from grid_map_core_py.commands import main
+from grid_map_core_py._commands import main
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py import bag_messages, from_serialized_message

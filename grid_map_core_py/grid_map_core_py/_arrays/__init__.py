@@ -5,7 +5,7 @@
 - Checks that return what was given as an array or a number, or raise `GeometryError`: `as_array`,
   `as_number`, `as_cells`.
 - Work on large arrays in pieces that fit the cache: `elementwise`, `slices`.
-- Memory that the process frees: `keep_memory`, `return_memory`, `trim_memory`, `LARGEST_BLOCK`.
+- Memory that the process frees and keeps: `keep_memory`, `LARGEST_BLOCK`.
 - Statistics that skip NaN and infinities: `number_of_finites`, `sum_of_finites`, `mean_of_finites`,
   `min_of_finites`, `max_of_finites`.
 """
@@ -20,12 +20,7 @@ from ._checks import (
     as_cells as as_cells,
     as_number as as_number,
 )
-from ._freed_memory import (
-    LARGEST_BLOCK as LARGEST_BLOCK,
-    keep_memory as keep_memory,
-    return_memory as return_memory,
-    trim_memory as trim_memory,
-)
+from ._freed_memory import LARGEST_BLOCK as LARGEST_BLOCK, keep_memory as keep_memory
 from ._pieces import elementwise as elementwise, slices as slices
 from ._statistics import (
     max_of_finites as max_of_finites,

@@ -72,10 +72,7 @@ def as_point(values: ArrayLike, name: str) -> Pair:
 
 
 def plain_pair(values: Any) -> Pair | None:
-    """Return two numbers if `values` is no doubt such a pair, without arrays, which take longer.
-
-    Anything else gives None, also what is wrong; `as_positions` then decides.
-    """
+    """Return two numbers if `values` is clearly such a pair, else None; faster than arrays."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind not in "fiu":
@@ -96,7 +93,6 @@ def _is_plain(number: Any) -> bool:
 
 
 def as_number(value: object, name: str) -> float:
-    """Return `value` as a float."""
     try:
         return float(value)  # type: ignore[arg-type]
     except (OverflowError, TypeError, ValueError) as error:
@@ -136,7 +132,6 @@ def as_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
 
 
 def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[Any]:
-    """Return `values` as an array of this type."""
     if type(values) is np.ndarray and values.dtype == dtype:
         return values
     # Values beyond float32 become infinite, as with a cast in C++.
@@ -156,7 +151,7 @@ def as_size(values: ArrayLike, name: str) -> Size:
 
 
 def plain_cell(values: Any) -> Size | None:
-    """Return two integers if `values` is no doubt such a pair, as `plain_pair` does."""
+    """Return two integers if `values` is clearly such a pair, as `plain_pair` does."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind != "i":
@@ -199,10 +194,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Return a copy of a scalar or a (rows, cols) array as a layer.
-
-    Warns if finite values are beyond float32, as NumPy does when they are written into a layer.
-    """
+    """Return a copy of a scalar or a (rows, cols) array as a layer; warn beyond float32."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""
@@ -226,8 +218,7 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
 def is_name(text: object) -> bool:
     """Return whether layers and frames can have this name.
 
-    It is a text that is not empty, and holds no control characters (C0, DEL, C1) and no halves of
-    surrogate pairs: ROS, files and terminals cannot hold them.
+    It is a string that is not empty, without control characters and halves of surrogate pairs.
     """
     if not isinstance(text, str) or not text:
         return False
@@ -235,7 +226,6 @@ def is_name(text: object) -> bool:
 
 
 def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Return names as a tuple; a single one may be given as a string."""
     try:
         # A string would be iterated letter by letter.
         return (names,) if isinstance(names, str) else tuple(names)
@@ -244,12 +234,7 @@ def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names in `layers`, each once, or all that are available for None.
-
-    Raises:
-        LayerNotFoundError: a name is not available.
-        GridMapError: `layers` is neither a name nor a sequence of names.
-    """
+    """Return the names in `layers`, each once, or all that are available for None."""
     if layers is None:
         return tuple(available)
     names = as_names(layers)

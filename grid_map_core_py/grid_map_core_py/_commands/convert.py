@@ -5,15 +5,14 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 
-from ..commands._arguments import add_destination, add_json, add_layers, add_source
-from ..commands._maps import Destination, TimedMap, open_records
-from ..commands._output import ProgressBar, message
-from ..commands._tiles import add_tiles, tiled_source, write_tiles
 from ..errors import GridMapError
+from ._arguments import add_destination, add_json, add_layers, add_source
+from ._maps import Destination, TimedMap, open_records
+from ._output import ProgressBar, message
+from ._tiles import add_tiles, tiled_source, write_tiles
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
     add_source(parser, "all, if the destination is a bag, else the last one")
     add_destination(parser)
     add_layers(parser, "convert this layer, instead of all")
@@ -26,7 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Convert the maps of a file, and print their number."""
     destination = Destination(options)
     site = tiled_source(options, destination)
     if site is not None:
@@ -36,12 +34,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.frame is None and destination.takes_all(options):
         destination.write_all(options)
-    else:
-        _convert_maps(options, destination)
-    return 0
-
-
-def _convert_maps(options: argparse.Namespace, destination: Destination) -> None:
+        return 0
     with (
         open_records(options, destination, options.layers) as records,
         ProgressBar(quiet=options.quiet or len(records) < 2) as progress,
@@ -64,3 +57,4 @@ def _convert_maps(options: argparse.Namespace, destination: Destination) -> None
 
         count = destination.write(maps())
     destination.tell(count)
+    return 0

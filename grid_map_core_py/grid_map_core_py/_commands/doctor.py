@@ -8,8 +8,8 @@ import platform
 import subprocess
 import sys
 
-from ..commands._arguments import add_json
-from ..commands._output import print_json, print_table
+from ._arguments import add_json
+from ._output import print_json, print_table
 
 _BUILD = "build and source the workspace, or pip install it"
 _SOURCE = "source ROS 2 Jazzy, then the workspace"
@@ -72,12 +72,10 @@ for module in sys.argv[1:]:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the findings; return 1 if a package does not work."""
     packages = examined([*PACKAGES])
     failures = [
         name

@@ -5,22 +5,20 @@ import argparse
 from datetime import UTC, datetime
 from typing import Any
 
-from ..commands._arguments import add_json, add_source
-from ..commands._maps import describe
-from ..commands._output import byte_count, coordinate, number, print_json, print_table, shown
+from ._arguments import add_json, add_source
+from ._maps import describe
+from ._output import byte_count, coordinate, number, print_json, print_table, shown
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the contents of a file."""
     facts = describe(options)
     if options.json:
         print_json(facts)

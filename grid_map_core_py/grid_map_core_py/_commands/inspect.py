@@ -4,21 +4,20 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from ..commands._arguments import add_json, add_layers, add_source
-from ..commands._maps import read_map
-from ..commands._output import UsageError, can_print, number, print_json, print_table, shown
+from ._arguments import add_json, add_layers, add_source
+from ._maps import read_map
+from ._output import UsageError, number, print_json, print_table, shown
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-BLOCKS, ASCII_BLOCKS = " ▁▂▃▄▅▆▇█", " .:-=+*#@"
+BLOCKS = " ▁▂▃▄▅▆▇█"
 WIDTH = 40
 """Length of the longest bar [characters]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_layers(parser, "show this layer, instead of all")
     parser.add_argument(
@@ -29,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the statistics."""
     if not 1 <= options.bins <= 1000:
         raise UsageError(f"--bins: expected a number from 1 to 1000, got {options.bins}")
     from ..files import map_facts
@@ -50,13 +48,7 @@ def run(options: argparse.Namespace) -> int:
 def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dict[str, Any]:
     """Return statistics of the finite values of a layer, and a histogram, as JSON has them.
 
-    Values are None and the histogram is empty if nothing is finite, or if the name of the layer
-    ends in "color": then it holds packed colors.
-
-    Args:
-        name: of the layer.
-        layer: (rows, cols).
-        bins: number of bins; bin n reaches from `edges[n]` to `edges[n + 1]`.
+    Values are None and the histogram is empty if nothing is finite, and for packed colors.
     """
     import numpy as np
 
@@ -95,9 +87,8 @@ def _row(layer: dict[str, Any]) -> tuple[str, ...]:
 
 def sparkline(counts: list[int]) -> str:
     """Return a bar character for each number; only zeros are blank."""
-    blocks = BLOCKS if can_print(BLOCKS) else ASCII_BLOCKS
-    highest, steps = max(counts, default=0), len(blocks) - 1
-    return "".join(blocks[-(-steps * count // highest)] if count else blocks[0] for count in counts)
+    highest, steps = max(counts, default=0), len(BLOCKS) - 1
+    return "".join(BLOCKS[-(-steps * count // highest)] if count else BLOCKS[0] for count in counts)
 
 
 def _print_histogram(layer: dict[str, Any]) -> None:
@@ -105,10 +96,9 @@ def _print_histogram(layer: dict[str, Any]) -> None:
     if not counts:
         return
     print(f"\n{shown(layer['name'])}")
-    block = BLOCKS[-1] if can_print(BLOCKS) else "#"
     highest = max(counts)
     rows = [
-        (number(low), "..", number(high), str(count), block * round(WIDTH * count / highest))
+        (number(low), "..", number(high), str(count), BLOCKS[-1] * round(WIDTH * count / highest))
         for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
     ]
     print_table(rows, numbers=(0, 2, 3))

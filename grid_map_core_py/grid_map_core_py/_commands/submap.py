@@ -3,13 +3,12 @@
 
 import argparse
 
-from ..commands._arguments import add_destination, add_layers, add_source
-from ..commands._maps import Destination
-from ..commands._tiles import add_rectangle, read_rectangle
+from ._arguments import add_destination, add_layers, add_source
+from ._maps import Destination
+from ._tiles import add_rectangle, read_rectangle
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_destination(parser)
     add_layers(parser, "cut this layer, instead of all")
@@ -17,7 +16,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the rectangle, and tell where it is."""
     destination = Destination(options)
     grid_map = read_rectangle(options, options.layers)
     destination.tell(destination.write([(None, grid_map)]))

@@ -34,7 +34,8 @@ from ..errors import GeometryError, short
 from ..map import _ring_buffer as ring_buffer
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..map._resampling import Axis, resample
+from ..map._interpolation import Interpolation
+from ..map._resampling import resample, resize_flag
 from ._packed_colors import color_channels_to_value, color_value_to_bytes
 
 Image: TypeAlias = NDArray[Any]
@@ -337,7 +338,7 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
 
 
 def change_resolution(
-    grid_map: GridMap, resolution: float, interpolation: int = cv2.INTER_CUBIC
+    grid_map: GridMap, resolution: float, interpolation: Interpolation | str | int = "cubic"
 ) -> GridMap:
     """Return the map with cells of another size.
 
@@ -349,7 +350,8 @@ def change_resolution(
     Args:
         grid_map: the map.
         resolution: side of a cell of the result [m].
-        interpolation: a flag of `cv2.resize`.
+        interpolation: "nearest", "linear", "cubic", "area" or "lanczos", an `Interpolation` of such
+            a name, or a flag of `cv2.resize`.
 
     Returns:
         A map with `size * old / new` cells, rounded half away from zero, and start index (0, 0).
@@ -365,19 +367,17 @@ def change_resolution(
     expected = f"at most twice the length {tuple(grid_map.length.tolist())} of the map"
     _check(rows > 0 and columns > 0, "resolution", expected, resolution)
     geometry = GridGeometry.from_size((rows, columns), target, grid_map.position)
-    axes = _axes(grid_map.size, geometry.size, factor, interpolation)
-    picking = _axes(grid_map.size, geometry.size, factor, cv2.INTER_NEAREST_EXACT)
+    flag = resize_flag(interpolation)
     layers = {
-        name: resample(layer, grid_map.start_index, *(picking if name == COLOR_LAYER else axes))
-        for name, layer in grid_map.items()
+        name: resample(
+            grid_map.unwrapped(name),
+            geometry.size,
+            factor,
+            cv2.INTER_NEAREST_EXACT if name == COLOR_LAYER else flag,
+        )
+        for name in grid_map
     }
     return grid_map._with(layers, geometry, (0, 0))
-
-
-def _axes(old: Size, new: Size, factor: float, interpolation: int) -> tuple[Axis, Axis]:
-    rows, columns = (Axis(*cells, factor, interpolation) for cells in zip(old, new, strict=True))
-    # One axis shares the cached weights of the other.
-    return rows, (rows if rows == columns else columns)
 
 
 # --- checks ---------------------------------------------------------------------------------------

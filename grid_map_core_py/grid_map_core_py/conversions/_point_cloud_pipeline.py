@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .._arrays._checks import Integers, Positions, as_array, as_number
+from .._parameters import build, check
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..map._grid_map import GridMap
-from ..plugins import build, check
 from ._point_layers import as_points, fitting_geometry
 
 _POINTS = 1 << 16  # number of points in a chunk, which bounds memory; a cell is never divided

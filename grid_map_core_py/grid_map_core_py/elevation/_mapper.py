@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._arrays._checks import is_name
+from .._parameters import build, check
 from ..errors import GridMapError, LayerNotFoundError, short
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..plugins import build, check
 from . import _drift as drift, _horizontal as horizontal
 from ._clusters import clusters_of, grow_clusters
 from ._fusion import Fusion, Outcome

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plugins import cast, check
+from .._parameters import cast, check
 
 Numbers = NDArray[np.float64]
 """(n,) one number per point."""

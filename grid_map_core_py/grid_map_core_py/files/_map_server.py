@@ -27,11 +27,11 @@ import yaml
 
 from .._arrays._checks import Layer, select_layers
 from .._arrays._pieces import PIECE, slices
+from .._parameters import build, check
 from ..conversions._image_arrays import Image
 from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..plugins import build, check
 from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
 from ._shared import check_ending, storage_errors

@@ -10,8 +10,8 @@ from typing import Any
 
 import yaml
 
+from .._parameters import DEEPEST
 from ..errors import GridMapError
-from ..plugins import DEEPEST
 from ._shared import refuse_devices
 
 LARGEST = 4 * 2**20

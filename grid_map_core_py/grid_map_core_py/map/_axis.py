@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """The cells along x, or along y.
 
-    Not to be changed. All attributes are plain numbers, because a scalar of NumPy takes several
-    times as long in each operation. `both_axes` is the exception.
+    All attributes are plain numbers, which are several times faster than scalars of NumPy; those of
+    `both_axes` are arrays.
 
     Attributes:
         size: number of cells.
@@ -62,8 +62,8 @@ class Axis:
     def steps(self, x: Coordinate) -> Coordinate:
         """Return the distances of coordinates from the + border [cells].
 
-        Rounded as in the C++ library, in another order than `contains`: the distance of a
-        coordinate on the map may be a rounding error below 0, or reach `size`.
+        Rounded as in the C++ library, unlike `contains`: the distance of a coordinate on the map
+        may be a rounding error below 0, or reach `size`.
         """
         steps = x - self.half
         steps -= self.center
@@ -77,11 +77,7 @@ class Axis:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """About the smallest and the largest coordinate on the map [m].
-
-        They differ from the borders by the rounding error of a sum of center and length. A step
-        smaller than this would not change such a sum.
-        """
+        """The smallest and the largest coordinate on the map [m], up to `precision`."""
         lower, upper, step = self.center - self.half, self.center + self.half, self.precision
         while not self.offset(lower) < self.length:
             lower += step
@@ -90,11 +86,10 @@ class Axis:
         return lower, upper
 
     def cell_at(self, x: float) -> int:
-        """Return the cell under a coordinate on the map."""
+        """Return the cell under a coordinate on the map; a cell owns its + border."""
         return min(max(int(self.steps(x)), 0), self.size - 1)
 
     def center_of(self, cell: Coordinate) -> Coordinate:
-        """Return the centers of cells [m]."""
         return self.first - self.resolution * cell
 
     def centers(self, first: int, stop: int) -> Positions:
@@ -105,17 +100,18 @@ class Axis:
     def between(
         self, x: Coordinate, closed_above: bool, rounding: Any = np
     ) -> tuple[Any, Coordinate]:
-        """Return between which cell centers coordinates are, and where in between.
+        """Return the interval between cell centers that holds each coordinate.
 
         Args:
             x: coordinates on the map [m].
-            closed_above: True if a coordinate on a center belongs to the interval below it, with
-                t = 1, and not to the one above it, with t = 0.
+            closed_above: True if a coordinate on a center belongs to the interval below it (t = 1),
+                not to the one above it (t = 0).
             rounding: the module with `trunc`, `floor` and `ceil`: `math` for one coordinate.
 
         Returns:
-            below: the cell with the smaller coordinate, 0 ... `size`; the other is the one before.
-            t: place in between, from 0 at the smaller to 1 at the larger coordinate.
+            below: the cell at the lower end, 0 ... `size`; the cell at the upper end is the one
+                before.
+            t: place in the interval, from 0 to 1.
         """
         cell = rounding.trunc(self.steps(x))
         # Rounded like the map's own cell centers, so that t is exactly 0 at a center.
@@ -141,7 +137,7 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return by how many whole cells, towards smaller coordinates, to move nearest to a center.
+        """Return the number of cells, towards smaller coordinates, from this center to another one.
 
         Rounded half away from zero; NaN for an infinite number.
         """
@@ -149,7 +145,6 @@ class Axis:
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)
 
     def at(self, center: float) -> Axis:
-        """Return the same cells around another center."""
         return Axis(self.size, self.resolution, center)
 
     def shifted(self, shift: int) -> Axis:

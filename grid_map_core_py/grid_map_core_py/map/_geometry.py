@@ -32,8 +32,8 @@ from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 from ._axis import Axis, both_axes
 
-# Largest number [m] that is too small for a resolution, because such numbers lose digits.
 _SUBNORMAL = float(np.nextafter(np.finfo(np.float64).tiny, 0.0))
+"""Largest number [m] that is too small for a resolution, because such numbers lose digits."""
 
 _LARGEST_SIDE = 2**31  # largest number of cells along a side; larger layers cannot be addressed
 _LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot count single cells
@@ -138,14 +138,7 @@ class GridGeometry:
         return bool(self._x.contains(x) and self._y.contains(y))
 
     def cell_at(self, position: Pair, start_index: Size = (0, 0)) -> Size | None:
-        """Return the cell under one position, or None if it is outside.
-
-        The same as `cells_at` of an array, which takes several times as long for one position.
-
-        Args:
-            position: x, y [m], map frame, two floats.
-            start_index: place of cell (0, 0) in the circular buffer; the cell is a buffer index.
-        """
+        """Return the cell under one position x, y [m], or None outside; faster than `cells_at`."""
         if not self.contains(position):
             return None
         x, y = position
@@ -169,7 +162,6 @@ class GridGeometry:
         points = positions.reshape(-1, 2)
         cells = np.empty((2, len(points)), dtype=np.int64)
         inside = np.ones(len(points), dtype=np.bool_)
-        # Overflow makes a coordinate infinite, which is outside as well.
         with np.errstate(over="ignore"):
             for part in slices(len(points), PIECE):
                 for number, axis in enumerate((self._x, self._y)):
@@ -190,12 +182,7 @@ class GridGeometry:
         return (rows, columns), inside.reshape(positions.shape[:-1])
 
     def center_of(self, cell: Size, start_index: Size = (0, 0)) -> Pair:
-        """Return the center x, y [m] of one cell on the map, as `centers` does of many.
-
-        Args:
-            cell: row and column.
-            start_index: place of cell (0, 0) in the circular buffer; the cell is a buffer index.
-        """
+        """Return the center x, y [m] of one cell on the map, as `centers` does of many."""
         x, y = self._x, self._y
         row, column = (cell[0] - start_index[0]) % x.size, (cell[1] - start_index[1]) % y.size
         return x.center_of(row), y.center_of(column)
@@ -209,37 +196,23 @@ class GridGeometry:
 
         Returns:
             (N, 2) x, y [m], map frame; (2,) for one cell.
-
-        Raises:
-            OutOfMapError: a cell is outside the map.
         """
-        cells = as_cells(cells)
+        cells = self.check_indices(cells)
         positions = np.empty((*cells[0].shape, 2))
-        if 2 * cells[0].size <= sum(self.size):
-            self.check_cells(cells)
-            for number, axis in enumerate((self._x, self._y)):
+        are_few = 2 * cells[0].size <= sum(self.size)
+        for number, axis in enumerate((self._x, self._y)):
+            if are_few:
                 lines = (cells[number] - start_index[number]) % axis.size
                 positions[..., number] = axis.center_of(lines)
-            return positions
-        x, y = map(np.roll, self.axes_in_map_order(), start_index)
-        table, begins = np.concatenate((x, y)), (0, x.size)
-        entries = np.empty((min(len(positions), PIECE), 2), np.int64)
-        for part in slices(len(positions), PIECE):
-            chosen = entries[: part.stop - part.start]
-            for number, begin in enumerate(begins):
-                found = cells[number][part]
-                # Checking each piece in the cache is faster than checking all cells at once.
-                if found.view(np.uint64).max() >= self.size[number]:
-                    self.check_cells(cells)
-                np.add(found, begin, out=chosen[:, number])
-            table.take(chosen, out=positions[part], mode="clip")
+            else:
+                centers = np.roll(axis.centers(0, axis.size), start_index[number])
+                positions[..., number] = centers.take(cells[number], mode="clip")
         return positions
 
     def axes_in_map_order(self) -> tuple[Positions, Positions]:
         """Return the x of every row (rows,) and the y of every column (cols,) [m], both descending.
 
-        Layers of a map that has not moved are stored in this order;
-        `GridMap.axes` gives the order of every map.
+        `GridMap.axes` returns them in the order in which layers are stored.
         """
         rows, columns = self.size
         return self._x.centers(0, rows), self._y.centers(0, columns)
@@ -251,16 +224,12 @@ class GridGeometry:
         x.flags.writeable = y.flags.writeable = False
         return x, y
 
-    def check_cells(self, cells: ArrayLike, name: str = "index") -> Cells:
+    def check_indices(self, cells: ArrayLike, name: str = "index") -> Cells:
         """Return cells as (rows, cols) that are on the map.
 
         Args:
             cells: (rows, cols), or (N, 2).
             name: name of the parameter, for the message.
-
-        Raises:
-            OutOfMapError: a cell is outside the map; the message names the first one.
-            GeometryError: the cells are no integers or have another shape.
         """
         cells = as_cells(cells, name)
         if not cells[0].size or all(
@@ -277,8 +246,8 @@ class GridGeometry:
     def box(self, lower: ArrayLike, upper: ArrayLike) -> tuple[slice, slice]:
         """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
 
-        An edge within 1e-9 m of a cell border adds no further cell; a rectangle without area takes
-        the cell that it is in. Outside the map both slices are empty.
+        An edge within 1e-9 m of a cell border adds no cell; a rectangle without area overlaps the
+        cell that contains it. Outside the map both slices are empty.
 
         Args:
             lower: (2,) smallest x, y of the rectangle [m].
@@ -291,16 +260,7 @@ class GridGeometry:
         return rows, columns
 
     def overlapped(self, position: ArrayLike, length: ArrayLike) -> tuple[slice, slice]:
-        """Return the rows and columns of the cells that a rectangle overlaps, as `get_submap`.
-
-        Args:
-            position: (2,) center of the rectangle [m].
-            length: (2,) side lengths along x and y [m].
-
-        Raises:
-            OutOfMapError: the rectangle does not overlap the map.
-            GeometryError: a length is negative, or a number is not finite.
-        """
+        """Return the rows and columns of the rectangle that `GridMap.get_submap` describes."""
         center, sides = as_pair(position, "position"), as_pair(length, "length")
         (x, y), (length_x, length_y) = center, sides
         if length_x < 0 or length_y < 0:
@@ -314,20 +274,13 @@ class GridGeometry:
         return rows, columns
 
     def cropped(self, rows: slice, columns: slice) -> GridGeometry:
-        """Return the geometry of a block of cells of this grid."""
+        """Return the geometry of a block of cells."""
         return self._of(
             self._x.block(rows.start, rows.stop), self._y.block(columns.start, columns.stop)
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return each position, or the nearest one on the map if it is outside.
-
-        Args:
-            positions: (..., 2) x, y [m], map frame.
-
-        Returns:
-            (..., 2); every one passes `is_inside` and has a cell.
-        """
+        """Return the point of the map nearest to each of (..., 2) positions [m]."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
@@ -338,7 +291,7 @@ class GridGeometry:
     def index_shift(self, position: ArrayLike) -> Size:
         """Return the shift in rows and columns that brings the map nearest to `position`.
 
-        Rounded half away from zero per axis; positive towards +row, that is towards -x.
+        Rounded half away from zero; positive towards -x and -y.
         """
         x, y = as_pair(position, "position")
         rows, columns = self._x.shift_to(x), self._y.shift_to(y)
@@ -376,7 +329,7 @@ class GridGeometry:
 
     @staticmethod
     def _of(x: Axis, y: Axis) -> GridGeometry:
-        """Return a grid of two axes without the checks, which would take most of the time."""
+        """Return the grid of two axes, without checks."""
         result = object.__new__(GridGeometry)
         result._set_up(x, y)
         return result

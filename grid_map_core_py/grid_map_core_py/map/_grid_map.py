@@ -64,9 +64,9 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: coordinate frame that all positions refer to.
         timestamp: time of the data [ns].
 
-    Raises:
-        GeometryError: the grid would have no cells, or a value has the wrong shape.
-        LayerNotFoundError: a basic layer is not among the layers.
+    All methods raise `LayerNotFoundError` for a layer that the map lacks, `OutOfMapError` for a
+    position or an index outside the map, and `GeometryError` for numbers that are not finite and
+    arrays of a wrong shape.
 
     Example:
         >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
@@ -103,7 +103,6 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: str = "",
         timestamp: int = 0,
     ) -> None:
-        """Make a map; the arguments are described at the class."""
         geometry = GridGeometry(length, resolution, position)
         self._set_up(geometry, layers, basic_layers, frame_id, timestamp)
 
@@ -118,7 +117,6 @@ class GridMap(MutableMapping[str, Layer]):
         timestamp: int = 0,
     ) -> GridMap:
         """Return a map over `geometry`; the other arguments are as in the constructor."""
-        # The constructor of the geometry has already checked it.
         grid_map = cls.__new__(cls)
         grid_map._set_up(geometry, layers, basic_layers, frame_id, timestamp)
         return grid_map
@@ -149,14 +147,12 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: str,
         timestamp: int,
     ) -> None:
-        """Set all attributes; the `__setattr__` of this class would take microseconds in total."""
-        put = object.__setattr__
-        put(self, "_geometry", geometry)
-        put(self, "_start", start)
-        put(self, "_layers", layers)
-        put(self, "_basic_layers", basic_layers)
-        put(self, "_frame_id", frame_id)
-        put(self, "_timestamp", timestamp)
+        self._geometry = geometry
+        self._start = start
+        self._layers = layers
+        self._basic_layers = basic_layers
+        self._frame_id = frame_id
+        self._timestamp = timestamp
 
     # Properties
 
@@ -208,7 +204,7 @@ class GridMap(MutableMapping[str, Layer]):
     @start_index.setter
     def start_index(self, index: ArrayLike) -> None:
         start = as_size(index, "start_index")
-        self._geometry.check_cells(start, "start_index")
+        self._geometry.check_indices(start, "start_index")
         self._start = start
 
     @property
@@ -242,18 +238,6 @@ class GridMap(MutableMapping[str, Layer]):
     @timestamp.setter
     def timestamp(self, timestamp: int) -> None:
         self._timestamp = _as_time(timestamp)
-
-    if not TYPE_CHECKING:  # Type checkers find wrong names themselves.
-
-        def __setattr__(self, name: str, value: object) -> None:
-            try:
-                super().__setattr__(name, value)
-            except AttributeError:
-                if hasattr(type(self), name):
-                    raise
-                raise AttributeError(
-                    f'a map has no attribute {name!r}; to set a layer, write map["{name}"] = values'
-                ) from None
 
     # Layers
 
@@ -312,14 +296,14 @@ class GridMap(MutableMapping[str, Layer]):
         """Add or replace layers, as `dict.update` does.
 
         Args:
-            layers: names and values; a map of the same size may have another start index.
-            named: more of them, as keywords.
+            layers: names and values, or a map of the same size, with any start index.
+            named: more layers.
         """
         for name, value in {**dict(self._in_my_order(layers)), **named}.items():
             self[name] = value
 
     def setdefault(self, layer: str, default: ArrayLike = np.nan) -> Layer:
-        """Return a layer, which is added with `default` if the map lacks it."""
+        """Return a layer; add it with the value `default` if the map lacks it."""
         if layer not in self:
             self[layer] = default
         return self[layer]
@@ -385,11 +369,7 @@ class GridMap(MutableMapping[str, Layer]):
         return bool(inside) if inside.ndim == 0 else inside
 
     def get_index(self, position: ArrayLike) -> Size:
-        """Return the buffer row and column of the cell under a (2,) position [m].
-
-        Raises:
-            OutOfMapError: the position is not on the map.
-        """
+        """Return the buffer row and column of the cell under a (2,) position [m]."""
         point = as_point(position, "position")
         index = self._geometry.cell_at(point, self._start)
         if index is None:
@@ -410,11 +390,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._geometry.cells_at(positions, self._start)
 
     def get_position(self, index: ArrayLike) -> Positions:
-        """Return the center (2,) [m] of the cell at a buffer index.
-
-        Raises:
-            OutOfMapError: there is no such cell.
-        """
+        """Return the center (2,) [m] of the cell at a buffer index."""
         return np.array(self._geometry.center_of(self._checked(index), self._start))
 
     def get_positions(self, indices: ArrayLike | None = None) -> Positions:
@@ -423,9 +399,6 @@ class GridMap(MutableMapping[str, Layer]):
         Args:
             indices: (rows, cols), as `get_indices` and the regions return them, or (N, 2); buffer
                 indices. None means every cell, column after column of the buffer.
-
-        Raises:
-            OutOfMapError: there is no such cell.
         """
         if indices is None:
             x, y = self.axes()
@@ -447,7 +420,7 @@ class GridMap(MutableMapping[str, Layer]):
         return np.roll(x, self._start[0]), np.roll(y, self._start[1])
 
     def get_closest_position_in_map(self, positions: ArrayLike) -> Positions:
-        """Return each (2,) or (N, 2) position [m]; if it is outside, the nearest one on the map."""
+        """Return the point of the map nearest to each (2,) or (N, 2) position [m]."""
         return self._geometry.closest_position(positions)
 
     def at_position(
@@ -458,9 +431,9 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> float | NDArray[np.float64]:
         """Return the values of a layer at positions.
 
-        If a method needs a cell that is not finite, the next simpler method is used for that
-        position: cubic, linear, nearest. `NEAREST` returns NaN and infinities unchanged.
-        Near the border the missing neighbors repeat the border cell.
+        Where a method needs a cell that is not finite, the next simpler method is used: cubic,
+        linear, nearest. `NEAREST` returns NaN and infinities unchanged. Beyond the border, the
+        border cell is repeated.
 
         Args:
             layer: name of the layer.
@@ -469,19 +442,14 @@ class GridMap(MutableMapping[str, Layer]):
 
         Returns:
             A float for one position, else (N,) float64.
-
-        Raises:
-            LayerNotFoundError: there is no such layer.
-            OutOfMapError: a position is NaN or not on the map, whatever the method.
         """
         return interpolate(self, layer, positions, interpolation)
 
     def _checked(self, index: ArrayLike) -> Size:
-        """Return the buffer index of one cell; raise if there is no such cell."""
         row, column = cell = as_size(index, "index")
         rows, columns = self._geometry.size
         if not (0 <= row < rows and 0 <= column < columns):
-            self._geometry.check_cells(cell)
+            self._geometry.check_indices(cell)
         return cell
 
     # Validity and vectors
@@ -493,16 +461,13 @@ class GridMap(MutableMapping[str, Layer]):
             index: one (row, col), or many as (rows, cols) or (N, 2).
             layers: names of the layers that must be finite; None means the basic layers, and
                 without basic layers no cell is valid.
-
-        Raises:
-            OutOfMapError: there is no such cell.
         """
         cell = plain_cell(index)
         if cell is not None:
             self._checked(cell)
             names = self._names(layers)
             return bool(names) and all(isfinite(self._layers[n].item(cell)) for n in names)
-        cells = self._geometry.check_cells(index)
+        cells = self._geometry.check_indices(index)
         names = self._names(layers)
         valid = np.full(cells[0].shape, bool(names))
         for name in names:
@@ -534,10 +499,11 @@ class GridMap(MutableMapping[str, Layer]):
     # Moving and cutting
 
     def move(self, position: ArrayLike) -> list[BufferRegion]:
-        """Move the map while its data stays where it is in the frame.
+        """Move the map; its data stays where it is in the frame.
 
-        Only whole cells move, so that the center comes within half a cell of `position`. Cells that
-        leave the map are dropped, newly covered cells are NaN in all layers, no data is copied.
+        The map moves by whole cells, so that its center comes within half a cell of `position`.
+        Cells that leave the map are dropped, newly covered cells are NaN in all layers. No data is
+        copied.
 
         Args:
             position: (2,) new center [m].
@@ -554,16 +520,14 @@ class GridMap(MutableMapping[str, Layer]):
             slices = region.slices
             for data in self._layers.values():
                 data[slices] = _NO_DATA
-        put = object.__setattr__
-        put(self, "_start", ((row + shift[0]) % rows, (column + shift[1]) % columns))
-        put(self, "_geometry", self._geometry.shifted(shift))
+        self._start = (row + shift[0]) % rows, (column + shift[1]) % columns
+        self._geometry = self._geometry.shifted(shift)
         return regions
 
     def unwrapped(self, layer: str) -> Layer:
         """Return a layer (rows, cols) in map order: row 0, column 0 has the largest x and y.
 
-        It is the live layer when `start_index` is (0, 0), else a copy; `set_unwrapped` writes one
-        back.
+        It is the live layer if `start_index` is (0, 0), else a copy. See `set_unwrapped`.
         """
         return self._from_start(self[layer], (0, 0))
 
@@ -584,12 +548,6 @@ class GridMap(MutableMapping[str, Layer]):
         """Return a copy of the map whose layers are stored from another start index.
 
         `with_start_index((0, 0))` has every layer in map order.
-
-        Args:
-            index: row and column of the buffer where cell (0, 0) of the map is stored.
-
-        Raises:
-            OutOfMapError: there is no such cell.
         """
         result = self._with({})
         result.start_index = index
@@ -607,8 +565,7 @@ class GridMap(MutableMapping[str, Layer]):
     def get_submap(self, position: ArrayLike, length: ArrayLike) -> GridMap:
         """Return a copy of the cells that a rectangle overlaps.
 
-        The rectangle is clipped to the map; an edge within 1e-9 m of a cell border takes no further
-        cell.
+        The rectangle is clipped to the map. An edge within 1e-9 m of a cell border adds no cell.
 
         Args:
             position: (2,) center of the rectangle [m].
@@ -616,29 +573,31 @@ class GridMap(MutableMapping[str, Layer]):
 
         Returns:
             A map with the same layers, basic layers, frame and time, and start index (0, 0).
-
-        Raises:
-            OutOfMapError: the rectangle does not overlap the map.
-            GeometryError: a length is negative, or a number is not finite.
         """
         rows, columns = self._geometry.overlapped(position, length)
-        layers = ring_buffer.blocks(self._layers, self._start, self.size, rows, columns)
-        return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
+        return self._with(
+            self._blocks(rows, columns), self._geometry.cropped(rows, columns), (0, 0)
+        )
+
+    def _blocks(self, rows: slice, columns: slice) -> dict[str, Layer]:
+        copies = ring_buffer.copies(self._start, self.size, rows, columns)
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        layers = {}
+        for name, data in self._layers.items():
+            layers[name] = out = np.empty(shape, np.float32, "F")
+            for source, target in copies:
+                out[target] = data[source]
+        return layers
 
     def get_block(self, rows: slice, columns: slice) -> GridMap:
-        """Return the block of cells in some rows and columns; its layers are not copied.
-
-        This is for work on a large map tile by tile.
+        """Return a block of cells, for work on a large map tile by tile.
 
         Args:
-            rows, columns: slices of the map in map order: without a step, and not empty.
+            rows, columns: slices in map order, without a step and not empty.
 
         Returns:
             A map with the same layers, basic layers, frame and time, and start index (0, 0). Its
             layers are views, which are not contiguous; those of a map that has moved are copies.
-
-        Raises:
-            OutOfMapError: a slice has a step, or no cell of the map.
         """
         rows, columns = (
             _block_side(part, count) for part, count in zip((rows, columns), self.size, strict=True)
@@ -646,15 +605,15 @@ class GridMap(MutableMapping[str, Layer]):
         if self._start == (0, 0):
             layers = {name: data[rows, columns] for name, data in self._layers.items()}
         else:
-            layers = ring_buffer.blocks(self._layers, self._start, self.size, rows, columns)
+            layers = self._blocks(rows, columns)
         return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 
     def extend_to_include(self, other: GridMap) -> None:
         """Grow so that the map covers another one, by whole cells at the borders.
 
         The cells keep their places and values, new cells are NaN. A map that already covers the
-        other one (within 1e-9 m) does not change; one that grows is stored anew, from start index
-        (0, 0). No data is copied, see `add_data_from`.
+        other one (within 1e-9 m) does not change; one that grows is stored from start index (0, 0).
+        `add_data_from` also copies the data.
 
         Raises:
             GridMapError: both maps name a frame and the frames differ.
@@ -672,20 +631,18 @@ class GridMap(MutableMapping[str, Layer]):
         overwrite_data: bool,
         layers: Iterable[str] | None = None,
     ) -> None:
-        """Copy the data of another map to where it is in this one.
+        """Copy the data of another map, which may differ in size, place and resolution.
 
-        Every cell takes the finite values of the cell of the other map that its center is in. The
-        maps may differ in size, place and resolution.
+        Every cell gets the finite values of the cell of the other map that contains its center.
 
         Args:
-            other: the map to copy from; in the same frame, or one of the two names no frame.
-            extend_map: True to grow first, as `extend_to_include` does.
-            overwrite_data: True to replace finite values of this map, layer by layer.
-            layers: names of the layers to copy, None for all of the other map. Those that this map
-                lacks are added without data first.
+            other: the map to copy from, in the same frame or without a frame.
+            extend_map: grow first, as `extend_to_include` does.
+            overwrite_data: replace finite values of this map.
+            layers: names of the layers to copy; None means all of the other map. Layers that this
+                map lacks are added.
 
         Raises:
-            LayerNotFoundError: the other map lacks one of the layers.
             GridMapError: both maps name a frame and the frames differ.
             GeometryError: the maps are so far apart that there would be too many cells.
         """
@@ -698,27 +655,21 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Return the map in another frame, as a surface of 3-D points seen from above.
 
-        Each cell with a finite height is a point that is rotated and shifted. Where several come
-        down on the same cell, the highest one stays; among equal heights, that of the last column
-        and row. The other layers take their values along unchanged. Points that come down beside
-        the new map are lost.
+        Each cell with a finite height is a point, which carries the values of the other layers. If
+        several points fall into one cell, the highest one stays; among equal heights, that of the
+        last column and row. Points outside the new map are lost.
 
         Args:
             transform: (4, 4) rotation and translation [m] from the frame of this map to the new
                 one. Scales, shears and mirrors are refused.
             height_layer: name of the layer that holds z [m].
             frame_id: the new frame.
-            sample_ratio: for more than 0, four more points per cell are taken beside its center,
-                along x and y by this fraction of the resolution, at the same height; this closes
-                gaps.
+            sample_ratio: if positive, each cell adds four more points at the same height, offset
+                from its center along x and y by this fraction of the resolution; this closes gaps.
 
         Returns:
             A map of the same resolution, layers, basic layers and time, and start index (0, 0).
             It is centered on the moved corners (at z = 0) and covers them.
-
-        Raises:
-            LayerNotFoundError: there is no such height layer.
-            GeometryError: the transform is not rigid or the ratio not finite.
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
@@ -741,7 +692,6 @@ class GridMap(MutableMapping[str, Layer]):
             ConfigError: `crs` is unknown.
             GridMapError: a layer is called x, y or spatial_ref.
         """
-        # At the top it would be an import cycle.
         from ..tiled._xarray import to_dataset
 
         return to_dataset(self, crs)
@@ -754,11 +704,10 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Return the map of a dataset or an array of xarray; the values are copied.
 
-        Each variable of the dimensions x and y is a layer, whatever the order of the dimensions and
-        the direction of the coordinates. Bands, a dimension `band`, become layers. No data, as
-        `_FillValue` marks it, is NaN; scales and offsets are applied. A variable without x or y is
-        ignored. An array without a name becomes `elevation`. Attributes that `to_xarray` does not
-        write are ignored; without a frame it is "map".
+        Each variable with the dimensions x and y, in any order and direction, is a layer; so is
+        each band along a dimension `band`. Values equal to `_FillValue` are NaN; scales and offsets
+        are applied. Variables without x or y are ignored. An array without a name becomes
+        `elevation`. The frame is "map" unless the attribute `frame_id` names another.
 
         Args:
             dataset: its coordinates x and y are the centers of square cells [m], evenly spaced.
@@ -768,8 +717,6 @@ class GridMap(MutableMapping[str, Layer]):
         Raises:
             GeometryError: coordinates are missing, not finite or not evenly spaced, or the cells
                 are no squares.
-            LayerNotFoundError: a layer does not exist.
-            LimitError: the map would have more cells than the limits allow.
             GridMapError: a layer has further dimensions or no numbers, the values cannot be read,
                 or an attribute is wrong.
         """
@@ -780,24 +727,19 @@ class GridMap(MutableMapping[str, Layer]):
     # Pictures
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
-        """Draw the map by Matplotlib, and return the axes.
-
-        `grid_map_visualization_py.pictures` draws it; the options are those of `plot` there for the
-        style "flat", of `plot_3d` for "surface" and of `plot_relief` for "relief".
+        """Draw the map with Matplotlib and return the axes.
 
         Args:
-            layer: gives the colors of a flat picture, else the heights; empty stands for
-                `elevation`, or else the first.
-            ax: axes to draw on; None stands for the current ones, or new ones for "surface".
+            layer: the colors of a flat picture, else the heights; empty means `elevation`, or the
+                first layer.
+            ax: axes to draw on; None means the current ones, or new ones for "surface".
             style: "flat", "surface" or "relief", or one that another package adds.
-            options: of the function that draws.
+            options: of `plot`, `plot_3d` or `plot_relief` in `grid_map_visualization_py.pictures`.
 
         Raises:
             MissingPackageError: grid_map_visualization_py or Matplotlib is not installed.
-            LayerNotFoundError: there is no such layer.
             ConfigError: there is no such style, or an option is invalid.
         """
-        # At the top it would slow down the import.
         from ._plots import plot
 
         return plot(self, layer, ax, style, options)
@@ -810,7 +752,6 @@ class GridMap(MutableMapping[str, Layer]):
 
     def _repr_html_(self) -> str:
         """Return a table of the layers for notebooks."""
-        # At the top it would be an import cycle, and would double the import time.
         from ._notebook import to_html
 
         return to_html(self)
@@ -822,7 +763,7 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return layers; those of another map are stored from the start index of this map."""
+        """Return layers; those of another map from the start index of this map."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
@@ -859,10 +800,8 @@ class GridMap(MutableMapping[str, Layer]):
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
         """Return a layer stored from another start index; no copy if it is the same."""
-        first = (
-            (self._start[0] - start[0]) % self.size[0],
-            (self._start[1] - start[1]) % self.size[1],
-        )
+        (row, column), (rows, columns) = self._start, self.size
+        first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)
 
 
@@ -888,7 +827,7 @@ def _wrong_name(layer: object) -> GridMapError:
 
 
 def _block_side(part: slice, count: int) -> slice:
-    """Return a slice of rows or columns with the numbers of its first cell and behind its last."""
+    """Return a slice of rows or columns without None and negative numbers."""
     start, stop, step = part.indices(count)
     if step != 1 or start >= stop:
         raise OutOfMapError(f"block: expected a slice of the {count} cells of a side, got {part}")

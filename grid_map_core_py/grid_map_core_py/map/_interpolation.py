@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Interpolation of a layer between the centers of its cells.
 
-All methods but `NEAREST` are separable: the value is a weighted sum over the cells in a few rows
-and columns around the position, and the weight of a cell is that of its row times that of its
-column. An axis therefore gives for every position the places of its cells in the buffer and their
-weights; beyond the border it repeats the border cell.
+All methods but `NEAREST` are separable: the value is a sum over the cells in a few rows and columns
+around the position, and the weight of a cell is the product of the weights of its row and column.
+Beyond the border, the border cell is repeated.
 """
 
 from __future__ import annotations
@@ -49,8 +48,8 @@ class Interpolation(Enum):
     CUBIC = "cubic"
     """Bicubic Hermite polynomial between the 4 nearest cell centers.
 
-    Its slopes are central differences, at the border with the border cell repeated. It differs from
-    `CUBIC_CONVOLUTION` only within half a cell of the border, where it goes on with these slopes.
+    Its slopes are central differences. It differs from `CUBIC_CONVOLUTION` only within half a cell
+    of the border, where it continues these slopes.
     """
 
 
@@ -78,8 +77,6 @@ def interpolate(
 
 def method_of(interpolation: object) -> Interpolation:
     """Return a method, which may be given by its name."""
-    if type(interpolation) is Interpolation:
-        return interpolation
     try:
         return Interpolation(interpolation)
     except ValueError:
@@ -92,13 +89,7 @@ def method_of(interpolation: object) -> Interpolation:
 def _value(
     geometry: GridGeometry, start: Size, layer: Layer, point: Pair, method: Interpolation
 ) -> float:
-    """Return the value at one position, the same as `Surface.values`.
-
-    For one position, plain numbers are several times as fast as arrays.
-
-    Raises:
-        OutOfMapError: the position is not on the map.
-    """
+    """Return the value at one position as `Surface.values` does, several times as fast."""
     if method is Interpolation.NEAREST:
         cell = geometry.cell_at(point, start)
         if cell is None:
@@ -111,7 +102,6 @@ def _value(
     columns = _neighbors(geometry._y, point[1], start[1], reach, closed_above)
     item, value = layer.item, 0.0
     for column, column_weight in columns:
-        # In the order of `_weighted_sums`: rounding depends on it.
         part = 0.0
         for row, weight in rows:
             part += item(row, column) * weight
@@ -198,8 +188,7 @@ class Surface:
             for step, out in enumerate(outs, start=1 - reach // 2):
                 known[_PADDING - step :].take(numbers, mode="clip", out=out)
         cells = self._data.take(rows + columns[:, np.newaxis], mode="clip")
-        # Products and sums one by one, from 0, as `_weighted_sum`, on every processor: `einsum` may
-        # fuse them.
+        # Unlike `einsum`, this never fuses products and sums, so that it equals `_value`.
         sums = np.multiply(cells, weights[:, 0]).sum(axis=1, initial=0.0)
         sums *= weights[:, 1]
         values: Positions = sums.sum(axis=0, initial=0.0)
@@ -222,8 +211,7 @@ class Surface:
 def _shape(method: Interpolation) -> tuple[int, bool]:
     """Return how many cells along an axis a method uses, and whether it is `CUBIC`.
 
-    As in C++, `CUBIC` takes a position on a line of centers for one below the line, the other
-    methods for one above it.
+    As in C++, a position on a line of centers counts as below the line for `CUBIC`, else as above.
     """
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 
@@ -274,10 +262,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
-    """Give a corner beyond the border the slope of the border cell, in cubic weights (4, 2, N).
-
-    If the border cell were only repeated, its slope would be zero.
-    """
+    """Continue the slope of the border cell beyond the border, in cubic weights (4, 2, N)."""
     for beyond, near, far in ((below >= np.array(size)[:, np.newaxis], 0, 3), (below <= 0, 3, 0)):
         if beyond.any():
             weights[far][beyond], weights[near][beyond] = _continued(
@@ -294,8 +279,7 @@ def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinat
 def _places(count: int, start: int, stride: int) -> Places:
     """Return the places in the flat buffer of the cells -2 ... count + 1 of an axis.
 
-    Beyond the map they repeat the border cell, which at the far border also serves positions that
-    rounding takes one cell too far.
+    Beyond the map they repeat the border cell.
     """
     cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
     return (cells + start) % count * stride

@@ -15,7 +15,6 @@ from ._axis import BORDER_TOLERANCE
 from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
-    from ..tiled import TiledMap
     from ._grid_map import GridMap
 
 _BLOCK = 1 << 15  # number of cells copied at a time, which fit into the cache
@@ -30,7 +29,7 @@ def add_data_from(
     layers: Iterable[str] | None,
 ) -> None:
     """Copy data of `other` into `grid_map`; see `GridMap.add_data_from`."""
-    check_frames(grid_map, other)
+    check_frames(grid_map.frame_id, other)
     sources = {name: other[name] for name in select_layers(other, layers)}
     if extend_map:
         grid_map.extend_to_include(other)
@@ -52,7 +51,7 @@ def add_data_from(
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     """Return a map that covers `other` as well; `grid_map` itself if it covers it already."""
-    check_frames(grid_map, other)
+    check_frames(grid_map.frame_id, other)
     inner, outer = grid_map.geometry, other.geometry
     # Far from the origin, coordinates are less precise than the usual tolerance.
     tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
@@ -78,13 +77,13 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     return grid_map._with(layers, geometry, (0, 0))
 
 
-def check_frames(grid_map: GridMap | TiledMap, other: GridMap) -> None:
-    """Raise `GridMapError` unless `other` is a map in the frame of `grid_map`."""
+def check_frames(frame_id: str, other: GridMap) -> None:
+    """Raise `GridMapError` unless `other` is a map in this frame, or one of both has no name."""
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {short(other)}")
-    if grid_map.frame_id and other.frame_id and grid_map.frame_id != other.frame_id:
+    if frame_id and other.frame_id and frame_id != other.frame_id:
         raise GridMapError(
-            f"other: expected a map in frame {grid_map.frame_id!r}, got {other.frame_id!r}. "
+            f"other: expected a map in frame {frame_id!r}, got {other.frame_id!r}. "
             f"Transform it with get_transformed_map first"
         )
 

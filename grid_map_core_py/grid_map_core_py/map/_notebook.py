@@ -67,7 +67,6 @@ def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
     resized = cv2.resize(np.ascontiguousarray(values), shape, interpolation=cv2.INTER_NEAREST)
     seen = np.asarray(resized, np.float32)
     if layer.endswith("color"):
-        # Imported here, because the conversions import this room.
         from ..conversions._packed_colors import color_value_to_bytes
 
         pixels = np.stack(color_value_to_bytes(seen)[::-1], axis=-1)

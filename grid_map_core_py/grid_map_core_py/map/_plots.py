@@ -8,8 +8,8 @@ function of a map, the name of a layer, the axes and further options.
 from importlib.metadata import entry_points
 from typing import Any
 
+from .._parameters import check
 from ..errors import MissingPackageError
-from ..plugins import check
 
 GROUP = "grid_map_core_py.plots"
 PACKAGE = "grid_map_visualization_py"

@@ -6,19 +6,12 @@
 buffer.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
 
 import numpy as np
 
 from .._arrays._checks import Integers, Layer, Size
-
-_FEW = 2**14  # number of cells from which on arithmetic is faster than looking up
-
-Block: TypeAlias = tuple[slice, slice]
-"""Rows and columns."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +47,8 @@ def lines(size: int, start: int) -> Integers:
 
 
 def place(numbers: Integers, start: int, size: int) -> None:
-    """Convert rows or columns of the map (N,) to buffer indices, in place, as `lines` has them."""
-    if start and numbers.size < _FEW:
-        lines(size, start).take(numbers, mode="clip", out=numbers)
-    elif start:
-        # Two passes of arithmetic are faster than looking up, but begin more slowly.
+    """Convert rows or columns of the map (N,) to buffer indices, in place."""
+    if start:
         numbers += start
         unsigned = numbers.view(np.uint64)
         # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
@@ -78,33 +68,25 @@ def block(
     """
     if out is None:
         out = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
-    for source, target in _copies(start, layer.shape, rows, columns):
+    for source, target in copies(start, layer.shape, rows, columns):
         out[target] = layer[source]
     return out
 
 
-def blocks(
-    layers: Mapping[str, Layer], start: Size, size: Size, rows: slice, columns: slice
-) -> dict[str, Layer]:
-    """Copy a block of map cells out of each layer, as `block` does; (rows, cols) is `size`."""
-    copies = _copies(start, size, rows, columns)
-    shape = rows.stop - rows.start, columns.stop - columns.start
-    result = {}
-    for name, layer in layers.items():
-        out = result[name] = np.empty(shape, layer.dtype, "F")
-        for source, target in copies:
-            out[target] = layer[source]
-    return result
+def copies(
+    start: Size, size: Size, rows: slice, columns: slice
+) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
+    """Return the places in the buffer, and in the block, of the one to four pieces of a block."""
+    in_columns = _pieces(columns, start[1], size[1])
+    return [
+        ((from_rows, from_columns), (to_rows, to_columns))
+        for from_rows, to_rows in _pieces(rows, start[0], size[0])
+        for from_columns, to_columns in in_columns
+    ]
 
 
 def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy of a layer in map order: it begins with the cell at the start index.
-
-    Args:
-        layer: (rows, cols) as it is stored.
-        start: start index, where cell (0, 0) of the map lies.
-        out: array of the same shape to copy into; None makes one.
-    """
+    """Return a copy of a layer in map order; `start` and `out` are those of `block`."""
     rows, columns = layer.shape
     return block(layer, start, slice(0, rows), slice(0, columns), out)
 
@@ -112,8 +94,8 @@ def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
     """Return the buffer regions that leave the map when it moves by `shift` cells.
 
-    They hold the newly covered cells afterwards. At most two strips of rows come first, then at
-    most two strips of columns; a shift by the whole map or more gives one region, the buffer.
+    They hold the newly covered cells afterwards: at most two strips of rows, then at most two of
+    columns; or the whole buffer.
     """
     (row, column), (rows, columns), (down, right) = start, size, shift
     if abs(down) >= rows or abs(right) >= columns:
@@ -122,17 +104,6 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
     regions = [BufferRegion((first, 0), (count, columns)) for first, count in strips]
     strips = _runs(column + min(right, 0), abs(right), columns)
     return regions + [BufferRegion((0, first), (rows, count)) for first, count in strips]
-
-
-def _copies(start: Size, size: Size, rows: slice, columns: slice) -> list[tuple[Block, Block]]:
-    """Return the places in the buffer and in the block of the one to four pieces of a block."""
-    in_rows = _pieces(rows, start[0], size[0])
-    in_columns = _pieces(columns, start[1], size[1])
-    return [
-        ((from_rows, from_columns), (to_rows, to_columns))
-        for from_rows, to_rows in in_rows
-        for from_columns, to_columns in in_columns
-    ]
 
 
 def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:

@@ -63,7 +63,6 @@ class SignedDistanceField:
         shape: rows, columns and levels.
 
     Raises:
-        LayerNotFoundError: there is no such layer.
         GeometryError: a height is not finite, `max_height` is below `min_height`, or there
             would be more than 2**31 nodes.
         GridMapError: there are cells without data, or `unknown` is neither None nor "free".
@@ -119,9 +118,6 @@ class SignedDistanceField:
 
         Returns:
             A float or (N,) float64 [m]; NaN where a coordinate is not finite.
-
-        Raises:
-            GeometryError: the points have another shape.
         """
         given, flat = _as_points(points)
         values = np.empty(len(flat))
@@ -141,10 +137,7 @@ class SignedDistanceField:
         return float(values[0]) if given.ndim == 1 else values
 
     def nearest_value(self, points: ArrayLike) -> float | Positions:
-        """Return the distance at the node nearest to each point, faster than `value`.
-
-        Arguments and errors: see `value`. Outside, the nearest node is one on the border.
-        """
+        """Return the distance at the node nearest to each point, faster than `value`."""
         given, flat = _as_points(points)
         values = np.empty(len(flat))
         for part in slices(len(flat), CHUNK):
@@ -166,9 +159,6 @@ class SignedDistanceField:
 
         Returns:
             (3,) or (N, 3) float64; NaN where a coordinate is not finite.
-
-        Raises:
-            GeometryError: the points have another shape.
         """
         return self.value_and_gradient(points)[1]
 
@@ -278,7 +268,6 @@ class SignedDistanceField:
 
 
 def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
-    """Return points as they are given, and as (N, 3)."""
     points: Positions = as_array(values, np.float64, "points")
     if points.ndim not in {1, 2} or points.shape[-1] != 3:
         raise GeometryError(f"points: expected x, y, z of shape (3,) or (N, 3), got {points.shape}")
@@ -301,7 +290,6 @@ def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
 
 
 def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Positions:
-    """Return the z of the levels (levels,)."""
     lowest = as_finite(min_height, "min_height")
     highest = as_finite(max_height, "max_height", least=lowest)
     steps = (highest - lowest - BORDER_TOLERANCE) / geometry.resolution
@@ -352,7 +340,6 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
 
 
 def _transformed(costs: Layer, resolution: float) -> Layer:
-    """Return the transposed distance transform of squared distances along the first axis."""
     rows, columns = costs.shape
     result: Layer = np.empty((columns, rows), np.float32)
     width = max(1, _STRIP // rows)

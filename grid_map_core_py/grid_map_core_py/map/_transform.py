@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from itertools import product
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -38,13 +38,11 @@ def transformed_map(
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
     geometry = _footprint(grid_map.geometry, matrix)
-    others = [name for name in grid_map if name != height_layer]
-    points = _points(grid_map, height_layer, matrix[:3], steps)
-    highest, sources = _seen_from_above(geometry, points, with_sources=bool(others))
+    highest, sources = _seen_from_above(grid_map, height_layer, geometry, matrix[:3], steps)
     is_empty = ~np.isfinite(highest)
     layers = {}
     for name in grid_map:
-        values = grid_map.unwrapped(name).ravel("F")[sources] if name in others else highest
+        values = grid_map.unwrapped(name).ravel("F")[sources] if name != height_layer else highest
         values[is_empty] = np.nan
         layers[name] = values.reshape(geometry.size, order="F")
     result = grid_map._with(layers, geometry, (0, 0))
@@ -97,66 +95,51 @@ def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) 
     return moved
 
 
-def _points(
-    grid_map: GridMap, height_layer: str, matrix: Positions, steps: list[tuple[float, float]]
-) -> Iterator[tuple[_Indices, Iterator[list[Positions]]]]:
-    """Yield, block by block, the numbers (cols, rows) of cells, and their moved points.
+def _seen_from_above(
+    grid_map: GridMap,
+    height_layer: str,
+    geometry: GridGeometry,
+    matrix: Positions,
+    steps: list[tuple[float, float]],
+) -> tuple[NDArray[np.float32], _Indices]:
+    """Return the height of the highest point in each cell, and the number of its source cell.
 
-    Cells are numbered column after column. The points are one x, y, z (cols, rows) for every step;
-    z is -inf where there is no height.
+    Both are in the order of stored layers, column after column; -inf where no point came down.
+    Among points of equal height, the one of the last source stays.
 
     Args:
-        matrix: (3, 4) how the points move.
+        grid_map: the map to move.
+        height_layer: name of the layer with the heights.
+        geometry: the moved grid.
+        matrix: (3, 4) how points move.
         steps: (dx, dy) [m] from the center of a cell to each of its points.
     """
     heights = grid_map.unwrapped(height_layer)
     x, y = grid_map.geometry.axes_in_map_order()
-    all_numbers = np.arange(y.size)[:, None] * x.size, np.arange(x.size)
-    for columns in slices(y.size, _BLOCK // x.size):
-        for rows in slices(x.size, _BLOCK):
-            z = heights[rows, columns].T.astype(np.float64)
-            missing = ~np.isfinite(z)
-            np.copyto(z, 0.0, where=missing)
-            lifts = [row[2] * z + row[3] for row in matrix]
-            np.copyto(lifts[2], -np.inf, where=missing)
-            yield (
-                all_numbers[0][columns] + all_numbers[1][rows],
-                (
-                    [
-                        _moved(row, x[rows] + dx, y[columns] + dy, lift)
-                        for row, lift in zip(matrix, lifts, strict=True)
-                    ]
-                    for dx, dy in steps
-                ),
-            )
-
-
-def _seen_from_above(
-    geometry: GridGeometry,
-    blocks: Iterator[tuple[_Indices, Iterator[list[Positions]]]],
-    *,
-    with_sources: bool,
-) -> tuple[NDArray[np.float32], _Indices]:
-    """Return the height of the highest point in each cell, and the number of its source.
-
-    Both are in the order of stored layers, column after column; -inf where no point came down.
-    Among points of equal height, the one of the last source stays.
-    """
+    all_numbers = np.arange(heights.size).reshape(y.size, x.size)
     # NaN would make maxima twice as slow.
     highest = np.full(math.prod(geometry.size), -np.inf, dtype=np.float32)
-    sources = np.zeros(highest.size if with_sources else 0, dtype=np.intp)
-    for numbers, points in blocks:
+    sources = np.zeros(highest.size, dtype=np.intp)
+    for columns, rows in product(slices(y.size, _BLOCK // x.size), slices(x.size, _BLOCK)):
+        z = heights[rows, columns].T.astype(np.float64)
+        missing = ~np.isfinite(z)
+        np.copyto(z, 0.0, where=missing)
+        lifts = [row[2] * z + row[3] for row in matrix]
+        np.copyto(lifts[2], -np.inf, where=missing)
         landed = []
-        for point in points:
-            cells, heights = _landed(geometry, *point)
-            np.maximum.at(highest, cells, heights)
-            if with_sources:
-                landed.append((cells, heights))
-        if with_sources:
+        for dx, dy in steps:
+            moved = (
+                _moved(row, x[rows] + dx, y[columns] + dy, lift)
+                for row, lift in zip(matrix, lifts, strict=True)
+            )
+            landed.append(_landed(geometry, *moved))
+            np.maximum.at(highest, *landed[-1])
+        if len(grid_map) > 1:
             # One row per source, so that they keep their order.
-            cells, heights = (np.stack(parts, axis=-1) for parts in zip(*landed, strict=True))
-            stays = highest[cells] == heights
-            sources[cells[stays]] = np.broadcast_to(numbers.reshape(-1, 1), stays.shape)[stays]
+            cells, found = (np.stack(parts, axis=-1) for parts in zip(*landed, strict=True))
+            stays = highest[cells] == found
+            numbers = all_numbers[columns, rows].reshape(-1, 1)
+            sources[cells[stays]] = np.broadcast_to(numbers, stays.shape)[stays]
     return highest, sources
 
 

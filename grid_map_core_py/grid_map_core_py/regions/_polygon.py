@@ -34,13 +34,11 @@ class Polygon:
     """An immutable polygon; operations return a new one.
 
     The last vertex is joined to the first. Edges may cross: the even-odd rule decides.
-    Two polygons are equal when they have the same vertices in the same order.
+    Two polygons are equal if they have the same vertices in the same order. Methods raise
+    `GeometryError` for too few vertices and for numbers that are not finite.
 
     Args:
         vertices: (V, 2) x, y [m], map frame.
-
-    Raises:
-        GeometryError: the vertices have another shape or are not finite.
 
     Example:
         >>> Polygon([(0, 0), (2, 0), (2, 1), (0, 1)]).area
@@ -60,9 +58,9 @@ class Polygon:
             raise GeometryError(
                 f"vertices: expected finite x, y of shape (V, 2), got {short(vertices)}"
             )
-        # The smallest and the largest x, y [m]; nothing if there are no vertices.
+        # The smallest and the largest x, y [m].
         self._ends = ends
-        # (V + 1, 2) the last vertex and then all: each row is joined to the next one.
+        # (V + 1, 2) the last vertex, then all vertices.
         self._closed = np.concatenate((points[-1:], points))
         self._closed.flags.writeable = False
         self._vertices = self._closed[1:]
@@ -78,11 +76,8 @@ class Polygon:
 
         Args:
             center: (2,) center [m].
-            radius: [m], not negative.
+            radius: [m].
             n: number of vertices, at least 2.
-
-        Raises:
-            GeometryError: there are too few vertices, or a number is negative or not finite.
         """
         start = as_finite(radius, "radius", least=0.0), 0.0
         return cls(np.array(as_pair(center, "center")) + _arc(start, _number(n, 2), 1.0))
@@ -91,15 +86,12 @@ class Polygon:
     def convex_hull_of_two_circles(
         cls, center1: ArrayLike, center2: ArrayLike, radius: float, n: int = 20
     ) -> Polygon:
-        """Return the hull of two circles of one radius: half a circle round each, then joined.
+        """Return the hull of two circles of the same radius [m].
 
         Args:
-            center1, center2: (2,) centers [m]; one circle when they are the same.
-            radius: radius of both [m], not negative.
+            center1, center2: (2,) centers [m].
+            radius: radius of both [m].
             n: number of vertices, at least 3; one is added if it is odd and the centers differ.
-
-        Raises:
-            GeometryError: there are too few vertices, or a number is negative or not finite.
         """
         first, second = np.array((as_pair(center1, "center1"), as_pair(center2, "center2")))
         radius, n = as_finite(radius, "radius", least=0.0), _number(n, 3)
@@ -120,9 +112,6 @@ class Polygon:
 
         Args:
             polygons: each a polygon, or its (V, 2) vertices [m].
-
-        Raises:
-            GeometryError: vertices have another shape or are not finite.
         """
         vertices = [cls.of(polygon).vertices for polygon in polygons]
         points = np.unique(np.concatenate([np.empty((0, 2)), *vertices]), axis=0).tolist()
@@ -137,21 +126,13 @@ class Polygon:
 
     @property
     def area(self) -> float:
-        """Area enclosed [m^2], never negative; where edges cross, parts may cancel each other.
-
-        Raises:
-            GeometryError: there are fewer than 3 vertices.
-        """
+        """Area enclosed [m^2], never negative; where edges cross, parts may cancel each other."""
         self._need_vertices(3, "area")
         return abs(0.5 * float(_doubled_areas(self._vertices).sum()))
 
     @property
     def centroid(self) -> Positions:
-        """(2,) center of the area [m]; NaN where there is no area.
-
-        Raises:
-            GeometryError: there are fewer than 3 vertices.
-        """
+        """(2,) center of the area [m]; NaN where there is no area."""
         self._need_vertices(3, "centroid")
         points = self._vertices - self._vertices[0]
         areas = _doubled_areas(self._vertices)
@@ -161,11 +142,7 @@ class Polygon:
 
     @property
     def bounding_box(self) -> BoundingBox:
-        """Center and sides of the rectangle around all vertices.
-
-        Raises:
-            GeometryError: there are no vertices.
-        """
+        """Center and sides of the rectangle around all vertices."""
         self._need_vertices(1, "bounding_box")
         lower, upper = map(np.array, self._ends)
         return BoundingBox(0.5 * (lower + upper), upper - lower)
@@ -194,11 +171,7 @@ class Polygon:
         return inside.reshape(points.shape[:-1]) if points.ndim > 1 else bool(inside[0])
 
     def thicken_line(self, thickness: float) -> Polygon:
-        """Return the rectangle that reaches `thickness` [m] to both sides of a line.
-
-        Raises:
-            GeometryError: there are not 2 distinct vertices, or the thickness is not finite.
-        """
+        """Return the rectangle that reaches `thickness` [m] to both sides of a line."""
         if len(self._vertices) != 2 or (self._vertices[0] == self._vertices[1]).all():
             raise GeometryError(f"thicken_line: expected 2 distinct vertices, got {short(self)}")
         start, end = self._vertices
@@ -209,9 +182,9 @@ class Polygon:
     def offset_inward(self, margin: float) -> Polygon:
         """Return the polygon with its edges moved inwards by `margin` [m]; outwards if negative.
 
-        Meant for convex polygons: at a vertex that points inwards the edges move the other way.
-        Vertices less than 1e-9 m apart move as one. A margin that leaves nothing of the polygon
-        turns it inside out.
+        For convex polygons: at a vertex that points inwards, the edges move the other way.
+        Vertices less than 1e-9 m apart move as one. A margin larger than the polygon turns it
+        inside out.
 
         Raises:
             GeometryError: the polygon has no area, or the margin is not finite.
@@ -232,10 +205,10 @@ class Polygon:
         return Polygon(moved[of_vertex])
 
     def to_inequality_constraints(self) -> tuple[Positions, Positions]:
-        """Return (A, b) so that `A @ x <= b` (all rows) holds for the points x of the polygon.
+        """Return (A, b) so that `A @ x <= b` holds for the points x of a convex polygon.
 
-        Valid for convex polygons. Every edge gives a row, scaled so that A (x - m) is 1 on the
-        edge, m being the mean of the vertices.
+        Every edge gives a row, scaled so that A (x - m) is 1 on the edge, where m is the mean of
+        the vertices.
 
         Returns:
             A: (E, 2).
@@ -256,10 +229,7 @@ class Polygon:
         return a, 1.0 + a @ mean
 
     def triangulate(self) -> list[Polygon]:
-        """Return triangles that all have the first vertex in common: a fan.
-
-        They cover a convex polygon. There are none for fewer than 3 vertices.
-        """
+        """Return the triangles between the first vertex and each edge, which cover it if convex."""
         return [Polygon([self._vertices[0], *pair]) for pair in pairwise(self._vertices[1:])]
 
     def __len__(self) -> int:
@@ -283,11 +253,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Return the (C, 2) vertices without repetitions, and the index of each vertex among them.
-
-        Raises:
-            GeometryError: they enclose no area.
-        """
+        """Return the (C, 2) vertices without repetitions, and the index of every vertex in them."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -300,10 +266,7 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at which edges from (2, ...) to (2, ...) reach y (...); level edges have none.
-
-    Same order of operations as the C++ library, so that points on edges get the same result.
-    """
+    """Return the x at which edges from (2, ...) to (2, ...) reach y (...), rounded as in C++."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x

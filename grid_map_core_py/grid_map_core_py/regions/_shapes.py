@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,20 +41,14 @@ def map_cells(grid_map: GridMap) -> Cells:
 
 
 def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) of a block, row after row of the map.
-
-    Cells beyond the map are left out.
+    """Return the cells (rows, cols) of a block that are on the map, row after row of the map.
 
     Args:
         start_index: buffer index of the block's cell with the largest x and y.
-        size: rows and columns of the block, not negative.
-
-    Raises:
-        OutOfMapError: the start index is not on the map.
-        GeometryError: a size is negative.
+        size: rows and columns of the block.
     """
     start, extent = as_size(start_index, "start_index"), as_size(size, "size")
-    grid_map.geometry.check_cells(start)
+    grid_map.geometry.check_indices(start)
     if min(extent) < 0:
         raise GeometryError(f"size: expected no negative numbers, got {extent}")
     rows, columns = (
@@ -68,7 +61,7 @@ def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> 
 
 
 def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
-    """Return a mask (rows, cols) of the layers that is True in the given cells.
+    """Return a mask (rows, cols) that is True in the given cells.
 
     Masks combine with `&`, `|` and `~`:
 
@@ -78,11 +71,8 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
 
     Args:
         cells: (rows, cols), as the regions return them, or (N, 2); buffer indices.
-
-    Raises:
-        OutOfMapError: there is no such cell.
     """
-    chosen = grid_map.geometry.check_cells(cells, "cells")
+    chosen = grid_map.geometry.check_indices(cells, "cells")
     mask: Mask = np.zeros(grid_map.size, dtype=np.bool_, order="F")
     mask[chosen] = True
     return mask
@@ -91,15 +81,11 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
 def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) whose center is in a disc, row after row.
 
-    The disc is closed: a center within 1e-9 m of the rim is inside. Cells beyond the map are left
-    out.
+    The disc is closed: a center within 1e-9 m of the rim is inside.
 
     Args:
         center: (2,) center of the disc [m]; it may be outside the map.
         radius: [m], not negative.
-
-    Raises:
-        GeometryError: the radius is negative, or a number is not finite.
     """
     limit, (x, y) = checked_radius(radius), as_pair(center, "center")
     geometry = grid_map.geometry
@@ -121,7 +107,7 @@ def half_chords(radius: float, distances: Positions) -> Positions:
     Args:
         radius: radius of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to include cell centers
             on the rim, as `circle_cells` does.
-        distances: (...) from the center of the disc to the chords, in the unit of the radius.
+        distances: (...) from the center to the chords, in the unit of the radius.
     """
     # Dividing by the radius first keeps the squares from overflowing.
     across = distances / radius
@@ -135,22 +121,16 @@ def ellipse_cells(
     """Return the cells (rows, cols) whose center is in an ellipse, row after row.
 
     With u and v the coordinates along the axes, these are the centers with
-    u^2 / (length_x / 2)^2 + v^2 / (length_y / 2)^2 <= 1, in floating point: unlike the rim of
-    `circle_cells`, this one has no tolerance. Cells beyond the map are left out.
+    u^2 / (length_x / 2)^2 + v^2 / (length_y / 2)^2 <= 1, without a tolerance.
 
     Args:
         center: (2,) center of the ellipse [m]; it may be outside the map.
         length: (2,) lengths of the full axes [m], along x and y before the rotation; if one is 0,
             there are no cells.
         rotation: counter-clockwise [rad].
-
-    Raises:
-        GeometryError: a length is negative, or a number is not finite.
     """
-    center, half_axes = (
-        np.array(as_pair(center, "center")),
-        0.5 * np.array(as_pair(length, "length")),
-    )
+    center = np.array(as_pair(center, "center"))
+    half_axes = 0.5 * np.array(as_pair(length, "length"))
     if (half_axes < 0).any():
         raise GeometryError(f"length: expected no negative numbers, got {short(length)}")
     angle = as_finite(rotation, "rotation", "a finite angle [rad]")
@@ -162,28 +142,19 @@ def ellipse_cells(
     # Both negated, which changes nothing in an ellipse.
     x, y = grid_map.geometry.negated_axes
     x, y = x[rows, None] + center[0], y[columns] + center[1]
-
-    def is_inside(x: Positions) -> Mask:
-        along, across = cosine * x + sine * y, sine * x - cosine * y
-        return np.asarray(along**2 / squared_a + across**2 / squared_b <= 1.0)
-
     mask: Mask = np.empty((x.size, y.size), dtype=np.bool_)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        for band in _bands(mask):
-            mask[band] = is_inside(x[band])
+        for band in slices(x.size, _BAND // max(y.size, 1)):
+            along, across = cosine * x[band] + sine * y, sine * x[band] - cosine * y
+            mask[band] = along**2 / squared_a + across**2 / squared_b <= 1.0
     return _cells_of_mask(grid_map, rows, columns, mask)
 
 
 def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
-    """Return the cells (rows, cols) whose center is in a polygon, row after row.
-
-    They are those whose center `Polygon.is_inside` takes, without the cells beyond the map.
+    """Return the cells (rows, cols) whose center `Polygon.is_inside` contains, row after row.
 
     Args:
         polygon: a polygon, or its (V, 2) vertices [m].
-
-    Raises:
-        GeometryError: the vertices have another shape or are not finite.
     """
     polygon = Polygon.of(polygon)
     if not len(polygon):
@@ -211,15 +182,14 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
 def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
     """Return the cells (rows, cols) along a line, from its start to its end.
 
-    The line is clipped to the map. It is drawn after Bresenham between the cells of its two ends,
-    both included: neighboring cells share a side or a corner.
+    The line is clipped to the map, and drawn with Bresenham's algorithm between the cells of its
+    ends, both included.
 
     Args:
         start, end: (2,) ends of the line [m]; they may be outside the map.
 
     Raises:
         OutOfMapError: the line does not touch the map.
-        GeometryError: a number is not finite.
     """
     geometry, ends = grid_map.geometry, (as_pair(start, "start"), as_pair(end, "end"))
     first, last = (geometry.cell_at(position) for position in ends)
@@ -229,19 +199,10 @@ def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
 
 
 def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) along the line between two cells.
-
-    Both ends are included. See `line_cells`.
-
-    Args:
-        start_index, end_index: buffer indices of the ends.
-
-    Raises:
-        OutOfMapError: there is no such cell.
-    """
+    """Return the cells (rows, cols) along the line between two buffer indices, both included."""
     ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
     for cell in ends:
-        grid_map.geometry.check_cells(cell)
+        grid_map.geometry.check_indices(cell)
     (row, column), (rows, columns) = grid_map.start_index, grid_map.size
     first, last = (((i - row) % rows, (j - column) % columns) for i, j in ends)
     return _drawn(grid_map, first, last)
@@ -264,7 +225,6 @@ def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
 
 
 def _taken(steps: int, longer: int) -> Integers:
-    """Return how many of its steps an axis has taken after 0 ... `longer` cells."""
     direction = -1 if steps < 0 else 1
     if abs(steps) == longer:
         return np.arange(0, steps + direction, direction)
@@ -278,10 +238,7 @@ def _taken(steps: int, longer: int) -> Integers:
 def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size]:
     """Return the first and the last cell of a line clipped to the map.
 
-    Liang and Barsky: every border of the map cuts off the line before or behind a fraction of it.
-
-    Raises:
-        OutOfMapError: there is no such part.
+    After Liang and Barsky.
     """
     on_map = geometry.contains(start), geometry.contains(end)
     enters, leaves = 0.0, 1.0
@@ -327,11 +284,6 @@ def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -
     row_of = np.ndarray(mask.shape, np.int64, lines(height, row)[rows], strides=(8, 0))
     column_of = np.ndarray(mask.shape, np.int64, lines(width, column)[columns], strides=(0, 8))
     return row_of[mask], column_of[mask]
-
-
-def _bands(mask: Mask) -> Iterator[slice]:
-    """Return slices of rows whose cells fit into the cache."""
-    return slices(mask.shape[0], _BAND // max(mask.shape[1], 1))
 
 
 def empty_cells(count: int) -> Cells:

@@ -15,8 +15,7 @@ from ..errors import GeometryError, GridMapError, short
 from ..map._grid_map import GridMap
 
 EdgeHandling: TypeAlias = Literal["inside", "crop", "empty", "mean"]
-"""Treatment of a window that reaches beyond the map: it is left out, cropped to the map, padded
-with NaN, or padded with the mean of its finite values."""
+"""Treatment of windows that reach beyond the map; see `sliding_windows`."""
 
 
 def sliding_windows(
@@ -29,23 +28,15 @@ def sliding_windows(
 ) -> Iterator[tuple[Size, Layer]]:
     """Return an iterator over the windows around all cells, in the order of `map_cells`.
 
-    Each item is the buffer index (row, column) of a cell and the window around it: a float32 array
-    in map order, read-only. The windows show the layer as it is now, also when it is written into
-    later on.
+    Each item is the buffer index (row, column) of a cell and the window around it: a read-only
+    float32 array in map order. Later changes of the layer have no effect.
 
     Args:
         layer: name of the layer.
-        edge_handling: "inside" gives only cells whose window is on the map, "crop" the part of
-            the window that does, "empty" pads the window with NaN, "mean" with the mean of its
-            finite values (NaN if there is none).
+        edge_handling: for windows that reach beyond the map: "inside" leaves them out, "crop"
+            cuts them off, "empty" pads them with NaN, "mean" with the mean of their finite values.
         window_size: side of the window in cells, odd.
         window_length: side of the window [m] instead; rounded to cells, one added if that is even.
-
-    Raises:
-        LayerNotFoundError: there is no such layer.
-        GridMapError: the edge handling is unknown.
-        GeometryError: the size is even or not positive, or not exactly one of size and length is
-            given.
     """
     _check_edge_handling(edge_handling, get_args(EdgeHandling))
     size = _window_cells(grid_map.resolution, window_size, window_length)
@@ -73,9 +64,6 @@ def window_array(
         (rows, cols, size, size) float32, read-only; with "inside" (rows - size + 1,
         cols - size + 1, size, size). "inside" and "empty" take the memory of one layer, "mean"
         that of all windows.
-
-    Raises:
-        LayerNotFoundError, GridMapError, GeometryError: as `sliding_windows`.
     """
     _check_edge_handling(edge_handling, ("inside", "empty", "mean"))
     size = _window_cells(grid_map.resolution, window_size, window_length)

@@ -26,17 +26,13 @@ FAR = 2.0**30
 def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) of a disc from the inside out, ring by ring.
 
-    A cell belongs to the ring of its distance from the center cell, in cells, rounded down. A ring
-    runs clockwise as seen from above and ends in the direction of -x. The cell under the center
-    always comes first; the others are those of `circle_cells`.
+    The ring of a cell is its distance from the center cell, in cells, rounded down. A ring runs
+    clockwise as seen from above and ends in the direction of -x. The cell under the center, if it
+    is on the map, always comes first; the others are those of `circle_cells`.
 
     Args:
-        center: (2,) center of the disc [m]; if it is outside the map, so does the center cell,
-            which is left out then.
+        center: (2,) center of the disc [m]; it may be outside the map.
         radius: [m], not negative.
-
-    Raises:
-        GeometryError: the radius is negative, or a number is not finite.
     """
     limit, center = checked_radius(radius), as_pair(center, "center")
     middle = _cell_under(grid_map.geometry, center)

@@ -35,7 +35,7 @@ def write(
             "Write it into a store first, by to_zarr"
         )
     path = check_local(source.path)
-    check_frames(site, grid_map)
+    check_frames(site.frame_id, grid_map)
     _check_resolution(site, grid_map)
     names = select_layers(grid_map, layers)
     if lacking := [name for name in names if name not in site.layers]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import redirect_stdout
 from typing import TYPE_CHECKING
 
-from grid_map_core_py.commands import (
+from grid_map_core_py._commands import (
     Destination,
     ProgressBar,
     UsageError,

@@ -13,8 +13,8 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
+from grid_map_core_py._parameters import nested
 from grid_map_core_py.errors import ConfigError, GridMapError, cut
-from grid_map_core_py.plugins import nested
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.errors import reason

@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from grid_map_core_py.commands import CommandError, UsageError, on_end
+from grid_map_core_py._commands import CommandError, UsageError, on_end
 from grid_map_core_py.errors import short
 
 from ..messages._packages import messages_of

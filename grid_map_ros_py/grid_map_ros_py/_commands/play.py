@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 
-from grid_map_core_py.commands import CommandError, message
+from grid_map_core_py._commands import CommandError, message
 from grid_map_core_py.errors import GridMapError, short
 from grid_map_core_py.files import parse_yaml
 

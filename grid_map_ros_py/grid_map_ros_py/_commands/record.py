@@ -7,7 +7,7 @@ import time
 from functools import partial
 from typing import Any
 
-from grid_map_core_py.commands import CommandError, UsageError, byte_count, message
+from grid_map_core_py._commands import CommandError, UsageError, byte_count, message
 from grid_map_core_py.errors import GridMapError
 
 from ..bags._bag import BagWriter

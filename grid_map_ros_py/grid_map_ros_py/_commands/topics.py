@@ -4,7 +4,7 @@
 import argparse
 from typing import Any
 
-from grid_map_core_py.commands import add_json, message, print_json, print_table
+from grid_map_core_py._commands import add_json, message, print_json, print_table
 
 from ._session import Session, check_positive, offers
 

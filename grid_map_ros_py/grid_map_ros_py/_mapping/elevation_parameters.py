@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from grid_map_core_py._parameters import build, cast
 from grid_map_core_py.elevation import (
     ConstantModel,
     LaserModel,
@@ -21,7 +22,7 @@ from grid_map_core_py.elevation import (
     StructuredLightModel,
 )
 from grid_map_core_py.errors import ConfigError
-from grid_map_core_py.plugins import build, cast, check
+from grid_map_core_py.plugins import check
 
 from ..messages._pose import Matrix
 from .poses import from_xyz_rpy

@@ -16,9 +16,10 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 
 from grid_map_core_py import GridGeometry
+from grid_map_core_py._parameters import build, cast, descriptions
 from grid_map_core_py.elevation import ElevationMapper, Parameters
 from grid_map_core_py.limits import check_cells
-from grid_map_core_py.plugins import build, cast, check, descriptions
+from grid_map_core_py.plugins import check
 
 from ..bags._bag import STORAGES
 from ..nodes import ConfiguredNode, has_tf, names_below, read_parameter, read_parameter_tree

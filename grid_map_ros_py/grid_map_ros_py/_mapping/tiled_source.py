@@ -14,7 +14,7 @@ from grid_map_core_py.limits import check_cells
 from grid_map_core_py.plugins import check
 from grid_map_core_py.tiled import TiledMap, open_map
 
-from ..nodes import ConfiguredNode, read_parameter, return_memory
+from ..nodes import ConfiguredNode, read_parameter
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,6 @@ class SourceSettings:
             MissingPackageError: a package that this kind of map needs is not installed.
         """
         check(bool(self.source), "source", "a Zarr store or a GeoTIFF file", self.source)
-        # Threads of Zarr unpack chunks, and each of them would keep the memory of some.
-        return_memory()
         site = open_map(self.source)
         if self.origin:
             site = site.with_origin(*self.origin)

@@ -85,7 +85,7 @@ def to_serialized_message(
     """
     if start_index is None:
         start_index = grid_map.start_index
-    grid_map.geometry.check_cells(np.asarray(start_index))
+    grid_map.geometry.check_indices(np.asarray(start_index))
     plain, first = _described(grid_map, layers, start_index)
     layout = to_layout(grid_map.size)
     plain.data = [

@@ -15,9 +15,10 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Mask, slices
+from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.conversions import COLOR_FIELDS, COLOR_LAYER, from_points, rasterize
 from grid_map_core_py.map import select_layers
-from grid_map_core_py.plugins import check, mismatch
+from grid_map_core_py.plugins import check
 
 from ..errors import MessageError
 from ._checks import check_fields, check_unique

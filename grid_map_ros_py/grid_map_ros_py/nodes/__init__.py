@@ -35,7 +35,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from grid_map_core_py._arrays import (
         keep_memory as keep_memory,
-        return_memory as return_memory,
     )
 
     from ._configured import ConfiguredNode as ConfiguredNode
@@ -64,7 +63,7 @@ if TYPE_CHECKING:
     )
 
 _OFFERED = {
-    "grid_map_core_py._arrays": "keep_memory return_memory",
+    "grid_map_core_py._arrays": "keep_memory",
     "._configured": "ConfiguredNode",
     "._failures": "dropping",
     "._health": "Health health_of",

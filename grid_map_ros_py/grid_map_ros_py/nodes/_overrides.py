@@ -10,9 +10,9 @@ from typing import Any
 
 from rclpy.node import Node
 
+from grid_map_core_py._parameters import node_sections
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import load_yaml
-from grid_map_core_py.plugins import node_sections
 
 
 def unmatched_files(node: Node, arguments: Sequence[str]) -> str:

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
+from grid_map_core_py._parameters import cast, describe as describe_type, mismatch, nested
 from grid_map_core_py.limits import Limits, set_limits
-from grid_map_core_py.plugins import cast, check, describe as describe_type, mismatch, nested
+from grid_map_core_py.plugins import check
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -118,7 +119,7 @@ def read_parameter_tree(
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
     `{"filter1": {"params": {"radius": 1}}}`. Names may hold any character but the separating dot,
     so `min/value` stays one name. Values keep the type that the file gave them, which
-    `grid_map_core_py.plugins` casts; arrays become lists. An empty list, an empty mapping and null
+    `cast` of the core casts; arrays become lists. An empty list, an empty mapping and null
     all arrive without type, as None.
 
     Args:

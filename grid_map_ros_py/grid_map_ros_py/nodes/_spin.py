@@ -24,8 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 from rclpy.utilities import ok, try_shutdown
 
-from grid_map_core_py._arrays import trim_memory
-from grid_map_core_py.commands import on_end
+from grid_map_core_py._commands import on_end
 from grid_map_core_py.errors import GridMapError, cut
 
 from ..errors import NodeFailedError, reason
@@ -43,9 +42,6 @@ _NO_FILE_OF_ROS_2 = ("before ros__parameters", "Sequences can only be values")
 _MIGRATION = (
     "https://github.com/grid-map-py/grid_map_py/blob/main/docs/migration_ros1.md#parameters"
 )
-
-_TRIM_PERIOD = 10.0
-"""Time between two calls of `trim_memory` [s]."""
 
 _MOMENT = 0.01
 """Time between repetitions of an interrupt that Python ignored [s]."""
@@ -173,7 +169,6 @@ def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
     health = health_of(node)
     health.offer(node)
     steady_timer(node, PERIOD, partial(health.report, node))
-    steady_timer(node, _TRIM_PERIOD, trim_memory)
     return node
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridMap
@@ -19,10 +18,8 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.nodes import (
     MapSubscription,
-    _spin,
     keep_memory,
     map_qos,
-    return_memory,
     run,
 )
 
@@ -98,35 +95,11 @@ def new_pages() -> int:
 
 
 def print_pages() -> None:
-    """Print the new pages of a block by itself, with kept memory, and with returned memory."""
-    for change in (int, keep_memory, return_memory, keep_memory):
+    """Print the new pages of a block before and after `keep_memory`."""
+    for change in (int, keep_memory):
         change()
         new_pages()
         print(new_pages())
-
-
-class Holey(Node):
-    """Frees every second block; prints its memory then, and once it has given back half [MB]."""
-
-    def __init__(self) -> None:
-        super().__init__("holey")
-        _spin._TRIM_PERIOD = 0.1
-        self._blocks = [b"%d" % i * 25_000 for i in range(1000, 2000)]
-        del self._blocks[::2]
-        self._first = own_memory()
-        self.create_timer(0.05, self._compare)
-
-    def _compare(self) -> None:
-        now = own_memory()
-        if now < self._first - 25:
-            print(json.dumps([self._first, now]))
-            try_shutdown()
-
-
-def own_memory() -> float:
-    """Return the resident memory of this process without files and shared memory [MB]."""
-    text = Path("/proc/self/status").read_text()
-    return int(re.findall(r"RssAnon:\s+(\d+)", text)[0]) / 1024
 
 
 def largest_segment() -> int:
@@ -139,10 +112,4 @@ def largest_segment() -> int:
 if __name__ == "__main__":
     if sys.argv[1] == "print pages":
         sys.exit(print_pages())
-    sys.exit(
-        run(
-            {"send": Sender, "send clouds": CloudSender, "receive": Receiver, "free": Holey}[
-                sys.argv[1]
-            ]
-        )
-    )
+    sys.exit(run({"send": Sender, "send clouds": CloudSender, "receive": Receiver}[sys.argv[1]]))

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from grid_map_core_py.commands import (
+from grid_map_core_py._commands import (
     CommandError,
     ProgressBar,
     UsageError,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from grid_map_core_py.commands import (
+from grid_map_core_py._commands import (
     CommandError,
     UsageError,
     add_rectangle,

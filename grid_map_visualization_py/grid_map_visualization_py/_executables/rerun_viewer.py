@@ -15,7 +15,6 @@ from grid_map_ros_py.nodes import (
     check_topic,
     health_of,
     read_parameter,
-    return_memory,
     steady_timer,
 )
 
@@ -36,7 +35,6 @@ class RerunViewerNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("rerun_viewer")
-        return_memory()
         about = (
             "topics that are shown, besides `/tf` and `/tf_static`; "
             "empty: all topics of types that can be shown, also those that appear later"

@@ -13,7 +13,7 @@ from pathlib import Path
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from grid_map_core_py.commands import UsageError
+from grid_map_core_py._commands import UsageError
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import DROPPED, NodeFailedError, reason

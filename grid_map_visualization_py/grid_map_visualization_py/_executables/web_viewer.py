@@ -16,7 +16,6 @@ from grid_map_ros_py.nodes import (
     has_tf,
     health_of,
     read_parameter,
-    return_memory,
     steady_timer,
 )
 
@@ -36,7 +35,6 @@ class WebViewerNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        return_memory()
         about = "topic of the maps at first; the page offers all others"
         topic = self.resolve_topic_name(self.read_topic("grid_map_topic", "/grid_map", about))
         about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from grid_map_core_py.commands import die_with_parent
+from grid_map_core_py._commands import die_with_parent
 from grid_map_core_py.errors import GridMapError
 
 from .._viewer.page import is_loopback, url_of

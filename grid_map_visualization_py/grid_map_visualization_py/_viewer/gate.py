@@ -18,9 +18,10 @@ from http.client import HTTPMessage
 from typing import Any
 from urllib.parse import urlsplit
 
+from grid_map_core_py._parameters import cast
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.limits import check_cells
-from grid_map_core_py.plugins import cast, check
+from grid_map_core_py.plugins import check
 
 LARGEST = 1e12
 """Largest absolute value of the coordinates of a camera or a ray [m]."""

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps of any size on the command line: when they run on tiles, and on which cluster."""
+"""Commands on maps of any size: when they run on tiles, and on which cluster."""
 
 import argparse
 import logging
 import math
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .._unfinished import unfinished
+from .._unfinished import scratch_folder
 from ..errors import required
+from ..limits import current_limits
 from ._maps import Destination, describe, read_map, source_format
 from ._output import CommandError, ProgressBar, UsageError, message
 
@@ -25,9 +24,10 @@ _TILED = ("zarr", "geotiff")
 _RECTANGLE = ("position", "lat", "lon", "length")
 """Options of `add_rectangle`."""
 
-_OPTIONS = ("workers", "memory", "scheduler", "resume")
+_OPTIONS = ("workers", "memory", "scheduler", "resume", "cog")
 """Options of runs on tiles."""
 
+_PATIENCE = 30  # time that a cluster has to answer [s]
 _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 
@@ -66,12 +66,7 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
     """Return the rectangle that the arguments of `add_rectangle` name.
 
-    The chunks under it are read, for maps in stores and rasters.
-
-    Raises:
-        UsageError: its place or its sides are missing, or the place is given twice.
-        CommandError: its place is on the earth, and the map has no reference system.
-        GridMapError: the map cannot be read.
+    Of stores and rasters, only the chunks under it are read.
     """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
@@ -96,7 +91,6 @@ def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = N
 
 
 def has_rectangle(options: argparse.Namespace) -> bool:
-    """Return whether an argument of `add_rectangle` is given."""
     return any(getattr(options, name) is not None for name in _RECTANGLE)
 
 
@@ -107,38 +101,26 @@ def tiled_source(
 
     These are Zarr stores and GeoTIFF files; without a destination, and from GeoTIFF to GeoTIFF,
     only those that are too large to be read at once, or all of them for `also_small`.
-
-    Raises:
-        UsageError: an option of `add_tiles` is given, and the map does not run on tiles.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
     on_tiles = source in _TILED and target in (None, *_TILED)
     also_small = also_small or getattr(options, "cog", False)
     if on_tiles and target in (None, "geotiff") and not also_small:
-        on_tiles = (target is not None and source == "zarr") or _is_large(options)
-    if not on_tiles:
-        _refuse_options(options)
-        return None
-    from ..tiled import open_map
+        rows, columns = describe(options)["map"]["size"]
+        is_large = rows * columns > current_limits().max_cells
+        on_tiles = is_large or (target is not None and source == "zarr")
+    if on_tiles:
+        from ..tiled import open_map
 
-    return open_map(options.source, chunks=getattr(options, "chunks", None))
-
-
-def _is_large(options: argparse.Namespace) -> bool:
-    from ..limits import current_limits
-
-    rows, columns = describe(options)["map"]["size"]
-    return bool(rows * columns > current_limits().max_cells)
-
-
-def _refuse_options(options: argparse.Namespace) -> None:
-    for name in (*_OPTIONS, "cog"):
+        return open_map(options.source, chunks=getattr(options, "chunks", None))
+    for name in _OPTIONS:
         if getattr(options, name, None):
+            formats = " or ".join(_TILED)
             raise UsageError(
-                f"--{name} is for maps that are converted or filtered from {' or '.join(_TILED)} "
-                f"to {' or '.join(_TILED)}"
+                f"--{name} is for maps that are converted or filtered from {formats} to {formats}"
             )
+    return None
 
 
 def write_tiles(
@@ -163,7 +145,7 @@ def write_tiles(
     rows, columns = site.size
     cells = rows * columns / len(site.tiles)
     common = {"layers": options.layers, "overwrite": options.force}
-    with scheduler(options, threads), ProgressBar(unit="tiles", cells=cells, **progress) as bar:
+    with _scheduler(options, threads), ProgressBar(unit="tiles", cells=cells, **progress) as bar:
         if destination.format.name == "zarr":
             site.to_zarr(destination.path, resume=options.resume, progress=bar, **common)
         elif options.resume:
@@ -175,40 +157,28 @@ def write_tiles(
 
 
 @contextmanager
-def scheduler(options: argparse.Namespace, threads: int | None = None) -> Iterator[None]:
-    """Let tiles be computed by the cluster that the arguments of `add_tiles` name.
-
-    Raises:
-        UsageError: an argument makes no sense.
-        CommandError: the cluster cannot be reached.
-        MissingPackageError: Dask is not installed.
-    """
-    if options.scheduler:
-        with _cluster_at(options.scheduler):
-            yield
-    elif options.workers is not None:
-        with _processes(options.workers, options.memory or "auto"):
-            yield
-    else:
+def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
+    """Let the processes or the cluster that the arguments of `add_tiles` name compute tiles."""
+    if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles", _REMEDY).config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):
             yield
-
-
-@contextmanager
-def _cluster_at(address: str) -> Iterator[None]:
-    distributed = _distributed()
-    wait = _timeout()
+        return
+    distributed = required("distributed", "a cluster", _REMEDY)
+    # Its errors are raised as well.
+    for name in ("distributed", "tornado", "asyncio"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    if options.scheduler is None:
+        with _processes(distributed, options.workers, options.memory or "auto"):
+            yield
+        return
     try:
-        client = distributed.Client(address, timeout=wait)
+        client = distributed.Client(options.scheduler)
+        client.wait_for_workers(1, timeout=_PATIENCE)
     except (OSError, TimeoutError, ValueError) as error:
-        text = str(error) or "there is no answer"
-        raise CommandError(f"{address}: the scheduler cannot be reached: {text}") from error
+        text = f"{options.scheduler}: the scheduler cannot be reached, or has no workers: {error}"
+        raise CommandError(text) from error
     try:
-        try:
-            client.wait_for_workers(1, timeout=wait)
-        except (OSError, TimeoutError) as error:
-            raise CommandError(f"{address}: the scheduler has no workers") from error
         yield
     finally:
         # A scheduler that is lost does not answer.
@@ -216,8 +186,7 @@ def _cluster_at(address: str) -> Iterator[None]:
 
 
 @contextmanager
-def _processes(count: int, memory: str) -> Iterator[None]:
-    distributed = _distributed()
+def _processes(distributed: Any, count: int, memory: str) -> Iterator[None]:
     from dask import utils
 
     if count < 1:
@@ -228,7 +197,7 @@ def _processes(count: int, memory: str) -> Iterator[None]:
     except ValueError as error:
         text = f"--memory: expected a size such as 1GB, got {memory}"
         raise UsageError(text) from error
-    with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-"))) as folder:
+    with scratch_folder() as folder:
         cluster = distributed.LocalCluster(
             count,
             threads_per_worker=1,
@@ -241,17 +210,3 @@ def _processes(count: int, memory: str) -> Iterator[None]:
         )
         with cluster, distributed.Client(cluster):
             yield
-
-
-def _distributed() -> Any:
-    """Return the package `distributed`, whose logs are silent: errors are raised, too."""
-    distributed = required("distributed", "a cluster", _REMEDY)
-    for name in ("distributed", "tornado", "asyncio"):
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    return distributed
-
-
-def _timeout() -> str:
-    from dask import config
-
-    return str(config.get("distributed.comm.timeouts.connect", "30s"))

@@ -8,13 +8,12 @@ import argparse
 import os
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from .._unfinished import unfinished
+from .._unfinished import scratch_folder
 from ..errors import GridMapError
 from ._output import CommandError, UsageError, message
 
@@ -33,15 +32,8 @@ _READING = (
     *("kind", "reduction", "min_height", "max_height", "tight"),
 )
 _WRITING = (
-    "compress",
-    "bits",
-    "mode",
-    "crs",
-    "storage",
-    "output_topic",
-    "chunks",
-    "black",
-    "white",
+    *("compress", "bits", "mode", "crs", "storage", "output_topic", "chunks"),
+    *("black", "white"),
 )
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
 """Options of the command line by where argparse keeps them, and their other names in formats."""
@@ -61,7 +53,6 @@ def _choose(
     from ..files import find_format, formats, options_of
 
     writes = of_source is not None
-    names: Iterable[str] = _WRITING if writes else _READING
     # Black and white may be meant for source or destination; the destination raises if neither
     # format uses them.
     shared = ("lower", "upper") if hasattr(options, "destination") else ()
@@ -72,9 +63,11 @@ def _choose(
 
     path = options.destination if writes else options.source
     wanted = options.to if writes else getattr(options, "from_format", None)
-    values = {name: getattr(options, name, None) for name in names}
-    flags = {_NAMES.get(name, name): name for name in names if values[name] is not None}
-    given = {called: values[name] for called, name in flags.items()}
+    flags, given = {}, {}
+    for name in _WRITING if writes else _READING:
+        if (value := getattr(options, name, None)) is not None:
+            called = _NAMES.get(name, name)
+            flags[called], given[called] = name, value
     if path == STANDARD:
         if wanted not in (None, "npz"):
             side = "output" if writes else "input"
@@ -94,11 +87,7 @@ def _choose(
 
 
 def source_format(options: argparse.Namespace) -> str:
-    """Return the name of the format of the source that the arguments of `add_source` name."""
     return _choose(options)[0].name
-
-
-# --- reading --------------------------------------------------------------------------------------
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
@@ -118,15 +107,7 @@ def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -
 
 
 def describe(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the format, the size and the facts of the source, as JSON has them.
-
-    Args:
-        options: the arguments of `add_source`.
-
-    Raises:
-        UsageError: an option is for other formats.
-        GridMapError: the file cannot be read.
-    """
+    """Return the format, the size and the facts of the source, as JSON has them."""
     from ..files import map_facts, options_of
 
     found, given = _choose(options)
@@ -136,16 +117,12 @@ def describe(options: argparse.Namespace) -> dict[str, Any]:
         else:
             known = options_of(found.describe)
             facts = found.describe(path, **{n: given[n] for n in known if n in given})
-    return {"path": options.source, "format": found.name, "bytes": _size(options.source)} | facts
-
-
-def _size(source: str) -> int | None:
-    """Return the size of a file, or of the files in a folder [bytes]; None for standard input."""
-    if source == STANDARD or _is_address(source):
-        return None
-    path = Path(source)
-    files = path.iterdir() if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())
+    size = None
+    if options.source != STANDARD and not _is_address(options.source):
+        path = Path(options.source)
+        files = path.iterdir() if path.is_dir() else [path]
+        size = sum(file.stat().st_size for file in files if file.is_file())
+    return {"path": options.source, "format": found.name, "bytes": size} | facts
 
 
 def _is_address(source: str) -> bool:
@@ -168,17 +145,7 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield records of the maps that go from the source to the destination.
 
-    These are all maps of a bag if the destination is a bag and `--index` is not given, else one
-    map.
-
-    Args:
-        options: the arguments of `add_source`.
-        destination: where the maps go.
-        layers: names of the layers to read; None means all.
-
-    Raises:
-        UsageError: an option is for other formats.
-        GridMapError: the source cannot be read, or the destination would replace it.
+    These are all maps of a bag if both are bags and `--index` is not given, else one map.
     """
     if _choose(options)[0].open_maps is None:
         yield [_Only(None, read_map(options, layers))]  # type: ignore[list-item]
@@ -200,16 +167,7 @@ def open_records(
 
 @contextmanager
 def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]]":
-    """Yield records of all maps of the source, whatever `--index` says.
-
-    Args:
-        options: the arguments of `add_source`.
-
-    Raises:
-        UsageError: an option is for other formats.
-        CommandError: the source is no bag, but of a format that holds one map.
-        GridMapError: the source cannot be read.
-    """
+    """Yield records of all maps of a bag, whatever `--index` says."""
     found, given = _choose(options)
     if found.open_maps is None:
         raise CommandError(f"{options.source}: expected a bag, which holds many maps")
@@ -228,7 +186,7 @@ def _source(path: str) -> Iterator[Path | str]:
         return
     if sys.stdin is None or sys.stdin.isatty():
         raise CommandError("expected an .npz file on standard input, from a file or a pipe")
-    with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-"))) as folder:
+    with scratch_folder() as folder:
         file = folder / "map.npz"
         with file.open("wb") as copy:
             shutil.copyfileobj(sys.stdin.buffer, copy)
@@ -236,9 +194,6 @@ def _source(path: str) -> Iterator[Path | str]:
             yield file
         except GridMapError as error:
             raise CommandError(str(error).replace(str(file), "standard input")) from error
-
-
-# --- writing --------------------------------------------------------------------------------------
 
 
 class Destination:
@@ -277,7 +232,6 @@ class Destination:
 
     @property
     def takes_many(self) -> bool:
-        """True for a bag, which holds any number of maps."""
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:
@@ -287,21 +241,13 @@ class Destination:
         return self.format.save_all is not None and self._holds_many and is_whole
 
     def write_all(self, options: argparse.Namespace) -> None:
-        """Write all messages of the source, and print their number.
-
-        Raises:
-            GridMapError, OSError: they cannot be read or written.
-        """
+        """Write all messages of the source, and print their number."""
         given = {"recover": True} if options.recover else {}
         count = self.format.save_all(options.source, self.path, **given)  # type: ignore[misc]
         message(f"{count} messages in {self.path}")
 
     def write(self, maps: Iterable[TimedMap]) -> int:
-        """Write maps, and return their number; each is written before the next is asked for.
-
-        Raises:
-            GridMapError, OSError: they cannot be written.
-        """
+        """Write maps, and return their number; each is written before the next is asked for."""
         if self.format.save_maps is not None:
             topic = {"topic": self.usual_topic or "/grid_map"}
             return self.format.save_maps(self.path, maps, **topic | self._given)
@@ -312,7 +258,7 @@ class Destination:
                 self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
                 continue
             # An archive is not written from its beginning to its end.
-            with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-"))) as folder:
+            with scratch_folder() as folder:
                 path = folder / "map.npz"
                 self.format.save(grid_map, path, **self._given)  # type: ignore[misc]
                 with path.open("rb") as file:
@@ -328,11 +274,7 @@ class Destination:
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Refuse to replace a file that is there.
-
-    Raises:
-        CommandError: there is one and `force` is false, or it is a device, a pipe or a socket.
-    """
+    """Raise `CommandError` if a file is there; with `force` only for devices, pipes, sockets."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)

@@ -12,9 +12,9 @@ Handler: TypeAlias = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 
 def on_end(handler: Handler) -> dict[signal.Signals, Any]:
-    """Let a handler take the signals that end a program; return their handlers until now.
+    """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the handlers before.
 
-    These are SIGINT, SIGTERM and SIGHUP. A SIGHUP that is ignored, as under `nohup`, stays ignored.
+    A SIGHUP that is ignored, as under `nohup`, stays ignored.
     A handler must not use locks such as those of `threading.Event`: the thread that it interrupts
     may hold them.
     """
@@ -25,13 +25,7 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
-    """Return a `preexec_fn` by which Linux ends the new process when this one ends for any reason.
-
-    It also ends when the thread ends that starts it.
-
-    Args:
-        number: the signal that ends it.
-    """
+    """Return a `preexec_fn` that makes Linux send this signal when the parent's thread ends."""
     set_parent_death_signal = 1
     # Loaded here, since the new process may do little before its program starts.
     parent, control = os.getpid(), ctypes.CDLL(None).prctl

@@ -2,7 +2,6 @@
 """Entry point of the command line: parses the arguments and runs a command."""
 
 import argparse
-import ast
 import os
 import re
 import signal
@@ -12,8 +11,6 @@ from collections.abc import Sequence
 from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import find_spec
-from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -26,7 +23,23 @@ from ._signals import on_end
 
 PROGRAM = "grid-map"
 GROUP = "grid_map_core_py.commands"
+
 BUILT_IN = ("info", "inspect", "convert", "submap", "doctor")
+
+HELP = {
+    "info": "show the contents of a file: topics, layers, size, place and time",
+    "inspect": "show range, mean, missing values and histogram of every layer",
+    "convert": "convert maps between file formats; make maps of clouds, meshes and height images",
+    "submap": "cut a rectangle out of a map, also out of one that is larger than memory",
+    "doctor": "show versions, missing or broken packages, and the settings of ROS and DDS",
+    "filter": "run a filter chain on a map of any size, or on all maps of a bag",
+    "plot": "draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video",
+    "view": "show a map, or all messages of a bag, in Rerun in the browser, until Ctrl-C",
+    "topics": "list the topics of running nodes",
+    "record": "record topics of any type to a bag, until Ctrl-C",
+    "play": "publish the messages of a bag at the pace of the recording",
+}
+"""Help of the commands of the suite: `grid-map --help` imports none of them."""
 
 _NO_READER = 128 + signal.SIGPIPE
 
@@ -54,8 +67,8 @@ def make_parser(words: Sequence[str]) -> Parser:
     commands = _commands()
     wanted = next((word for word in words if word in commands), None)
     for name, entry in commands.items():
-        summary = _summary(entry.value)
-        command = subparsers.add_parser(name, help=summary.rstrip("."), description=summary)
+        text = HELP.get(name, f"command of {entry.value}")
+        command = subparsers.add_parser(name, help=text)
         if name == wanted:
             try:
                 module = entry.load()
@@ -63,6 +76,7 @@ def make_parser(words: Sequence[str]) -> Parser:
             except Exception as error:
                 text = f"{name}: the command of {entry.value} cannot be loaded: {error}"
                 raise CommandError(text) from error
+            command.description = (module.__doc__ or "").partition("\n")[0]
             module.add_arguments(command)
             command.set_defaults(run=module.run, parser=command)
     return parser
@@ -70,30 +84,10 @@ def make_parser(words: Sequence[str]) -> Parser:
 
 def _commands() -> dict[str, EntryPoint]:
     """Return the commands of all packages by name, those of this package first."""
-    package = __package__.partition(".")[0]
-    own = [EntryPoint(name, f"{package}._commands.{name}", GROUP) for name in BUILT_IN]
-    known = {entry.name: entry for entry in own}
+    known = {name: EntryPoint(name, f"{__package__}.{name}", GROUP) for name in BUILT_IN}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         known.setdefault(entry.name, entry)
     return known
-
-
-def _summary(module: str) -> str:
-    """Return the first line of a module's docstring without importing the module."""
-    package, *names = module.split(".")
-    # A package that is missing or damaged has no summary.
-    try:
-        for folder in find_spec(package).submodule_search_locations:  # type: ignore[union-attr]
-            for path in (
-                Path(folder, *names).with_suffix(".py"),
-                Path(folder, *names, "__init__.py"),
-            ):
-                if path.is_file():
-                    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-                    return text.partition("\n")[0]
-    except Exception:
-        return ""
-    return ""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -136,14 +130,13 @@ def _run(arguments: Sequence[str]) -> int:
         parser = options.parser
         if unknown:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-        limits = {field.name: getattr(options, field.name, None) for field in fields(Limits)}
+        given = {field.name: getattr(options, field.name, None) for field in fields(Limits)}
         # For all threads of the command.
-        before = set_limits(**{name: value for name, value in limits.items() if value is not None})
+        before = set_limits(**{name: value for name, value in given.items() if value is not None})
         try:
-            code: int = options.run(options)
+            return int(options.run(options))
         finally:
             set_limits(before)
-        return code
     except BrokenPipeError:
         raise
     except Exception as error:

@@ -11,7 +11,7 @@ _FORMAT = "name of the format, if the name of the file does not tell it"
 
 
 def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
-    """Add the file to read, how to read it, and which map of a bag to take.
+    """Add the file to read and the options of its formats.
 
     Args:
         parser: of the command.
@@ -21,35 +21,21 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     group = parser.add_argument_group("reading")
     name = group.add_argument("--from", dest="from_format", metavar="FORMAT", help=_FORMAT)
     completed(name, complete_formats)
-    for option, text in (
-        ("--resolution", "clouds, meshes, height images: side of a cell [m]"),
-        ("--black", "height images, read or written: height of black [m]"),
-        ("--white", "height images, read or written: height of white [m]"),
-        ("--min-height", "clouds: smallest height of points that are used [m]"),
-        ("--max-height", "clouds: largest height of points that are used [m]"),
-    ):
-        group.add_argument(option, type=float, help=text)
-    group.add_argument(
-        "--height-layer", metavar="NAME", help="name of the layer of heights (elevation)"
-    )
-    group.add_argument(
-        "--as",
-        dest="kind",
-        choices=("points", "mesh"),
-        help="clouds and meshes: read as (mesh if the file has faces)",
-    )
-    group.add_argument(
-        "--reduce",
-        dest="reduction",
-        choices=("max", "min", "mean", "median", "first", "last", "variance", "count"),
-        help="clouds: reduction of the heights in a cell (max)",
-    )
-    group.add_argument(
-        "--tight",
-        action="store_const",
-        const=True,
-        help="clouds: center the map on the points, not on multiples of the resolution",
-    )
+    number = partial(group.add_argument, type=float)
+    number("--resolution", help="clouds, meshes, height images: side of a cell [m]")
+    number("--black", help="height images, read or written: height of black [m]")
+    number("--white", help="height images, read or written: height of white [m]")
+    number("--min-height", help="clouds: smallest height of points that are used [m]")
+    number("--max-height", help="clouds: largest height of points that are used [m]")
+    about = "name of the layer of heights (elevation)"
+    group.add_argument("--height-layer", metavar="NAME", help=about)
+    about = "clouds and meshes: read as (mesh if the file has faces)"
+    group.add_argument("--as", dest="kind", choices=("points", "mesh"), help=about)
+    reductions = ("max", "min", "mean", "median", "first", "last", "variance", "count")
+    about = "clouds: reduction of the heights in a cell (max)"
+    group.add_argument("--reduce", dest="reduction", choices=reductions, help=about)
+    about = "clouds: center the map on the points, not on multiples of the resolution"
+    group.add_argument("--tight", action="store_const", const=True, help=about)
     group = parser.add_argument_group("bags")
     topic = group.add_argument("--topic", help="topic of the maps, if the bag has several")
     completed(topic, complete_topics)
@@ -68,7 +54,6 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
 
 
 def add_layers(parser: argparse.ArgumentParser, text: str) -> None:
-    """Add names of layers."""
     action = parser.add_argument(
         "--layer", dest="layers", metavar="LAYER", action="append", help=f"{text}; may be repeated"
     )
@@ -79,39 +64,28 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     """Add the file to write, and how to write it."""
     parser.add_argument(
         "destination",
-        help="name without ending (a bag), .npz, .tif, .zarr, .png, .rrd (Rerun), FOLDER/map.yaml "
-        "(images of all layers), NAME.yaml (nav2's map_server), or - for .npz to a pipe",
+        help="name without ending (a bag), .npz, .tif, .zarr, .png, .rrd (Rerun), NAME.yaml "
+        "(nav2's map_server), or - for .npz to a pipe",
     )
     group = parser.add_argument_group("writing")
-    group.add_argument(
-        "-f", "--force", "--overwrite", action="store_true", help="replace existing files"
-    )
+    about = "replace existing files"
+    group.add_argument("-f", "--force", "--overwrite", action="store_true", help=about)
     name = group.add_argument("--to", metavar="FORMAT", help=_FORMAT)
     completed(name, partial(complete_formats, writes=True))
-    group.add_argument(
-        "--compress", action="store_const", const=True, help="bags, npz, GeoTIFF: compress the file"
-    )
-    group.add_argument(
-        "--bits", type=int, choices=(8, 16, 32), help="images: bits per pixel (16; 32 for .tif)"
-    )
-    group.add_argument(
-        "--mode",
-        choices=("trinary", "scale", "raw"),
-        help="map_server: mode of the image (trinary)",
-    )
-    group.add_argument(
-        "--crs", help="GeoTIFF, Zarr: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
-    )
+    about = "bags, npz, GeoTIFF: compress the file"
+    group.add_argument("--compress", action="store_const", const=True, help=about)
+    about = "height images: bits per pixel (16; 32 for .tif)"
+    group.add_argument("--bits", type=int, choices=(8, 16, 32), help=about)
+    about = "map_server: mode of the image (trinary)"
+    group.add_argument("--mode", choices=("trinary", "scale", "raw"), help=about)
+    about = "GeoTIFF, Zarr: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
+    group.add_argument("--crs", help=about)
     group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: storage format (mcap)")
     group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic of the maps")
 
 
 def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:
-    """Add the choice of JSON."""
     parser.add_argument("--json", action="store_true", help=text)
-
-
-# --- completion -----------------------------------------------------------------------------------
 
 
 def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> None:
@@ -119,16 +93,14 @@ def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> N
     action.completer = completer  # type: ignore[attr-defined]
 
 
-# On any error the completer returns nothing; the command itself reports the error.
+# On any error a completer returns nothing; the command itself reports the error.
 
 
 def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    """Return the layers of the source."""
     return [name for topic in _topics(parsed_args) for name in topic["map"]["layers"]]
 
 
 def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    """Return the topics of maps in the source."""
     parsed_args.topic = None
     return [topic["name"] for topic in _topics(parsed_args) if "name" in topic]
 
@@ -144,7 +116,6 @@ def _topics(parsed_args: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def complete_formats(*, writes: bool = False, **_: Any) -> list[str]:
-    """Return the names of the formats that are read, or written."""
     with suppress(Exception):
         from ..files import formats
 

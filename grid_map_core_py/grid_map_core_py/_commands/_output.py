@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tables, JSON, messages, errors and progress of the command line."""
+
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from datetime import timedelta
+from typing import TextIO
+
+from ..errors import GridMapError, cut
+
+_BAR = 30  # characters of a progress bar
+_PERIOD = 0.1  # time between two updates of its line [s]
+_JSON_PERIOD = 1.0  # time between two lines of JSON [s]
+
+
+class CommandError(GridMapError):
+    """A command failed: exit code 1."""
+
+
+class UsageError(CommandError):
+    """The arguments are invalid, independent of the files: exit code 2."""
+
+
+def message(text: str) -> None:
+    """Print a line of text for the user, to standard error, as `shown` returns it."""
+    print(f"grid-map: {shown(text)}", file=sys.stderr)
+
+
+def print_json(value: object) -> None:
+    print(json.dumps(value, indent=2, allow_nan=False))
+
+
+def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
+    """Return rows as a table; the columns `numbers` are aligned to the right."""
+    columns = [
+        [f"{cell:{'>' if number in numbers else '<'}{max(map(len, column))}}" for cell in column]
+        for number, column in enumerate(zip(*rows, strict=True))
+    ]
+    return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
+
+
+def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> None:
+    print(table(rows, numbers))
+
+
+def shown(text: str) -> str:
+    """Return a text with control characters escaped, and at most 500 characters of it."""
+    return cut("".join(one if one.isprintable() else repr(one)[1:-1] for one in cut(text)))
+
+
+def number(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def coordinate(value: float) -> str:
+    """Return a length or coordinate; a northing keeps its millimeters."""
+    return f"{value:.12g}"
+
+
+def byte_count(size: int) -> str:
+    value = float(size)
+    for unit in ("B", "kB", "MB"):
+        if value < 1000:
+            return f"{value:.3g} {unit}"
+        value /= 1000
+    return f"{value:.3g} GB"
+
+
+class ProgressBar:
+    """Shows progress: `[#####.....] 12/24 maps, 3.1 maps/s, 0:04 left`.
+
+    Leaving the context ends the line. If the stream is not a terminal, for example a log file, only
+    the last state is written.
+
+    Args:
+        stream: None means standard error, or standard output for `as_json`.
+        clock: returns the time [s].
+        quiet: show nothing.
+        unit: what is counted.
+        cells: cells of each, for a rate of cells; then the first call tells how many were finished
+            before.
+        as_json: print a line of JSON every second and at the end.
+    """
+
+    def __init__(
+        self,
+        stream: TextIO | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        quiet: bool = False,
+        unit: str = "maps",
+        cells: float = 0.0,
+        as_json: bool = False,
+    ) -> None:
+        self._stream = stream or (sys.stdout if as_json else sys.stderr)
+        self._clock = clock
+        self._quiet = quiet and not as_json
+        self._unit, self._cells, self._as_json = unit, cells, as_json
+        self._begin = clock()
+        self._before = None if cells else 0
+        self._shown_at = -math.inf
+        self._done = 0
+        self._total: int | None = None
+
+    def __enter__(self) -> "ProgressBar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._as_json or (self._before is not None and not self._quiet):
+            self._show(end="\n")
+
+    def __call__(self, done: int, total: int | None = None) -> None:
+        """Show that `done` of `total` are finished; None if `total` is unknown."""
+        self._done, self._total = done, total
+        now = self._clock()
+        if self._before is None:
+            self._begin, self._before = now, done
+        shows = self._as_json or (self._stream.isatty() and not self._quiet)
+        if shows and now - self._shown_at >= (_JSON_PERIOD if self._as_json else _PERIOD):
+            self._shown_at = now
+            self._show(end="\n" if self._as_json else "")
+
+    def _show(self, end: str) -> None:
+        done, total, seconds = self._done, self._total, self._clock() - self._begin
+        rate = (done - (self._before or 0)) / seconds if seconds > 0 else 0.0
+        left = (total - done) / rate if total is not None and rate else 0.0
+        pace = ("cells", rate * self._cells) if self._cells else (self._unit, rate)
+        if self._as_json:
+            facts = {self._unit: done, "of": total, "seconds": seconds}
+            facts |= {f"{pace[0]}_per_second": pace[1], "seconds_left": left}
+            text = json.dumps(facts)
+        else:
+            text = f"{done} {self._unit}, {pace[1]:.3g} {pace[0]}/s"
+            if total is not None:
+                filled = _BAR * done // max(total, 1)
+                text = f"[{'#' * filled:.<{_BAR}}] {text.replace(' ', f'/{total} ', 1)}"
+            if left:
+                text += f", {timedelta(seconds=round(left))} left"
+            if self._stream.isatty():
+                text = f"\r{text}\x1b[K"  # erases the rest of a longer line
+        self._stream.write(text + end)
+        self._stream.flush()
