@@ -5,7 +5,6 @@ from ._bag import (
     STORAGES as STORAGES,
     BagMessage as BagMessage,
     BagReader as BagReader,
-    BagRecord as BagRecord,
     BagTopic as BagTopic,
     BagWriter as BagWriter,
     bag_maps as bag_maps,
