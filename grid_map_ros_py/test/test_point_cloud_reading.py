@@ -28,7 +28,7 @@ from grid_map_ros_py import (
     to_message,
     to_point_cloud,
 )
-from grid_map_ros_py.messages import read_columns
+from grid_map_ros_py.messages._point_cloud import read_columns
 
 NAN = math.nan
 

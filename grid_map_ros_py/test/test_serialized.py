@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 from rclpy.serialization import serialize_message
 from test_cdr import assert_encodes
 from test_grid_map import maps, sample_map
-from test_multi_array import row_major
+from wire import row_major
 
 from grid_map_core_py import GridMap, OutOfMapError
 from grid_map_core_py.limits import changed_limits

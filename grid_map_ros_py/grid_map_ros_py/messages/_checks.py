@@ -82,7 +82,7 @@ def check_finite(
 def check_unrotated(field: str, orientation: "Quaternion") -> None:
     """Raise if a grid is rotated; the rows of a map run along x.
 
-    Zeros count as unrotated, because publishers that never set the orientation send them.
+    Zeros count as unrotated: publishers that never set the orientation send them.
     """
     *axis, w = found = (orientation.x, orientation.y, orientation.z, orientation.w)
     rotated = max(map(abs, axis)) > ROTATION_TOLERANCE * abs(w)
@@ -133,7 +133,7 @@ def as_float32(field: str, value: float) -> float:
 def as_written(value: float) -> float:
     """Return the float64 with the same shortest decimal form as a float32, such as 0.1.
 
-    Numbers beyond the range of float32, in messages that were never sent, become 0 or infinity.
+    Values outside the float32 range, which only unsent messages can hold, become 0 or infinity.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`grid_map_msgs/GridMap`, as a message or as its bytes (CDR), and `GridMap`."""
 
+import array
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Layer, Size
@@ -23,15 +25,19 @@ from ._checks import (
     check_unrotated,
 )
 from ._definition import GRID_MAP
-from ._multi_array import from_multi_array, to_layout, to_multi_array
-from ._packages import messages_of
+from ._packages import messages_of, set_array
 from ._time import NANOSECONDS, check_nanoseconds, from_stamp
 
 if TYPE_CHECKING:
+    from std_msgs.msg import Float32MultiArray
+
     from grid_map_msgs.msg import GridMap as GridMapMessage, GridMapInfo
 
 LARGEST_START_INDEX = 2**16 - 1
 """The message holds the start index as uint16."""
+
+_LABELS = ("column_index", "row_index")
+"""Labels of the dimensions of column-major layers; those of row-major layers are in reverse."""
 
 LARGEST_SIDE = 2**31
 """Maximum number of cells along a side."""
@@ -52,7 +58,7 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
             `basic_layers` holds only layers that are sent.
     """
     plain = _described(grid_map, layers, grid_map.start_index)
-    plain.data = [to_multi_array(layer) for layer in plain.data]
+    plain.data = [_to_multi_array(layer) for layer in plain.data]
     return _filled(messages_of("grid_map_msgs").GridMap(), plain)
 
 
@@ -73,7 +79,7 @@ def to_serialized_message(
         start_index = grid_map.start_index
     grid_map.geometry.check_cells(np.asarray(start_index))
     plain = _described(grid_map, layers, start_index)
-    layout = to_layout(grid_map.size)
+    layout = _layout(grid_map.size)
     plain.data = [
         SimpleNamespace(layout=layout, data=np.asarray(layer, np.float32).ravel("F"))
         for layer in plain.data
@@ -136,6 +142,29 @@ def _filled(message: Any, plain: SimpleNamespace) -> Any:
         else:
             setattr(message, name, value)
     return message
+
+
+def _to_multi_array(layer: npt.ArrayLike) -> "Float32MultiArray":
+    messages = messages_of("std_msgs")
+    data = np.asarray(layer, dtype=np.float32, order="F")
+    message: Float32MultiArray = messages.Float32MultiArray()
+    message.layout.dim = [
+        messages.MultiArrayDimension(**vars(dimension)) for dimension in _layout(data.shape).dim
+    ]
+    values = array.array("f")
+    values.frombytes(data.T.data.cast("B"))
+    set_array(message, values)
+    return message
+
+
+def _layout(size: Size) -> SimpleNamespace:
+    """Return an object with the attributes of `MultiArrayLayout`, for a column-major layer."""
+    rows, columns = size
+    sizes = zip(_LABELS, (columns, rows), (rows * columns, rows), strict=True)
+    dim = [
+        SimpleNamespace(label=label, size=count, stride=stride) for label, count, stride in sizes
+    ]
+    return SimpleNamespace(dim=dim, data_offset=0)
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -292,9 +321,39 @@ def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
             raise MessageError(f"layers[{index}]", expected, name)
     check_unique("layers", names)
     return {
-        name: from_multi_array(values, size, f"layer {name!r}, data[{index}]")
+        name: _from_multi_array(values, size, f"layer {name!r}, data[{index}]")
         for index, (name, values) in enumerate(zip(names, message.data, strict=True))
     }
+
+
+def _from_multi_array(message: "Float32MultiArray", size: Size, field: str) -> Layer:
+    """Return the (rows, cols) values of a message, a view of its memory.
+
+    Data is column-major (`column_index` first) or row-major (`row_index` first), begins after
+    `data_offset` values and ends with the array. Publishers leave strides unset or count them in
+    their own ways: all strides that occur without padding are accepted.
+    """
+    labels = tuple(dim.label for dim in message.layout.dim)
+    if labels not in (_LABELS, _LABELS[::-1]):
+        expected = f"the labels {_LABELS}, or in reverse"
+        raise MessageError(f"{field}.layout.dim", expected, labels)
+    shape = size[::-1] if labels == _LABELS else size
+    offset, cells = message.layout.data_offset, size[0] * size[1]
+    for axis, (dim, count) in enumerate(zip(message.layout.dim, shape, strict=True)):
+        if dim.size != count:
+            expected = f"{count} ({dim.label} of {size[0]} x {size[1]} cells)"
+            raise MessageError(f"{field}.layout.dim[{axis}].size", expected, dim.size)
+    if len(message.data) != offset + cells:
+        expected = f"{offset + cells} values ({size[0]} x {size[1]} cells"
+        expected += f" after data_offset {offset})" if offset else ")"
+        raise MessageError(f"{field}.data", expected, len(message.data))
+    strides = (0, 1, *shape, cells)
+    for axis, dim in enumerate(message.layout.dim):
+        if dim.stride not in strides:
+            expected = f"one of {strides}, as there is no padding"
+            raise MessageError(f"{field}.layout.dim[{axis}].stride", expected, dim.stride)
+    values: Layer = np.asarray(message.data)[offset:].reshape(shape)
+    return values.T if labels == _LABELS else values
 
 
 def _start_index(message: "GridMapMessage", size: Size) -> Size:

@@ -23,8 +23,7 @@ from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
 from ._checks import check_fields
-from ._multi_array import set_array
-from ._packages import messages_of
+from ._packages import messages_of, set_array
 from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
@@ -82,14 +81,13 @@ def to_image(
     Args:
         grid_map: the map.
         layer: the layer that gives the values.
-        encoding: see the head of this module. With three or four channels the first three are
-            equal; a fourth one is alpha, 0 for NaN.
+        encoding: see `ENCODINGS`. With three or four channels the first three are equal; a fourth
+            one is alpha, 0 for NaN.
         lower: value that becomes 0; None means the smallest finite value of the layer.
         upper: value that becomes the largest number, 1.0 in images of floats; None means the
             largest finite value. An image of floats with neither bound contains the values.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
         MessageError: the encoding is unknown.
         GeometryError: the bounds are invalid.
     """
@@ -103,11 +101,10 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
 
     Args:
         grid_map: the map.
-        layer: the layer, as `color_vector_to_value` makes them.
+        layer: the layer, with values of `color_vector_to_value`.
         encoding: one with three channels, or four with alpha, which is 0 for NaN.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
         MessageError: the encoding is unknown or has a single channel.
     """
     kind = _encoding_of(encoding)
@@ -139,7 +136,6 @@ def from_image(
             `grid_map_core_py.from_image`.
 
     Raises:
-        MessageError: a field of the message contradicts another or is invalid.
         GeometryError: the bounds, the resolution or the position are invalid.
     """
     image, order = to_pixels(message)
@@ -173,8 +169,7 @@ def add_layer_from_image(
         message, layer, lower, upper, alpha_threshold: as in `from_image`.
 
     Raises:
-        MessageError: the image is not of the size of the map, or as in `from_image`.
-        GeometryError: the bounds are invalid.
+        MessageError: the image is not of the size of the map.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_layer_from_image(
@@ -194,7 +189,7 @@ def add_color_layer_from_image(
         alpha_threshold: as in `from_image`.
 
     Raises:
-        MessageError: the image is not of the size of the map, or as in `from_image`.
+        MessageError: the image is not of the size of the map.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_color_layer_from_image(
@@ -219,11 +214,10 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
 
     Args:
         message: the image.
-        size: rows and columns that it must have; None takes any.
+        size: rows and columns that it must have; None accepts any.
 
     Raises:
-        MessageError: the encoding is unknown, height, width, step and the number of bytes do not
-            fit each other, or the image has another size.
+        MessageError: the message contradicts itself, or the image has another size.
         LimitError: the image has too many pixels.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")

@@ -21,8 +21,7 @@ from grid_map_core_py.plugins import check, mismatch
 
 from ..errors import MessageError
 from ._checks import check_fields, check_unique
-from ._multi_array import set_array
-from ._packages import messages_of
+from ._packages import messages_of, set_array
 from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
@@ -48,12 +47,11 @@ _NONE: Mapping[str, str] = MappingProxyType({})
 def to_point_cloud(
     grid_map: GridMap, point_layer: str, layers: Iterable[str] | None = None
 ) -> "PointCloud2":
-    """Return one point for every valid cell of a map.
+    """Return one point for every cell where the point layer and all basic layers are finite.
 
-    A cell is valid where the point layer is finite and, when the map has basic layers, these are
-    finite too. The points come column after column of the map's buffer. All fields are float32 in
-    the order of the layers: x, y, z [m] in place of the point layer, `color` under the name `rgb`
-    that viewers know (unless a layer has that name), all others under their own names.
+    The points come column after column of the map's buffer. All fields are float32 in the order of
+    the layers: x, y, z [m] in place of the point layer, `color` under the name `rgb` that viewers
+    know (unless a layer has that name), all others under their own names.
 
     Args:
         grid_map: the map.
@@ -62,7 +60,6 @@ def to_point_cloud(
             is not among them.
 
     Raises:
-        LayerNotFoundError: the map lacks a layer.
         MessageError: another layer is called x, y or z.
     """
     select_layers(grid_map.layers, point_layer)
@@ -174,8 +171,8 @@ def from_point_cloud(
 ) -> GridMap:
     """Return a map whose cells hold heights and other fields of the points in them.
 
-    The whole message is checked before anything is allocated. Points with a coordinate that is not
-    finite, and those beside the map, are left out. The map has the frame and the time of the cloud.
+    Points with a coordinate that is not finite, and those beside the map, are left out. The map has
+    the frame and the time of the cloud.
 
     Args:
         message: the cloud, organized or not.
@@ -186,7 +183,7 @@ def from_point_cloud(
         length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points.
         position: (2,) center of the map [m]. Without length and position, the borders are at
             multiples of the resolution, so that maps of several clouds have the same cells.
-        onto: in place of these three a geometry, or a map whose other layers the result shares.
+        onto: replaces these three: a geometry, or a map whose other layers the result shares.
         more_layers: names of further layers made of the heights, each with its reduction.
         fields: names of the fields that become layers, besides the heights. None takes all that
             have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
@@ -196,10 +193,9 @@ def from_point_cloud(
         tight: True to center the map on the points instead of such borders.
 
     Raises:
-        MessageError: a field of the message contradicts another or is invalid, the cloud lacks
-            a field, or it is in another frame than the map `onto`.
+        MessageError: the cloud contradicts itself, lacks a field, or is in another frame than the
+            map `onto`.
         ConfigError: a reduction is unknown, or the grid is given twice or not at all.
-        GeometryError: resolution, length or position are invalid.
         GridMapError: a layer would be made twice, or there are no points to take an extent from.
     """
     points, columns = read_columns(message, fields)
@@ -247,11 +243,7 @@ def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
 
     Returns:
         (N,) values by the names of the fields, or (N, count) for a field of `count` numbers per
-        point; a count of 0 stands for 1. NaN as the cloud has it.
-
-    Raises:
-        MessageError: a field of the message contradicts another or is invalid; the error names
-            it, the expected and the actual value.
+        point; a count of 0 stands for 1.
     """
     check_layout(message)
     return {field.name: _view(message, field) for field in message.fields}
@@ -262,17 +254,10 @@ def read_columns(
 ) -> tuple[npt.NDArray[Any], dict[str, npt.NDArray[Any]]]:
     """Return the points of a cloud, and the columns for layers other than heights.
 
-    Args:
-        message: the cloud.
-        fields: as in `from_point_cloud`.
-
     Returns:
         points: (N, 3) x, y, z [m], float32 or float64; a view of the message if x, y, z are
             adjacent there.
         columns: (N,) values of the fields by the names of their layers.
-
-    Raises:
-        MessageError: as in `from_point_cloud`.
     """
     check_layout(message)
     known = {field.name: (index, field) for index, field in enumerate(message.fields)}
@@ -295,7 +280,7 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return the names of the layers of fields: mostly as the fields."""
+    """Return the names of the layers of fields; colors go to one layer."""
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():

@@ -19,11 +19,7 @@ LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
 
 
 def to_stamp(nanoseconds: int) -> "Time":
-    """Return nanoseconds since the epoch as a message.
-
-    Raises:
-        MessageError: they are no integer, negative, or too many for the message.
-    """
+    """Return nanoseconds since the epoch as a message; errors: see `check_nanoseconds`."""
     seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
     return messages_of("builtin_interfaces").Time(sec=seconds, nanosec=rest)
 
@@ -44,11 +40,7 @@ def check_nanoseconds(nanoseconds: int) -> int:
 
 
 def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
-    """Return the time of a message in nanoseconds since the epoch.
-
-    Raises:
-        MessageError: the time is before the epoch, or its nanoseconds are a second or more.
-    """
+    """Return the time of a message in nanoseconds since the epoch."""
     if stamp.sec < 0:
         raise MessageError(f"{field}.sec", "no negative number", stamp.sec)
     if stamp.nanosec >= NANOSECONDS:
