@@ -70,10 +70,7 @@ def run(options: argparse.Namespace) -> int:
 class _Recorder:
     """Subscribes to topics as they appear, and writes their messages as they were sent.
 
-    Args:
-        session: the node.
-        bag: where to write.
-        topics: names of topics; none for all.
+    Without `topics`, all topics are recorded.
 
     Attributes:
         counts: numbers of recorded messages by topic, with zero for topics without messages.
@@ -93,7 +90,6 @@ class _Recorder:
 
     @property
     def total(self) -> int:
-        """Number of recorded messages."""
         return sum(self.counts.values())
 
     def record(self, seconds: float, most: float) -> None:
