@@ -1,12 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps in bags of rosbag2.
-
-New bags are folders with `metadata.yaml` and one MCAP or sqlite3 file, as `ros2 bag record` of
-ROS 2 Jazzy leaves them. Bags with files of either format are read, split or not, and single files.
-Neither rclpy nor message packages are needed; MCAP needs the package `mcap`.
-
-The time of a message in a new bag is the time of its map by default.
-"""
+"""Reader and writer of bags, and the functions that use them."""
 
 import bisect
 import os
@@ -75,9 +68,6 @@ def save_to_bag(
     Raises:
         BagError: the bag cannot be written, it exists and `overwrite` is False, or there are no
             maps.
-        LayerNotFoundError: a map lacks a layer.
-        MessageError: the time of a map does not fit a message.
-        MissingPackageError: the package `mcap` is needed and not installed.
     """
     names = _once(layers)
     writer = BagWriter(path, overwrite=overwrite, storage=storage, compression=compression)
@@ -255,8 +245,6 @@ def load_from_bag(
     Raises:
         BagError: the bag is damaged or missing, lacks the topic or the map, or the topic is not one
             of maps.
-        LayerNotFoundError: the map lacks a layer.
-        MissingPackageError: the package `mcap` is needed and not installed.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -304,16 +292,7 @@ class BagTopic:
 
 
 def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagTopic]:
-    """Return the topics of a bag in the order of their names; no message is read.
-
-    Args:
-        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
-        recover: as for `load_from_bag`.
-
-    Raises:
-        BagError: the bag is damaged or missing.
-        MissingPackageError: the package `mcap` is needed and not installed.
-    """
+    """Return the topics of a bag in the order of their names; arguments: see `load_from_bag`."""
     with BagFiles(path, recover=recover) as files:
         times: dict[str, list[int]] = {name: [] for name in sorted(files.topics)}
         for entry, _, name in files.entries(times):
@@ -342,17 +321,7 @@ class BagMessage(NamedTuple):
     place: str
 
     def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
-        """Return the map in a message of maps.
-
-        Args:
-            layers: names of the layers to take; None means all.
-            unwrap: as for `from_message`.
-
-        Raises:
-            BagError: the message is damaged.
-            LimitError: the map has too many cells.
-            LayerNotFoundError: the map lacks a layer.
-        """
+        """Return the map in a message of maps; arguments: see `from_message`."""
         try:
             return from_serialized_message(self.data, layers, unwrap=unwrap)
         except MessageError as error:
@@ -364,17 +333,9 @@ class BagMessage(NamedTuple):
 class BagFiles:
     """Messages of any type in the files of a bag. Close it, or use it as a context manager.
 
-    Args:
-        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
-        recover: as for `load_from_bag`.
-
     Attributes:
         paths: the files.
         topics: type, encoding and quality of service of every topic.
-
-    Raises:
-        BagError: the bag is damaged or missing.
-        MissingPackageError: the package `mcap` is needed and not installed.
     """
 
     def __init__(self, path: str | PathLike[str], *, recover: bool = False) -> None:
@@ -442,10 +403,6 @@ def bag_messages(
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
         types: types of messages to read; None means all. Topics that are not in CDR are left out.
         recover: as for `load_from_bag`.
-
-    Raises:
-        BagError: the bag is damaged or missing.
-        MissingPackageError: the package `mcap` is needed and not installed.
     """
     wanted = None if types is None else {*types}
     with BagFiles(path, recover=recover) as files:

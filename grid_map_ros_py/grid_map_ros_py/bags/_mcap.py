@@ -164,6 +164,12 @@ class McapFile:
 
     def _scan_records(self, stream: BinaryIO, start: int, end: int, chunk: int = -1) -> None:
         assert self._scanned is not None
+        records = package("mcap.records", self._path)
+        streams = package("mcap.data_stream", self._path)
+        kinds = {
+            _SCHEMA: (records.Schema, self._schemas),
+            _CHANNEL: (records.Channel, self._channels),
+        }
         while start < end:
             stream.seek(start)
             code, length = _RECORD.unpack(stream.read(_RECORD.size).ljust(_RECORD.size, b"\0"))
@@ -178,19 +184,12 @@ class McapFile:
             elif code == _CHUNK:
                 content = self._unpacked(start)
                 self._scan_records(content, 0, content.seek(0, os.SEEK_END), start)
-            elif code in (_SCHEMA, _CHANNEL):
-                self._keep(code, stream.read(length))
+            elif code in kinds:
+                data = io.BytesIO(stream.read(length))
+                kind, kept = kinds[code]
+                record = kind.read(streams.ReadDataStream(data))
+                kept[record.id] = record
             start = after
-
-    def _keep(self, code: int, body: bytes) -> None:
-        records = package("mcap.records", self._path)
-        stream = package("mcap.data_stream", self._path).ReadDataStream(io.BytesIO(body))
-        if code == _SCHEMA:
-            schema = records.Schema.read(stream)
-            self._schemas[schema.id] = schema
-        else:
-            channel = records.Channel.read(stream)
-            self._channels[channel.id] = channel
 
     def _seek(self, stream: BinaryIO, offset: int, code: int) -> int:
         """Go to the content of the record at an offset, and return its length."""

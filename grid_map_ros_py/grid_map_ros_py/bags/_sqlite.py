@@ -73,12 +73,18 @@ class SqliteFile:
     """A database of rosbag2, of any version of its schema, open for reading only."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
         # A recorder that was killed, or still writes, leaves messages in a log beside the database.
         log = path.with_name(path.name + "-wal")
         mode = "mode=ro"
         if not log.exists() or not log.stat().st_size:
-            self._check_size()
+            # sqlite3 takes pages that are missing at the end for pages of zeros.
+            with path.open("rb") as file:
+                head = file.read(32)
+            size, count = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
+            size = 65536 if size == 1 else size
+            if len(head) < 32 or size * count > path.stat().st_size:
+                hint = f"'sqlite3 {path.name} .recover' reads the rest"
+                raise BagError(path, f"is cut off: the copy is not complete; {hint}")
             mode += "&immutable=1"
         self._database = sqlite3.connect(f"file:{quote(str(path))}?{mode}", uri=True)
         try:
@@ -112,13 +118,3 @@ class SqliteFile:
     def close(self) -> None:
         """Close the file."""
         self._database.close()
-
-    def _check_size(self) -> None:
-        """Refuse a file that ends before its last page, which sqlite3 takes for a page of zeros."""
-        with self._path.open("rb") as file:
-            head = file.read(32)
-        size, count = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
-        size = 65536 if size == 1 else size
-        if len(head) < 32 or size * count > self._path.stat().st_size:
-            reason = "is cut off: the copy is not complete"
-            raise BagError(self._path, f"{reason}; 'sqlite3 {self._path.name} .recover' may help")

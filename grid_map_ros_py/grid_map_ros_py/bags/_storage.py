@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Topics, entries, errors and metadata of bags, for MCAP and sqlite3 alike."""
 
+import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -107,16 +108,9 @@ def information(
     }
 
 
-class _Dumper(yaml.SafeDumper):
-    """Writes no aliases, which other readers may not know."""
-
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
-        return True
-
-
 def dump(document: object) -> str:
-    """Return a document as YAML."""
-    text: str = yaml.dump(document, Dumper=_Dumper, sort_keys=False)
+    """Return a document as YAML, without aliases, which other readers may not know."""
+    text: str = yaml.safe_dump(json.loads(json.dumps(document)), sort_keys=False)
     return text
 
 

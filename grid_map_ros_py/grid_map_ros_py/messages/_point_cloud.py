@@ -295,7 +295,16 @@ def check_layout(message: "PointCloud2") -> None:
         raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
     width, height, step = message.width, message.height, message.point_step
     for index, field in enumerate(message.fields):
-        _check_field(f"fields[{index}]", field, step)
+        path = f"fields[{index}]"
+        if not field.name:
+            raise MessageError(f"{path}.name", "a name", field.name)
+        if field.datatype not in TYPES:
+            expected = f"{min(TYPES)} to {max(TYPES)} (INT8 to FLOAT64)"
+            raise MessageError(f"{path}.datatype", expected, field.datatype)
+        end = field.offset + max(field.count, 1) * TYPES[field.datatype].itemsize
+        if end > step:
+            expected = f"at least {end}, where field {field.name!r} ({path}) ends"
+            raise MessageError("point_step", expected, step)
     check_unique("fields", (field.name for field in message.fields))
     if message.row_step < width * step:
         expected = f"at least {width * step} ({width} points of {step} bytes)"
@@ -303,18 +312,6 @@ def check_layout(message: "PointCloud2") -> None:
     if len(message.data) != height * message.row_step:
         expected = f"{height * message.row_step} bytes ({height} rows of {message.row_step})"
         raise MessageError("data", expected, len(message.data))
-
-
-def _check_field(path: str, field: "PointField", point_step: int) -> None:
-    if not field.name:
-        raise MessageError(f"{path}.name", "a name", field.name)
-    if field.datatype not in TYPES:
-        expected = f"{min(TYPES)} to {max(TYPES)} (INT8 to FLOAT64)"
-        raise MessageError(f"{path}.datatype", expected, field.datatype)
-    end = field.offset + max(field.count, 1) * TYPES[field.datatype].itemsize
-    if end > point_step:
-        expected = f"at least {end}, where field {field.name!r} ({path}) ends"
-        raise MessageError("point_step", expected, point_step)
 
 
 def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[Any]:
