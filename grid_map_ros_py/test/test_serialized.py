@@ -94,11 +94,6 @@ def test_row_major_and_moved_layers_are_copied() -> None:
     assert moved.start_index == (0, 0)
 
 
-def test_bytes_at_any_address_are_read() -> None:
-    data = b"x" + to_serialized_message(sample_map())
-    assert_maps_equal(from_serialized_message(memoryview(data)[1:]), sample_map())
-
-
 def test_only_requested_layers_need_memory() -> None:
     names = [f"layer {k}" for k in range(20)]
     grid_map = GridMap((20.0, 20.0), 0.1, layers=dict.fromkeys(names, 1.0))
