@@ -25,13 +25,7 @@ ROTATION_TOLERANCE = 1e-6
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
-    """Raise if an object is no message of a kind, or if the name of its frame is invalid.
-
-    Args:
-        message: the object.
-        kind: the kind, for the error.
-        paths: fields that tell messages of this kind from others.
-    """
+    """Raise if an object is no message of a kind, which has `paths`, or its frame is invalid."""
     try:
         attrgetter(*paths)(message)
     except AttributeError:
@@ -92,9 +86,6 @@ def check_unrotated(field: str, orientation: "Quaternion") -> None:
 
 def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
     """Return the grid of a message whose cells begin at the smallest x and y.
-
-    The resolution of the message is a float32; the grid gets the float64 with the same shortest
-    decimal form (0.1 for the 0.1 of the sender).
 
     Args:
         field: path of `info`.

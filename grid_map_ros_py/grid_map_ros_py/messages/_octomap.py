@@ -132,17 +132,14 @@ def load_octomap(
     max_bound: npt.ArrayLike = ANYWHERE,
     frame_id: str = "map",
 ) -> GridMap:
-    """Return the map of a file, as `from_octomap` makes it.
+    """Return the map of a `.bt` or `.ot` file.
 
     Args:
-        path: a `.bt` or `.ot` file.
+        path: the file.
         layers: None, or the name of the layer.
         height_layer: name of the layer.
         resolution, min_bound, max_bound: as in `from_octomap`.
         frame_id: frame of the map.
-
-    Raises:
-        GridMapError: the file cannot be read, is no octomap, or as in `from_octomap`.
     """
     bounds: dict[str, Any] = {"min_bound": min_bound, "max_bound": max_bound}
     with storage_errors(Path(path), "read"):

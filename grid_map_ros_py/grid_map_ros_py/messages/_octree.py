@@ -70,10 +70,6 @@ def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
     """Return the leaves of a tree in the full form, depth by depth; none for no bytes.
 
     Leaves with a probability of at least one half (log-odds of at least 0) are occupied.
-
-    Args:
-        data: (N,) bytes.
-        node_type: one of `NODE_TYPES`.
     """
     records = _records(data, node_type)
     if np.isnan(records["value"]).any():
@@ -98,10 +94,7 @@ def _levels(
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
     """Yield depth, numbers (M,) and keys (3, M) of the nodes of every depth.
 
-    Args:
-        children: (N, 8) True for children of a node that are stored after it.
-        deepest: largest allowed depth.
-        node_size: bytes of a node.
+    `children` (N, 8) tells which children of a node are stored after it.
     """
     if not len(children):
         return
@@ -152,7 +145,6 @@ def _child_keys(keys: Keys, children: npt.NDArray[np.bool_]) -> Keys:
 
 
 def side_of(depth: int) -> int:
-    """Return the number of voxels along a side of a node."""
     return 1 << (DEPTH - depth)
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`sensor_msgs/PointCloud2` and grid maps, and clouds as arrays.
 
-Clouds that are read may have fields of any of the eight number types, anywhere in the point and
-with gaps; rows may be padded, too. Only big-endian clouds are refused.
+Fields of clouds may have any of the eight number types and gaps between them, and rows may be
+padded. Big-endian clouds are refused.
 """
 
 import array
@@ -78,14 +78,9 @@ def to_point_cloud(
 
 
 def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2":
-    """Return the cells of a map as points of one height.
+    """Return the cells of a map as points of one height [m], with all layers as fields.
 
-    All layers are carried along, and x, y, z come last. Cells where a basic layer is not finite are
-    left out; without basic layers there is a point for every cell.
-
-    Args:
-        grid_map: the map.
-        height: z of the points [m].
+    x, y, z are the last fields. Cells where a basic layer is not finite are left out.
 
     Raises:
         MessageError: the height is not finite, or a layer is called x, y or z.
@@ -110,9 +105,8 @@ def _interleaved(
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
-    # A few columns of cells at a time stay in the cache while fields are interleaved. Their
-    # x are always the same. Cells without data are dropped by a mask, as a whole: by their indices
-    # it would take four times as long.
+    # Interleave a few columns of cells at a time, which stay in the cache, and drop cells without
+    # data with a mask, which is faster than indices.
     block = np.empty((max(1, min(BLOCK // rows, columns)), rows, len(names) + 2), FLOAT)
     block[:, :, field_of_x] = x
     cells = block.reshape(-1, len(names) + 2)
@@ -178,19 +172,16 @@ def from_point_cloud(
         message: the cloud, organized or not.
         layer: name of the layer that holds heights [m].
         resolution: side of a cell [m].
-        reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`,
-            `variance` or `count`; see `grid_map_core_py.from_points`.
-        length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points.
-        position: (2,) center of the map [m]. Without length and position, the borders are at
-            multiples of the resolution, so that maps of several clouds have the same cells.
-        onto: replaces these three: a geometry, or a map whose other layers the result shares.
+        reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`, `variance` or
+            `count`.
+        onto: replaces resolution, length and position: a geometry, or a map whose other layers the
+            result shares.
         more_layers: names of further layers made of the heights, each with its reduction.
-        fields: names of the fields that become layers, besides the heights. None takes all that
+        fields: names of the fields that become layers, besides the heights. None means all that
             have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
             unless the cloud has a field of that name.
-        field_reductions: names of fields whose reduction is not to be `mean`.
-        min_height, max_height: points below or above are left out [m].
-        tight: True to center the map on the points instead of such borders.
+        length, position, field_reductions, min_height, max_height, tight: as in
+            `grid_map_core_py.from_points`.
 
     Raises:
         MessageError: the cloud contradicts itself, lacks a field, or is in another frame than the
@@ -235,11 +226,8 @@ def from_point_cloud(
 def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
     """Return the fields of a cloud as arrays over its points, row after row.
 
-    The arrays are views of the message's memory, unless rows are padded.
-
-    Args:
-        message: the cloud, organized or not; `array.reshape(message.height, message.width)` has the
-            shape of an organized one.
+    The arrays are views of the message's memory, unless rows are padded. For an organized cloud,
+    reshape them to `(message.height, message.width)`.
 
     Returns:
         (N,) values by the names of the fields, or (N, count) for a field of `count` numbers per

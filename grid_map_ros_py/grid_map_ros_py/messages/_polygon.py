@@ -76,9 +76,7 @@ def to_line_marker(
         polygon: the polygon [m].
         line_width: width of the line [m].
         color: red, green, blue and alpha from 0 to 1.
-        frame_id: frame of the vertices.
-        timestamp: time of the message [ns].
-        height: z of the vertices [m].
+        frame_id, timestamp, height: as in `to_polygon`.
 
     Raises:
         MessageError: the height or the width of the line is invalid.

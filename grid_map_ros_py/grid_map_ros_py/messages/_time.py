@@ -19,17 +19,13 @@ LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
 
 
 def to_stamp(nanoseconds: int) -> "Time":
-    """Return nanoseconds since the epoch as a message; errors: see `check_nanoseconds`."""
+    """Return nanoseconds since the epoch as a message."""
     seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
     return messages_of("builtin_interfaces").Time(sec=seconds, nanosec=rest)
 
 
 def check_nanoseconds(nanoseconds: int) -> int:
-    """Return nanoseconds since the epoch as an integer that a message can hold.
-
-    Raises:
-        MessageError: they are no integer, negative, or too many.
-    """
+    """Return nanoseconds since the epoch as an integer that a message can hold."""
     try:
         exact = operator.index(nanoseconds)
     except TypeError:
