@@ -22,10 +22,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 COMPRESSIONS = ("none", "lz4", "zstd")
 
-_HINT = (
-    "recover=True, or 'grid-map convert --recover', reads it up to the last whole chunk; "
-    "'mcap recover' repairs it"
-)
+_HINT = "recover=True (--recover) reads up to the last whole chunk; 'mcap recover' repairs the file"
 
 _CHUNK_SIZE = 768 * 1024
 """Size [bytes] at which a chunk is written, the same as in rosbag2."""
