@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from .bags import (
         BagMessage as BagMessage,
         BagReader as BagReader,
-        BagRecord as BagRecord,
         BagTopic as BagTopic,
         BagWriter as BagWriter,
         bag_maps as bag_maps,
@@ -66,7 +65,7 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _OFFERED = {
-    "bags": "BagMessage BagReader BagRecord BagTopic BagWriter bag_maps bag_messages bag_topics "
+    "bags": "BagMessage BagReader BagTopic BagWriter bag_maps bag_messages bag_topics "
     "load_from_bag save_to_bag",
     "errors": "BagError MessageError MissingPackageError",
     "messages": "ReceivedMap add_color_layer_from_image add_layer_from_image from_costmap "

@@ -4,7 +4,6 @@
 from collections.abc import Iterable
 from dataclasses import asdict
 from os import PathLike
-from pathlib import Path
 from typing import Any, cast
 
 from grid_map_core_py import GridMap
@@ -12,12 +11,6 @@ from grid_map_core_py.files import Format, map_facts
 
 from .bags import BagReader, BagWriter, bag_topics, load_from_bag
 from .messages import load_octomap
-
-
-def _is_bag(path: Path) -> bool:
-    if path.is_dir():
-        return not (path / "map.yaml").exists()
-    return path.suffix.lower() in (".mcap", ".db3")
 
 
 def _describe_bag(
@@ -70,7 +63,11 @@ BAG = Format(
     name="bag",
     description="bag of rosbag2, any number of maps",
     endings=(".mcap", ".db3"),
-    reads=_is_bag,
+    reads=lambda path: (
+        not (path / "map.yaml").exists()
+        if path.is_dir()
+        else path.suffix.lower() in (".mcap", ".db3")
+    ),
     writes=lambda path: not path.suffix,
     load=load_from_bag,
     save=_save_bag,

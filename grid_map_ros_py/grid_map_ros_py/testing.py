@@ -74,7 +74,7 @@ def reserve_domain() -> tuple[int, socket.socket]:
     """Return an unused ROS domain, and a lock that reserves it until the lock is closed.
 
     It is never the domain of the caller, where nodes of the user may run. The lock is a TCP port,
-    as in ROS's own test tools; it is released when the process ends.
+    which the end of the process releases.
     """
     for k in range(DOMAINS):
         # The number depends on the process id, so that a domain is not reused immediately.
@@ -136,8 +136,7 @@ class Process(subprocess.Popen[str]):
         overrides: variables that differ from those of `environment`.
 
     Attributes:
-        lines: its output so far, standard output and error together, without lines that say
-            `OTHER_WAS_FASTER`.
+        lines: its output and errors so far, without lines that contain `OTHER_WAS_FASTER`.
     """
 
     def __init__(self, command: Sequence[str], overrides: Mapping[str, str] | None = None) -> None:
@@ -214,10 +213,9 @@ def running(process: Process) -> Iterator[Process]:
 def refusals(
     starts: Sequence[tuple[str, Sequence[str]]], *, missing: Sequence[str] = ()
 ) -> list[str]:
-    """Return the messages of nodes that refuse to start.
+    """Return the messages of nodes that refuse to start, each with exit code 1 and one line.
 
-    Each must end with exit code 1 and one line. All start in one process, one after another,
-    because to start Python takes longest.
+    All start in one process, one after another, which saves the start of Python.
 
     Args:
         starts: the function of each node that returns its exit code, such as

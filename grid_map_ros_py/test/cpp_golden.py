@@ -30,17 +30,6 @@ def only(name: str) -> Any:
     return _GOLDEN[name]
 
 
-def counts() -> dict[str, int]:
-    """Return the number of cases of every converter."""
-    found: dict[str, int] = {}
-    for case in _GOLDEN["cases"]:
-        for family, entries in case.items():
-            if family != "map":
-                number = len(entries) if isinstance(entries, list) else 1
-                found[family] = found.get(family, 0) + number
-    return found
-
-
 def to_map(described: dict[str, Any]) -> GridMap:
     layers = described["layers"]
     grid_map = GridMap(

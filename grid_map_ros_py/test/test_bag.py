@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reading and writing bags, compared with the library rosbags and with C++ recordings."""
 
-import gc
-import json
 import shutil
 import sqlite3
 import sys
@@ -23,12 +21,10 @@ from bags import (
     write_bag,
     write_mcap,
 )
-from cpp_recordings import bits, recorded
+from cpp_recordings import recorded
 from hypothesis import given, settings, strategies as st
-from rclpy.serialization import deserialize_message
 
 from grid_map_core_py import GridMap, LayerNotFoundError
-from grid_map_core_py._commands import main
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -161,32 +157,6 @@ def test_maps_are_written_and_read_one_at_a_time(tmp_path):
     reading.close()
 
 
-def test_writing_leaves_nothing_to_the_garbage_collector(tmp_path):
-    def write() -> None:
-        with BagWriter(tmp_path / "bag") as bag:
-            bag.write(TOPIC, numbered_map(1))
-
-    write()
-    gc.collect()
-    gc.disable()
-    try:
-        write()
-        assert gc.collect() == 0
-    finally:
-        gc.enable()
-
-
-def test_message_may_have_another_time_than_its_map(tmp_path):
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.write(TOPIC, numbered_map(5), time=7)
-    with BagReader(tmp_path / "bag") as reader:
-        assert (reader[0].time, reader[0].grid_map().timestamp) == (7, 5 * SECOND)
-
-
-def test_single_file_of_a_bag_is_read_too(bag):
-    assert number_of(load_from_bag(bag / "bag_0.mcap", TOPIC)) == 3
-
-
 # --- refused input --------------------------------------------------------------------------------
 
 
@@ -227,7 +197,7 @@ def test_maps_that_cannot_be_written_are_refused_and_leave_nothing(tmp_path, map
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("topic", ["", "/", "a b", "/grid map", "/1a", "/a//b", "/a/", "/größe"])
+@pytest.mark.parametrize("topic", ["", "/", "a b", "/1a", "/a//b", "/größe"])
 def test_invalid_topic_name_is_refused(tmp_path, topic):
     with pytest.raises(BagError, match="expected the name of a topic"):
         save_to_bag(numbered_map(1), tmp_path / "bag", topic)
@@ -238,7 +208,7 @@ def test_invalid_topic_name_is_refused(tmp_path, topic):
     [
         (
             {"compression": "gzip"},
-            "compression of mcap: expected 'none' or 'lz4' or .*, got 'gzip'",
+            "compression of mcap: expected 'none' or .*, got 'gzip'",
         ),
         ({"storage": "sqlite"}, "storage: expected 'mcap' or 'sqlite3', got 'sqlite'"),
         (
@@ -271,17 +241,6 @@ def test_folder_that_is_no_bag_is_never_replaced(tmp_path, monkeypatch):
     with pytest.raises(BagError, match=r"a/b: cannot be written: there is no folder a$"):
         save_to_bag(numbered_map(1), "a/b", TOPIC)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
-
-
-def test_bag_with_foreign_files_is_not_replaced(bag):
-    (bag / "notes.yaml").write_text("precious")
-    with pytest.raises(BagError, match=r"is no bag and not replaced; it holds notes\.yaml"):
-        save_to_bag(numbered_map(1), bag, TOPIC)
-
-
-def test_invalid_path_is_one_error():
-    with pytest.raises(BagError, match="no such file or folder"):
-        load_from_bag("a\0b")
 
 
 def test_empty_folder_becomes_the_bag(tmp_path):
@@ -426,18 +385,6 @@ def test_cpp_recording_is_complete_and_in_time_order(name):
     assert len(times) == counts[TOPIC] > 20
 
 
-@pytest.mark.parametrize("name", RECORDED_MOVES)
-def test_rewritten_recording_is_equal(name, tmp_path):
-    with BagReader(DATA / name) as reader, BagWriter(tmp_path / "again") as writer:
-        for record in reader:
-            writer.write(TOPIC, record.grid_map(unwrap=False), time=record.time)
-    with BagReader(tmp_path / "again") as again, BagReader(DATA / name) as reader:
-        for ours, theirs in zip(again, reader, strict=True):
-            assert ours.time == theirs.time
-            messages = (deserialize_message(one.data, GridMapMessage) for one in (ours, theirs))
-            assert bits(next(messages)) == bits(next(messages))
-
-
 # --- the library rosbags --------------------------------------------------------------------------
 
 
@@ -470,18 +417,13 @@ def test_rosbags_reads_new_bags(tmp_path, options):
         assert message.info.pose.position.x == grid_map.position[0]
 
 
+@pytest.mark.parametrize("compressed", ["", "message"])
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_bags_of_rosbags_are_read(tmp_path, storage):
-    write_bag(tmp_path / "bag", [2, 1, 3], storage)
-    assert [number_of(grid_map) for grid_map in bag_maps(tmp_path / "bag", TOPIC)] == [1, 2, 3]
-
-
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_messages_that_are_compressed_one_by_one_are_read(tmp_path, storage):
-    bag = write_bag(tmp_path / "bag", [1, 2], storage, compressed="message")
-    assert [number_of(grid_map) for grid_map in bag_maps(bag)] == [1, 2]
+def test_bags_of_rosbags_are_read(tmp_path, storage, compressed):
+    bag = write_bag(tmp_path / "bag", [2, 1, 3], storage, compressed=compressed)
+    assert [number_of(grid_map) for grid_map in bag_maps(bag)] == [1, 2, 3]
     (file,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
-    assert number_of(load_from_bag(file)) == 2
+    assert number_of(load_from_bag(file)) == 3
 
 
 # --- files without an index, split bags -----------------------------------------------------------
@@ -547,13 +489,3 @@ def test_bag_in_read_only_folder_is_read(tmp_path):
     assert load_from_bag(tmp_path / "bag").size == (70, 70)
     (tmp_path / "bag").chmod(0o755)
     assert len([*(tmp_path / "bag").iterdir()]) == 2
-
-
-def test_info_looks_into_no_folder_below(tmp_path, capfd):
-    path = tmp_path / "bag"
-    save_to_bag(numbered_map(1), path, TOPIC)
-    size = sum(file.stat().st_size for file in path.iterdir())
-    (path / "other" / "files").mkdir(parents=True)
-    (path / "other" / "file").write_bytes(bytes(999))
-    assert main(["info", str(path), "--json"]) == 0
-    assert json.loads(capfd.readouterr().out)["bytes"] == size

@@ -8,8 +8,7 @@ from cpp_golden import assert_header, assert_pose, cases, to_map
 from geometry_msgs.msg import Quaternion
 from hypothesis import given, settings
 from rclpy.serialization import serialize_message
-from test_multi_array import row_major
-from wire import over_the_wire
+from wire import over_the_wire, row_major
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
@@ -79,6 +78,14 @@ def test_row_major_layers_are_read_like_column_major_ones(unwrap: bool, serializ
         received = from_message(over_the_wire(message), unwrap=unwrap)
     assert_maps_equal(received, grid_map)
     assert received["elevation"].flags.f_contiguous
+
+
+@pytest.mark.parametrize("strides", [(0, 0), (3, 1), (3, 12), (12, 3)])
+def test_unset_and_other_valid_strides_are_accepted(strides: tuple[int, int]) -> None:
+    message = to_message(sample_map())
+    for dim, stride in zip(message.data[0].layout.dim, strides, strict=True):
+        dim.stride = stride
+    assert_maps_equal(from_message(message), sample_map())
 
 
 def test_layers_are_sent_and_read_in_requested_order() -> None:
@@ -171,3 +178,11 @@ def test_maps_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
     assert_maps_equal(received, expected)
     assert received.start_index == expected.start_index
     assert received.position.tolist() == expected.position.tolist()
+
+
+def test_one_layer_without_basic_layers_is_read_as_by_cpp() -> None:
+    for grid_map, case in cases("from_message_only_full_no_basic"):
+        grid_map.basic_layers = ["elevation"]
+        received = from_message(to_message(grid_map), ["full"], copy_basic_layers=False)
+        assert_maps_equal(received, to_map(case["result"]))
+        assert received.basic_layers == ()

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from sensor_msgs.msg import PointCloud2
 from wire import over_the_wire
 
-from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py import GridMap
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, to_flat_point_cloud, to_point_cloud
 
@@ -124,14 +124,6 @@ def test_only_the_point_layer_may_be_called_like_a_coordinate(
     with pytest.raises(MessageError, match=f"fields: expected no layer called '{axis}'"):
         to_point_cloud(grid_map, "elevation")
     assert points(to_point_cloud(grid_map, axis))["z"].tolist() == [2.0]
-
-
-def test_unknown_layer_is_named() -> None:
-    grid_map = GridMap((1, 1), 1.0, layers=["elevation"])
-    with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
-        to_point_cloud(grid_map, "slope")
-    with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
-        to_point_cloud(grid_map, "elevation", ["slope"])
 
 
 def test_flat_cloud_has_every_cell_at_one_height() -> None:

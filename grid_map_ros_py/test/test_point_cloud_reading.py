@@ -28,7 +28,7 @@ from grid_map_ros_py import (
     to_message,
     to_point_cloud,
 )
-from grid_map_ros_py.messages import read_columns
+from grid_map_ros_py.messages._point_cloud import read_columns
 
 NAN = math.nan
 
@@ -244,13 +244,6 @@ def test_colors_become_the_layer_color(name: str, datatype: int, alpha: int) -> 
     assert hex(last["color"].view(np.uint32).item()) == "0x304050"
 
 
-def test_fields_color_and_rgb_become_separate_layers() -> None:
-    fields = [*xyz_fields(), ("color", 12, UINT32, 1), ("rgb", 16, UINT32, 1)]
-    cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "color": 1, "rgb": 2}], fields)
-    result = from_point_cloud(cloud, resolution=1.0)
-    assert {n: result[n].view(np.uint32).item() for n in ("color", "rgb")} == {"color": 1, "rgb": 2}
-
-
 def test_colors_have_four_bytes() -> None:
     cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "rgb": 9}], [*xyz_fields(), ("rgb", 12, 2, 1)])
     expected = r"fields\[3\]\.datatype: expected UINT32 or FLOAT32 for packed colors, got 2"
@@ -302,29 +295,21 @@ def sized(count: int) -> dict[str, Any]:
 MALFORMED: list[tuple[dict[str, Any], str, str, str]] = [
     ({"is_bigendian": True}, "is_bigendian", "little-endian", "True"),
     (sized(119), "data", "120 bytes (2 rows of 60)", "119"),
-    (sized(121), "data", "120 bytes (2 rows of 60)", "121"),
-    (sized(0), "data", "120 bytes", "0"),
     ({"width": HUGE}, "row_step", f"at least {20 * HUGE} ({HUGE} points", "60"),
     ({"height": HUGE}, "data", f"({HUGE} rows of 60)", "120"),
     ({"width": HUGE, "height": HUGE, "row_step": HUGE}, "row_step", f"{HUGE} points", str(HUGE)),
     ({"row_step": 59}, "row_step", "at least 60", "59"),
-    ({"row_step": 0}, "row_step", "at least 60", "0"),
     ({"row_step": HUGE}, "data", f"2 rows of {HUGE}", "120"),
     ({"point_step": 15}, "point_step", "at least 16, where field 'rgb' (fields[3])", "15"),
-    ({"point_step": 0}, "point_step", "at least 4, where field 'x'", "0"),
     ({"point_step": HUGE}, "row_step", f"3 points of {HUGE}", "60"),
     ({"fields[1].offset": 17}, "point_step", "at least 21, where field 'y' (fields", "20"),
     ({"fields[3].offset": HUGE}, "point_step", f"at least {HUGE + 4}", "20"),
-    ({"fields[3].count": 3}, "point_step", "at least 24, where field 'rgb'", "20"),
     ({"fields[3].count": HUGE}, "point_step", f"at least {12 + 4 * HUGE}", "20"),
-    ({"fields[2].datatype": 0}, "fields[2].datatype", "1 to 8", "0"),
     ({"fields[2].datatype": 9}, "fields[2].datatype", "1 to 8", "9"),
     ({"fields[3].name": "x"}, "fields", "every name once", "['x']"),
     ({"fields[3].name": ""}, "fields[3].name", "a name", "''"),
     ({"header.stamp.sec": -1}, "header.stamp.sec", "no negative", "-1"),
-    ({"header.stamp.nanosec": 10**9}, "header.stamp.nanosec", "0 to 999999999", "1000000000"),
     ({"fields[0].name": "a"}, "fields", "one called 'x'", "['a', 'y', 'z', 'rgb']"),
-    ({"fields[2].name": "a"}, "fields", "one called 'z'", "['x', 'y', 'a', 'rgb']"),
     ({"fields": []}, "fields", "one called 'x'", "[]"),
     ({"fields[0].count": 2}, "fields[0].count", "1 for 'x'", "2"),
 ]

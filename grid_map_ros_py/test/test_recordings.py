@@ -56,16 +56,6 @@ def test_every_map_is_republished_unchanged(file: str, topic: str) -> None:
             assert payload in published.raw
 
 
-def test_move_demo_stored_its_maps_all_over_the_buffer() -> None:
-    maps = [
-        from_message(r.message, unwrap=False) for r in recorded(MOVE, "grid_map", GridMapMessage)
-    ]
-    starts = {grid_map.start_index for grid_map in maps}
-    assert len(starts) > 10
-    assert max(row for row, _ in starts) > 35
-    assert max(column for _, column in starts) > 35
-
-
 def cloud(layer: str) -> Convert:
     return lambda grid_map: to_point_cloud(grid_map, layer)
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 from rclpy.serialization import serialize_message
 from test_cdr import assert_encodes
 from test_grid_map import maps, sample_map
-from test_multi_array import row_major
+from wire import row_major
 
 from grid_map_core_py import GridMap, OutOfMapError
 from grid_map_core_py.limits import changed_limits
@@ -92,11 +92,6 @@ def test_row_major_and_moved_layers_are_copied() -> None:
     moved = from_message(to_message(sample_map(start=(1, 1))), copy=False)
     assert_maps_equal(moved, sample_map())
     assert moved.start_index == (0, 0)
-
-
-def test_bytes_at_any_address_are_read() -> None:
-    data = b"x" + to_serialized_message(sample_map())
-    assert_maps_equal(from_serialized_message(memoryview(data)[1:]), sample_map())
 
 
 def test_only_requested_layers_need_memory() -> None:

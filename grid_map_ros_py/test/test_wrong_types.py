@@ -4,9 +4,7 @@
 from collections.abc import Callable
 
 import pytest
-from geometry_msgs.msg import PolygonStamped
 from sensor_msgs.msg import Image
-from std_msgs.msg import Header
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -46,11 +44,7 @@ READERS: dict[Callable[[object], object], str] = {
     ("argument", "found"),
     [
         (MAP, "grid_map_core_py.GridMap"),
-        (GridMapMessage(), "grid_map_msgs.GridMap"),
         (Image(), "sensor_msgs.Image"),
-        (PolygonStamped(), "geometry_msgs.PolygonStamped"),
-        (Header(), "std_msgs.Header"),
-        (b"bytes", "builtins.bytes"),
         (None, "builtins.NoneType"),
     ],
     ids=lambda one: one if isinstance(one, str) else "",

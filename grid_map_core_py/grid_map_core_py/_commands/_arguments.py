@@ -42,7 +42,7 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     group.add_argument(
         "--index", type=int, help=f"which map, 0 is the first, -1 the last ({which})"
     )
-    about = "leave out damaged messages, and read what is there of an MCAP file that was cut off"
+    about = "leave out damaged messages, and read a damaged MCAP file up to the last whole chunk"
     group.add_argument("--recover", action="store_const", const=True, help=about)
     group = parser.add_argument_group("limits of what a file may cost")
     for limit, meaning in (

@@ -173,8 +173,6 @@ def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]
         raise CommandError(f"{options.source}: expected a bag, which holds many maps")
     given.pop("index", None)
     with found.open_maps(options.source, **given) as records:
-        if lost := getattr(records, "lost", None):
-            message(f"{options.source}: {lost}")
         yield records
 
 

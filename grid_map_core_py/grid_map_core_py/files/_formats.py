@@ -55,7 +55,7 @@ class Format:
             "map" holds those of its map. None loads the map for them.
         open_maps: for formats of many maps: `open_maps(path, **options)` with the options of `load`
             but `layers` and `index` returns a context manager of a sequence of `MapRecord` with an
-            attribute `topic`. If it has an attribute `lost` that is true, commands print it.
+            attribute `topic`.
         save_maps: for formats of many maps: `save_maps(path, maps, **options)` writes pairs of
             time [ns] (or None) and map, one at a time, and returns their number.
         save_all: for formats that hold more than maps: `save_all(source, path, **options)` writes

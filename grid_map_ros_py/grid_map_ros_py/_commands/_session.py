@@ -30,15 +30,8 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", r
 class Session:
     """A node without parameters, as a context manager. A signal sets `ended`.
 
-    Args:
-        command: name of the command, part of the name of the node.
-
     Raises:
         CommandError: ROS refuses its settings, or keys of its security are missing.
-
-    Attributes:
-        node: the node.
-        ended: whether the command has to end.
     """
 
     def __init__(self, command: str) -> None:
@@ -74,7 +67,7 @@ class Session:
             self._executor.spin_once(timeout_sec=min(left, 0.1))
 
     def topics(self) -> dict[str, list[str]]:
-        """Return the types of all topics by name, in order."""
+        """Return the types of all topics, by name."""
         found = self.node.get_topic_names_and_types()
         return {name: sorted(types) for name, types in sorted(found)}
 
@@ -91,11 +84,7 @@ class Session:
 
 
 def message_class(types: Sequence[str]) -> Any:
-    """Return the class of the messages on a topic with these types.
-
-    Raises:
-        CommandError: the topic has several types, or its type is not installed.
-    """
+    """Return the class of the messages on a topic, which must have one installed type."""
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")
     found = None
@@ -108,7 +97,6 @@ def message_class(types: Sequence[str]) -> Any:
 
 
 def quality(*, reliable: bool, latched: bool, depth: int) -> QoSProfile:
-    """Return the quality of service of a publisher or subscriber."""
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,

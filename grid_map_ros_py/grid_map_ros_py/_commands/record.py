@@ -3,15 +3,18 @@
 
 import argparse
 import math
+import re
 import time
 from functools import partial
+from pathlib import Path
 from typing import Any
+
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
 from grid_map_core_py._commands import CommandError, UsageError, byte_count, message
 from grid_map_core_py.errors import GridMapError
 
 from ..bags._bag import BagWriter
-from ..bags._definitions import definition_of
 from ..bags._storage import Topic, dump, qos_profile
 from ..errors import BagError
 from ._session import Session, check_positive, message_class, offers, quality
@@ -24,6 +27,9 @@ _REST = 0.2
 
 _DEPTH = 100
 """Messages of a topic that wait while the disk is busy."""
+
+_FIELD = re.compile(r"^\s*([A-Za-z]\w*/)?([A-Z]\w*)(\[[^]]*\])?\s+[a-z]", re.MULTILINE)
+"""A field with a message as its type; names of elementary types begin with a small letter."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,10 +70,7 @@ def run(options: argparse.Namespace) -> int:
 class _Recorder:
     """Subscribes to topics as they appear, and writes their messages as they were sent.
 
-    Args:
-        session: the node.
-        bag: where to write.
-        topics: names of topics; none for all.
+    Without `topics`, all topics are recorded.
 
     Attributes:
         counts: numbers of recorded messages by topic, with zero for topics without messages.
@@ -87,7 +90,6 @@ class _Recorder:
 
     @property
     def total(self) -> int:
-        """Number of recorded messages."""
         return sum(self.counts.values())
 
     def record(self, seconds: float, most: float) -> None:
@@ -121,7 +123,7 @@ class _Recorder:
                 types[0],
                 "cdr",
                 dump([qos_profile(**one) for one in every]),
-                definition_of(types[0]),
+                _definition_of(types[0]),
                 str(publishers[0].topic_type_hash),
             )
             write = partial(self._write, topic, recorded)
@@ -146,3 +148,28 @@ class _Recorder:
         self.size += len(data)
         if self.total >= self._most:
             self._session.ended = True
+
+
+def _definition_of(type_name: str) -> str:
+    """Return the definitions of a message type and of all nested types, as rosbag2 stores them.
+
+    The text is empty if a file is not installed.
+    """
+    package, _, name = type_name.split("/")
+    texts: dict[str, str] = {}
+    pending = [f"{package}/{name}"]
+    while pending:
+        full_name = pending.pop()
+        if full_name in texts:
+            continue
+        package, _, name = full_name.partition("/")
+        try:
+            path = Path(get_package_share_directory(package), "msg", f"{name}.msg")
+            texts[full_name] = path.read_text(encoding="utf-8")
+        except (PackageNotFoundError, OSError):
+            return ""
+        nested = _FIELD.findall(texts[full_name])
+        pending += [f"{given or f'{package}/'}{kind}" for given, kind, _ in reversed(nested)]
+    (_, first), *others = texts.items()
+    parts = [first, *(f"MSG: {full_name}\n{text}" for full_name, text in others)]
+    return f"\n{'=' * 80}\n".join(parts)

@@ -1,18 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps in bags of rosbag2.
-
-New bags are folders with `metadata.yaml` and one MCAP or sqlite3 file, as `ros2 bag record` of
-ROS 2 Jazzy leaves them. Bags with files of either format are read, split or not, and single files.
-Neither rclpy nor message packages are needed; MCAP needs the package `mcap`.
-
-The time of a message in a new bag is the time of its map by default.
-"""
+"""Reader and writer of bags, and the functions that use them."""
 
 import bisect
 import os
 import re
 import shutil
-import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
@@ -23,14 +15,14 @@ from typing import NamedTuple, Self, TypeAlias
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import LimitError, short
-from grid_map_core_py.files import has_descriptor, new_folder
-from grid_map_core_py.limits import check_bytes, most_bytes
+from grid_map_core_py.files import new_folder
+from grid_map_core_py.limits import check_bytes
 
 from ..errors import BagError, MessageError
 from ..messages._grid_map import from_serialized_message, to_serialized_message
 from ..messages._time import check_nanoseconds
 from . import _mcap as bag_mcap, _sqlite as bag_sqlite, _storage as bag_storage
-from ._mcap import COMPRESSIONS, McapFile, McapWriter
+from ._mcap import COMPRESSIONS, McapFile, McapWriter, package
 from ._sqlite import SqliteFile, SqliteWriter
 from ._storage import GRID_MAP_TYPE, MAPS, Entry, Topic, bag_errors
 
@@ -62,8 +54,7 @@ def save_to_bag(
 ) -> None:
     """Write maps to a new bag.
 
-    The bag is written atomically: an interrupted save leaves the old bag, if there was
-    one.
+    An interrupted save leaves the old bag, if there was one.
 
     Args:
         maps: one map, or several; each is written before the next one is taken.
@@ -77,9 +68,6 @@ def save_to_bag(
     Raises:
         BagError: the bag cannot be written, it exists and `overwrite` is False, or there are no
             maps.
-        LayerNotFoundError: a map lacks a layer.
-        MessageError: the time of a map does not fit a message.
-        MissingPackageError: the package `mcap` is needed and not installed.
     """
     names = _once(layers)
     writer = BagWriter(path, overwrite=overwrite, storage=storage, compression=compression)
@@ -89,17 +77,14 @@ def save_to_bag(
 
 
 class BagWriter:
-    """Writes a bag map by map, as a context manager.
+    """Context manager that writes a bag map by map.
 
     The bag replaces the target when the context ends. After an exception there is no bag, or the
-    old one.
-
-    Arguments and errors: see `save_to_bag`.
+    old one. Other arguments, and errors: see `save_to_bag`.
 
     Args:
-        in_place: for long recordings to MCAP: write where the bag belongs. After a message for
-            which the disk has no space the bag can still be finished, and if the process is killed
-            the file can be recovered.
+        in_place: for long recordings to MCAP: write directly to `path`. The bag can be finished
+            although the disk is full, and `recover=True` reads the bag of a killed process.
     """
 
     def __init__(
@@ -126,14 +111,13 @@ class BagWriter:
 
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:
-            self._check_parent()
             self._folder = stack.enter_context(self._new_folder())
             self._file = f"{self._path.resolve().name}_0{STORAGES[self._storage]}"
             file = self._folder / self._file
             self._writer: McapWriter | SqliteWriter = (
                 McapWriter(file, self._compression, reserve=self._in_place)
                 if self._storage == "mcap"
-                else SqliteWriter(file, in_memory=has_descriptor(self._path))
+                else SqliteWriter(file)
             )
             stack.enter_context(closing(self._writer))
             self._topics: dict[str, Topic] = {}
@@ -161,7 +145,10 @@ class BagWriter:
         """Raise the error that writing to a topic would raise now, without writing anything."""
         self._check_topic(topic)
         with bag_errors(self._path, "written"):
-            self._check_parent()
+            parent = self._path.resolve().parent
+            if not os.access(parent, os.W_OK | os.X_OK):
+                reason = "may not be written to" if parent.is_dir() else "is no folder"
+                raise BagError(self._path, f"cannot be written: {parent} {reason}")
             if self._path.exists():
                 self._check_old(self._path.resolve())
 
@@ -215,13 +202,6 @@ class BagWriter:
         if not _TOPIC_NAME.fullmatch(topic):
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
-    def _check_parent(self) -> None:
-        parent = self._path.resolve().parent
-        if not parent.is_dir():
-            raise BagError(self._path, f"cannot be written: there is no folder {self._path.parent}")
-        if not os.access(parent, os.W_OK | os.X_OK):
-            raise BagError(self._path, f"cannot be written: {parent} may not be written to")
-
     def _check_old(self, target: Path) -> None:
         """Refuse to replace anything but a bag or an empty folder."""
         if not target.is_dir():
@@ -259,14 +239,12 @@ def load_from_bag(
         index: index of the map in time order: 0 is the first, -1 the last.
         time: take the last map that is not later than this [ns], whatever `index` is.
         unwrap: as for `from_message`.
-        recover: read what is there of a damaged MCAP file, such as one that an interrupted recorder
-            leaves; see `BagReader.lost`.
+        recover: read a damaged MCAP file, such as that of a recorder that was killed, up to the
+            last whole chunk, with a warning.
 
     Raises:
         BagError: the bag is damaged or missing, lacks the topic or the map, or the topic is not one
             of maps.
-        LayerNotFoundError: the map lacks a layer.
-        MissingPackageError: the package `mcap` is needed and not installed.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -314,16 +292,7 @@ class BagTopic:
 
 
 def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagTopic]:
-    """Return the topics of a bag in the order of their names; no message is read.
-
-    Args:
-        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
-        recover: as for `load_from_bag`.
-
-    Raises:
-        BagError: the bag is damaged or missing.
-        MissingPackageError: the package `mcap` is needed and not installed.
-    """
+    """Return the topics of a bag in the order of their names; arguments: see `load_from_bag`."""
     with BagFiles(path, recover=recover) as files:
         times: dict[str, list[int]] = {name: [] for name in sorted(files.topics)}
         for entry, _, name in files.entries(times):
@@ -334,50 +303,25 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
         ]
 
 
-class Lost(NamedTuple):
-    """Number of what cannot be read of a bag.
-
-    Attributes:
-        messages: missing messages, of all topics, by the metadata of the bag; None without.
-        size: damaged bytes in MCAP files.
-    """
-
-    messages: int | None
-    size: int
-
-    def __bool__(self) -> bool:
-        return bool(self.messages or self.size)
-
-    def __str__(self) -> str:
-        counted = "" if self.messages is None else f"{self.messages} messages, "
-        return f"lost: {counted}{self.size} bytes cannot be read"
-
-
-class BagRecord(NamedTuple):
+class BagMessage(NamedTuple):
     """A recorded message.
 
     Attributes:
+        topic: its topic.
+        type: its type, such as `grid_map_msgs/msg/GridMap`.
         time: time of the recording [ns].
-        data: the serialized `grid_map_msgs/GridMap`.
+        data: the message in CDR.
         place: name of the message in errors.
     """
 
+    topic: str
+    type: str
     time: int
     data: bytes
     place: str
 
     def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
-        """Return the map in the message.
-
-        Args:
-            layers: names of the layers to take; None means all.
-            unwrap: as for `from_message`.
-
-        Raises:
-            BagError: the message is damaged.
-            LimitError: the map has too many cells.
-            LayerNotFoundError: the map lacks a layer.
-        """
+        """Return the map in a message of maps; arguments: see `from_message`."""
         try:
             return from_serialized_message(self.data, layers, unwrap=unwrap)
         except MessageError as error:
@@ -389,18 +333,9 @@ class BagRecord(NamedTuple):
 class BagFiles:
     """Messages of any type in the files of a bag. Close it, or use it as a context manager.
 
-    Args:
-        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
-        recover: as for `load_from_bag`.
-
     Attributes:
         paths: the files.
         topics: type, encoding and quality of service of every topic.
-        lost: count of what cannot be read.
-
-    Raises:
-        BagError: the bag is damaged or missing.
-        MissingPackageError: the package `mcap` is needed and not installed.
     """
 
     def __init__(self, path: str | PathLike[str], *, recover: bool = False) -> None:
@@ -408,15 +343,11 @@ class BagFiles:
         self._path, self._recover = Path(path), recover
         with bag_errors(self._path):
             self.paths = bag_storage.files_of(self._path, recover=recover)
+        self.topics: dict[str, Topic] = {}
         try:
-            try:
-                self._look()
-            except bag_storage.CutOffError:
-                # 'ros2 bag reindex' counts what is there, and leaves the files as they are.
-                self._recover = True
-                self._look()
-                if self.lost.messages != 0:
-                    raise
+            for number, path in enumerate(self.paths):
+                with bag_errors(path):
+                    self.topics |= self._storage(number).topics
         except BaseException:
             self.close()
             raise
@@ -432,19 +363,6 @@ class BagFiles:
         if self._open is not None:
             self._open[1].close()
             self._open = None
-
-    def _look(self) -> None:
-        self.topics: dict[str, Topic] = {}
-        count = size = 0
-        for number, path in enumerate(self.paths):
-            with bag_errors(path):
-                storage = self._storage(number)
-                self.topics |= storage.topics
-                if self._recover:
-                    count += len(storage.entries(storage.topics))
-                    size += storage.lost
-        expected = bag_storage.message_count(self._path) if self._recover else None
-        self.lost = Lost(None if expected is None else max(expected - count, 0), size)
 
     def entries(self, topics: Iterable[str]) -> list[tuple[Entry, int, str]]:
         """Return the messages on topics in time order, with the numbers of their files."""
@@ -463,9 +381,9 @@ class BagFiles:
             data = self._storage(file).read(entry)
             if data.startswith(_ZSTD_MAGIC):
                 # rosbag2 has compressed the message by itself.
-                packed, most = len(data), int(most_bytes(len(data)))
-                data = bag_mcap.unpack("zstd", memoryview(data), most, path)
-                check_bytes(f"{path}: a message", len(data), packed)
+                zstandard = package("zstandard", path)
+                check_bytes(f"{path}: a message", zstandard.frame_content_size(data), len(data))
+                data = zstandard.decompress(data)
         return data
 
     def _storage(self, file: int) -> _Storage:
@@ -476,24 +394,6 @@ class BagFiles:
         return self._open[1]
 
 
-class BagMessage(NamedTuple):
-    """A recorded message of any type.
-
-    Attributes:
-        topic: its topic.
-        type: its type, such as `nav_msgs/msg/Odometry`.
-        time: time of the recording [ns].
-        data: the message in CDR, which `grid_map_ros_py.messages.view` reads.
-        place: name of the message in errors.
-    """
-
-    topic: str
-    type: str
-    time: int
-    data: bytes
-    place: str
-
-
 def bag_messages(
     path: str | PathLike[str], types: Iterable[str] | None = None, *, recover: bool = False
 ) -> Iterator[BagMessage]:
@@ -502,16 +402,10 @@ def bag_messages(
     Args:
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
         types: types of messages to read; None means all. Topics that are not in CDR are left out.
-        recover: as for `load_from_bag`; a warning counts what is lost.
-
-    Raises:
-        BagError: the bag is damaged or missing.
-        MissingPackageError: the package `mcap` is needed and not installed.
+        recover: as for `load_from_bag`.
     """
     wanted = None if types is None else {*types}
     with BagFiles(path, recover=recover) as files:
-        if files.lost:
-            warnings.warn(f"{path}: {files.lost}", stacklevel=2)
         topics = {
             name: kind.type
             for name, kind in files.topics.items()
@@ -525,18 +419,14 @@ def bag_messages(
 
 
 class BagReader(BagFiles):
-    """Sequence of the map messages (`BagRecord`) on one topic of a bag, in time order.
+    """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
-    Each record is read when it is accessed, and not decoded. Close the reader, or use it as a
-    context manager.
-
-    Arguments and errors: see `load_from_bag`.
+    Each message is read when it is accessed, and not decoded. Close the reader, or use it as a
+    context manager. Arguments and errors: see `load_from_bag`.
 
     Attributes:
         topic: the topic.
         topics: type and encoding of every topic in the bag.
-        lost: count of what cannot be read, false if that is nothing: `messages` are those of all
-            topics that the metadata counts (None without metadata), `size` is in bytes.
     """
 
     def __init__(
@@ -553,19 +443,19 @@ class BagReader(BagFiles):
     def __len__(self) -> int:
         return len(self._entries)
 
-    def __getitem__(self, index: int) -> BagRecord:
+    def __getitem__(self, index: int) -> BagMessage:
         if not -len(self) <= index < len(self):
             raise BagError(self._path, f"no map {index}: {len(self)} maps on {self.topic}")
         entry, file, _ = self._entries[index]
         place = f"{self.paths[file]}: map {index % len(self)} on {self.topic}"
-        return BagRecord(entry.time, self.read(file, entry), place)
+        return BagMessage(self.topic, GRID_MAP_TYPE, entry.time, self.read(file, entry), place)
 
-    def __iter__(self) -> Iterator[BagRecord]:
+    def __iter__(self) -> Iterator[BagMessage]:
         for index in range(len(self)):
             yield self[index]
 
-    def at(self, time: int) -> BagRecord:
-        """Return the last record that is not later than `time` [ns]."""
+    def at(self, time: int) -> BagMessage:
+        """Return the last message that is not later than `time` [ns]."""
         before = bisect.bisect_right(self._entries, time, key=lambda found: found[0].time)
         if not before:
             first = f"; the first is of {self._entries[0][0].time}" if self._entries else ""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Topics, entries, errors and metadata of bags, for MCAP and sqlite3 alike."""
 
+import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -12,7 +13,6 @@ import yaml
 
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import load_yaml, parse_yaml
-from grid_map_core_py.limits import check_bytes, most_bytes
 
 from ..errors import BagError
 from ..messages._definition import DEFINITION, TYPE_HASH
@@ -43,24 +43,6 @@ class Entry(NamedTuple):
 
     time: int
     place: Any
-
-
-_ENTRY_BYTES = 256
-"""Memory for an entry and its topic."""
-
-
-def most_entries(size: int) -> int:
-    """Return the limit of the number of messages in a file of `size` bytes."""
-    return int(most_bytes(size)) // _ENTRY_BYTES
-
-
-def check_entries(path: Path, count: int, size: int) -> None:
-    """Raise `LimitError` if a file of `size` bytes claims to have too many messages."""
-    check_bytes(f"{path}: the list of its messages", _ENTRY_BYTES * count, size)
-
-
-class CutOffError(BagError):
-    """A file ends too early."""
 
 
 @contextmanager
@@ -126,16 +108,9 @@ def information(
     }
 
 
-class _Dumper(yaml.SafeDumper):
-    """Writes no aliases, which other readers may not know."""
-
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
-        return True
-
-
 def dump(document: object) -> str:
-    """Return a document as YAML."""
-    text: str = yaml.dump(document, Dumper=_Dumper, sort_keys=False)
+    """Return a document as YAML, without aliases, which other readers may not know."""
+    text: str = yaml.safe_dump(json.loads(json.dumps(document)), sort_keys=False)
     return text
 
 
@@ -176,7 +151,7 @@ def files_of(path: Path, *, recover: bool = False) -> list[Path]:
 
     Args:
         path: the folder of the bag, or a single file.
-        recover: take the files in a folder without metadata, which an interrupted recorder leaves.
+        recover: accept a folder without metadata, as an interrupted recorder leaves it.
 
     Raises:
         BagError: the folder is no bag, its metadata is damaged, or its files are missing or
@@ -187,7 +162,7 @@ def files_of(path: Path, *, recover: bool = False) -> list[Path]:
     if not path.is_dir():
         raise BagError(path, "a device or a pipe" if path.exists() else "no such file or folder")
     if (path / FILE_NAME).is_file():
-        # Old versions include the folder; paths to other folders are not followed.
+        # Old versions include the folder.
         files = [path / Path(name).name for name in _listed_files(path)]
         for file in files:
             if not file.is_file():
@@ -202,25 +177,12 @@ def files_of(path: Path, *, recover: bool = False) -> list[Path]:
     raise BagError(path, f"no bag: a folder without {FILE_NAME}{hint}")
 
 
-def message_count(path: Path) -> int | None:
-    """Return the number of messages of a bag by its metadata; None if that is unknown."""
-    if not (path / FILE_NAME).is_file():
-        return None
-    count = _information(path).get("message_count")
-    return count if isinstance(count, int) else None
-
-
-def _information(folder: Path) -> dict[str, Any]:
+def _listed_files(folder: Path) -> list[str]:
     path = folder / FILE_NAME
     document = load_yaml(path)
     found = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     if not isinstance(found, dict):
         raise BagError(path, "no metadata of a bag: 'rosbag2_bagfile_information' is missing")
-    return found
-
-
-def _listed_files(folder: Path) -> list[str]:
-    found = _information(folder)
     if str(found.get("compression_mode")).lower() == "file":
         raise BagError(
             folder,
@@ -228,8 +190,6 @@ def _listed_files(folder: Path) -> list[str]:
             "'ros2 bag convert' unpacks them",
         )
     names = found.get("relative_file_paths")
-    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
-        raise BagError(folder / FILE_NAME, "relative_file_paths: expected a list of names")
-    if not names:
-        raise BagError(folder / FILE_NAME, "the bag has no files")
+    if not (names and isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise BagError(path, "relative_file_paths: expected a list of names")
     return names

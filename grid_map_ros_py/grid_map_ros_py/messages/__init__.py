@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversions between grid maps and ROS messages."""
+"""Conversions between grid maps and ROS messages.
+
+All functions raise `LayerNotFoundError` for a layer that is missing, `MessageError` for a message
+that contradicts itself or cannot hold a value, and `MissingPackageError` for a message package that
+is not installed. Messages are checked completely before memory is allocated.
+"""
 
 from ._cdr import serialize as serialize, view as view
 from ._costmap import (
@@ -29,11 +34,6 @@ from ._image import (
     to_image as to_image,
     to_pixels as to_pixels,
 )
-from ._multi_array import (
-    from_multi_array as from_multi_array,
-    set_array as set_array,
-    to_multi_array as to_multi_array,
-)
 from ._occupancy_grid import (
     from_occupancy_grid as from_occupancy_grid,
     occupancies as occupancies,
@@ -46,7 +46,6 @@ from ._octomap import (
 )
 from ._point_cloud import (
     from_point_cloud as from_point_cloud,
-    read_columns as read_columns,
     read_points as read_points,
     to_flat_point_cloud as to_flat_point_cloud,
     to_point_cloud as to_point_cloud,

@@ -1,23 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Serialization of messages to CDR, the byte format of DDS and of bags, without rclpy.
 
-Publishers accept bytes in place of a message, which saves one Python object per element: rclpy
-takes a second for a marker with 280 000 points.
-
 Lengths in the bytes are checked against the bytes that remain. Damaged bytes raise one
-`MessageError` that names the field, and take no more memory than a small multiple of their size.
+`MessageError` that names the field, and use no more memory than a small multiple of their size.
 """
 
 import array
 import re
 import struct
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from io import SEEK_CUR, BytesIO
 from types import SimpleNamespace
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +23,7 @@ from ._definition import FIELDS_BY_TYPE
 from ._packages import messages_of
 
 MessageType: TypeAlias = type | str
-"""Class of a message, or a name in `FIELDS_BY_TYPE`, for which no message package is needed."""
+"""Message class, or a name in `FIELDS_BY_TYPE`, which needs no message package."""
 
 Buffer: TypeAlias = "bytes | bytearray | memoryview | array.array[Any]"
 """Contiguous memory."""
@@ -68,31 +64,31 @@ def serialize(
 ) -> bytes:
     """Return the CDR bytes of a message, with some of its sequences taken from arrays.
 
+    Publishers accept bytes in place of a message, which saves one Python object per element.
+
     Args:
-        message: any ROS message, or an object with its attributes, such as `view` returns. Its
-            arrays are copied once; the values of the fields in `arrays` are ignored.
-        arrays: (N, k) for a sequence of N messages that consist of k numbers of one type, (N,) for
-            a sequence of N numbers; the dtype must be the type on the wire.
+        message: any ROS message, or an object with its attributes, such as `view` returns.
+        arrays: values in place of those of some fields: (N, k) for a sequence of N messages with k
+            numbers of one type, (N,) for a sequence of N numbers. The dtype must be that of the
+            message.
         message_type: type of the message, as for `view`; None means its class.
 
     Raises:
         AttributeError: the message has no such field.
-        MessageError: a text is not valid Unicode, or the type of a field is not supported
-            (wstring).
+        MessageError: a text is not valid Unicode, or a field is a wstring.
     """
     for name in arrays:
         getattr(message, name)
     writer = _Writer()
     _struct(type(message) if message_type is None else message_type).write(writer, message, arrays)
-    return writer.joined()
+    return b"".join(writer.pieces)
 
 
 def view(data: Buffer, message_type: MessageType) -> Any:
     """Return an object with the attributes of a message, whose arrays share memory with the bytes.
 
-    Messages in it are such objects, too. Sequences and arrays of numbers are NumPy arrays; those of
-    little-endian bytes are not copied, and keep the memory of the bytes alive. Bytes that follow a
-    message are ignored: rclpy itself leaves some there.
+    Nested messages are such objects, too. Sequences and arrays of numbers are NumPy arrays; those
+    of little-endian bytes are not copied. Bytes after the message are ignored.
 
     Args:
         data: the bytes, little- or big-endian.
@@ -101,72 +97,27 @@ def view(data: Buffer, message_type: MessageType) -> Any:
             "nav_msgs/Odometry".
 
     Raises:
-        MessageError: the bytes end too early, a length or a text is invalid, the encoding is
-            not plain CDR, or the type of a field is not supported (wstring). The error names the
-            field.
+        MessageError: the bytes end too early, a length or a text is invalid, the encoding is not
+            plain CDR, or a field is a wstring.
     """
     return _struct(message_type).read(_Reader(data))
-
-
-@dataclass(frozen=True)
-class Deferred:
-    """A sequence of numbers for `serialize` that is written where it belongs in the bytes.
-
-    Args:
-        count: number of numbers.
-        write: is called with an array (count,) of the type on the wire, and fills it.
-    """
-
-    count: int
-    write: Callable[[npt.NDArray[Any]], object]
-
-    def __len__(self) -> int:
-        return self.count
 
 
 class _Writer:
     """Pieces of a message, each aligned to its own size as CDR demands."""
 
     def __init__(self) -> None:
-        # An integer is the length of a gap for deferred values.
-        self._pieces: list[bytes | memoryview | int] = [_HEADER]
+        self.pieces: list[bytes | memoryview] = [_HEADER]
         self._size = 0
-        self._deferred: list[tuple[int, np.dtype[Any], Deferred]] = []
-
-    def joined(self) -> bytes:
-        if not self._deferred:
-            return b"".join(cast(list[bytes], self._pieces))
-        # `bytes` cannot be written into, but the memory of `BytesIO` can be, and becomes bytes
-        # without a copy.
-        stream = BytesIO()
-        stream.seek(len(_HEADER) + self._size - 1)
-        stream.write(b"\0")
-        stream.seek(0)
-        for piece in self._pieces:
-            if isinstance(piece, int):
-                stream.seek(piece, SEEK_CUR)
-            else:
-                stream.write(piece)
-        with stream.getbuffer() as memory:
-            for begin, dtype, deferred in self._deferred:
-                deferred.write(np.frombuffer(memory, dtype, len(deferred), begin))
-        return stream.getvalue()
 
     def add(self, data: bytes | memoryview, alignment: int = 1) -> None:
         if padding := -self._size % alignment:
-            self._pieces.append(bytes(padding))
-        self._pieces.append(data)
+            self.pieces.append(bytes(padding))
+        self.pieces.append(data)
         self._size += padding + len(data)
 
     def count(self, number: int) -> None:
         _COUNT.write(self, number)
-
-    def defer(self, values: Deferred, dtype: np.dtype[Any]) -> None:
-        if values.count:
-            self.add(b"", dtype.itemsize)
-            self._deferred.append((len(_HEADER) + self._size, dtype, values))
-            self._pieces.append(values.count * dtype.itemsize)
-            self._size += values.count * dtype.itemsize
 
     def array(self, values: npt.NDArray[Any]) -> None:
         if values.size:
@@ -175,12 +126,7 @@ class _Writer:
 
 
 class _Reader:
-    """Bytes of a message, and the position up to which they are read.
-
-    Attributes:
-        order: byte order of numbers, as in `struct`.
-        data: the bytes without their header.
-    """
+    """Bytes of a message after their header, and the position up to which they are read."""
 
     def __init__(self, data: Buffer) -> None:
         try:
@@ -242,7 +188,6 @@ class _Number:
         writer.add(self._pack(value), self.smallest)
 
     def read_array(self, reader: _Reader, count: int) -> npt.NDArray[Any]:
-        """Return consecutive numbers in native byte order."""
         if count == 0:
             return np.empty(0, self.code)
         data = reader.take(count * self.smallest, self.smallest)
@@ -250,10 +195,7 @@ class _Number:
         return values.astype(self.code, copy=False)
 
     def write_array(self, writer: _Writer, values: Any) -> None:
-        if isinstance(values, Deferred):
-            writer.defer(values, np.dtype("<" + self.code))
-        else:
-            writer.array(np.asarray(values, self.code))
+        writer.array(np.asarray(values, self.code))
 
 
 _COUNT = _Number("I")
@@ -349,7 +291,6 @@ class _Struct:
     def write(
         self, writer: _Writer, value: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE
     ) -> None:
-        """Write the fields of `value`; fields named in `arrays` are taken from `arrays`."""
         if not self._fields:
             writer.add(b"\0")
         for name, codec in self._fields.items():

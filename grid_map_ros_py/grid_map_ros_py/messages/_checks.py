@@ -25,13 +25,7 @@ ROTATION_TOLERANCE = 1e-6
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
-    """Raise if an object is no message of a kind, or if the name of its frame is invalid.
-
-    Args:
-        message: the object.
-        kind: the kind, for the error.
-        paths: fields that tell messages of this kind from others.
-    """
+    """Raise if an object is no message of a kind, which has `paths`, or its frame is invalid."""
     try:
         attrgetter(*paths)(message)
     except AttributeError:
@@ -82,7 +76,7 @@ def check_finite(
 def check_unrotated(field: str, orientation: "Quaternion") -> None:
     """Raise if a grid is rotated; the rows of a map run along x.
 
-    Zeros count as unrotated, because publishers that never set the orientation send them.
+    Zeros count as unrotated: publishers that never set the orientation send them.
     """
     *axis, w = found = (orientation.x, orientation.y, orientation.z, orientation.w)
     rotated = max(map(abs, axis)) > ROTATION_TOLERANCE * abs(w)
@@ -92,9 +86,6 @@ def check_unrotated(field: str, orientation: "Quaternion") -> None:
 
 def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
     """Return the grid of a message whose cells begin at the smallest x and y.
-
-    The resolution of the message is a float32; the grid gets the float64 with the same shortest
-    decimal form (0.1 for the 0.1 of the sender).
 
     Args:
         field: path of `info`.
@@ -133,7 +124,7 @@ def as_float32(field: str, value: float) -> float:
 def as_written(value: float) -> float:
     """Return the float64 with the same shortest decimal form as a float32, such as 0.1.
 
-    Numbers beyond the range of float32, in messages that were never sent, become 0 or infinity.
+    Values outside the float32 range, which only unsent messages can hold, become 0 or infinity.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`nav2_msgs/Costmap` and grid maps; nav2_msgs is imported when a message is made.
+"""`nav2_msgs/Costmap` and grid maps.
 
-A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. Its layer value is
-defined by a codec of `grid_map_core_py.conversions._costmap`. NaN is always 255, never free.
+A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. A codec of
+`grid_map_core_py.conversions` defines its layer value. NaN is always 255, never free.
 """
 
 import array
@@ -26,10 +26,7 @@ COSTS = CostRange(FREE, LETHAL)
 """The costs themselves, 0 to 254, and NaN where unknown."""
 
 OCCUPANCIES = CostTable(free=0, inscribed=99, lethal=100, unknown=math.nan)
-"""Occupancies as nav2 publishes its costs: 0 free, 99 inscribed, 100 lethal, NaN where unknown.
-
-The layers that `from_occupancy_grid` makes are of that kind.
-"""
+"""Occupancies as nav2 publishes its costs, and as `from_occupancy_grid` returns them."""
 
 
 def to_costmap(
@@ -45,17 +42,13 @@ def to_costmap(
     Args:
         grid_map: the map.
         layer: the layer that gives the values.
-        data_min: the value of cost 0, free.
-        data_max: the value of cost 254, lethal; it may be less than `data_min`. Values beyond
-            either are clamped, NaN becomes 255.
-        codec: turns values into costs in place of the range from `data_min` to `data_max`, such as
-            `OCCUPANCIES`.
+        data_min: value of cost 0, free.
+        data_max: value of cost 254, lethal; it may be less than `data_min`. Values beyond the
+            bounds are clamped, NaN becomes 255.
+        codec: replaces the range from `data_min` to `data_max`, for example `OCCUPANCIES`.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
         GeometryError: the bounds are equal as float32, or not finite.
-        MessageError: the resolution does not fit a float32.
-        MissingPackageError: nav2_msgs is not installed.
     """
     messages = messages_of("nav2_msgs", "to_costmap")
     costmap = costs.to_costmap(grid_map, layer, codec or CostRange(data_min, data_max))
@@ -80,19 +73,17 @@ def to_costmap(
 def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     """Return a map with one layer from a costmap.
 
-    The resolution is a float32 in the message; the map gets the float64 that is written alike.
+    The resolution of the map is the float64 with the same shortest decimal form as that of the
+    message.
 
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander.
         layer: name of the layer.
-        codec: turns costs into values; the default leaves them unchanged, except for NaN where they
-            are unknown.
+        codec: turns costs into values; the default keeps them, with NaN where they are unknown.
 
     Raises:
-        MessageError: size, resolution, origin or the number of costs of the message are invalid,
-            or it is rotated.
+        MessageError: the message contradicts itself, or it is rotated.
         GeometryError: size or resolution of the `PyCostmap2D` is invalid.
-        GridMapError: the layer has no name.
     """
     if hasattr(costmap, "metadata"):
         grid = costmap.metadata

@@ -23,17 +23,20 @@ if TYPE_CHECKING:
 BLOCK = 8192
 """Number of cells in a piece of work."""
 
-COVERED = 1.0
-"""Value of the cells of a message in the layer of `from_grid_cells`."""
-
 
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
     """Return the cells whose value is finite and between two bounds.
 
-    The message holds one Python object per cell, about a microsecond each: to publish a large map,
-    `to_serialized_grid_cells` is faster.
+    To publish a large map, `to_serialized_grid_cells` is faster: it makes no object per cell.
 
-    Arguments and errors: see `centers_between`.
+    Args:
+        grid_map: the map.
+        layer: the layer that is compared.
+        lower, upper: bounds, both included and rounded to float32 like the layer; `-inf` and `inf`
+            select all finite cells.
+
+    Raises:
+        MessageError: a bound is NaN, or the resolution does not fit a float32.
     """
     message = _without_cells(grid_map)
     centers = centers_between(grid_map, layer, lower, upper).tolist()
@@ -43,7 +46,7 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
 
 
 def to_serialized_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> bytes:
-    """Return what `to_grid_cells` does, in CDR: publishers accept it in place of the message."""
+    """Return the message of `to_grid_cells` in CDR; publishers accept it in its place."""
     cells = centers_between(grid_map, layer, lower, upper)
     return serialize(_without_cells(grid_map), {"cells": cells})
 
@@ -67,10 +70,9 @@ def from_grid_cells(
             centers lie on one lattice, as those of `to_grid_cells` do.
 
     Raises:
-        MessageError: width or height of the cells differs from the resolution or is not positive, a
-            cell is not finite, or there are none.
+        MessageError: width or height of the cells differs from the resolution, a cell is not
+            finite, or there are none.
         LimitError: the extent of the cells is too large.
-        GridMapError: the layer has no name.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)
@@ -86,7 +88,7 @@ def from_grid_cells(
         geometry = fitting_geometry(lower, upper, side, hold_edges=False)
     (rows, cols), inside = geometry.cells_at(centers)
     values = np.full(geometry.size, np.nan, np.float32, order="F")
-    values[rows[inside], cols[inside]] = COVERED
+    values[rows[inside], cols[inside]] = 1.0
     return GridMap.from_geometry(
         geometry, {layer: values}, frame_id=message.header.frame_id, timestamp=timestamp
     )
@@ -97,17 +99,7 @@ def centers_between(
 ) -> npt.NDArray[np.float64]:
     """Return (N, 3) centers x, y [m, map frame], z = 0 of the cells with values between two bounds.
 
-    The order is column after column of the map's buffer. Cells with NaN or infinity are left out.
-
-    Args:
-        grid_map: the map.
-        layer: the layer that is compared.
-        lower, upper: bounds, both included and rounded to float32 like the layer; `-inf` and `inf`
-            take all finite cells.
-
-    Raises:
-        LayerNotFoundError: the map lacks the layer.
-        MessageError: a bound is NaN, or the resolution does not fit the message.
+    The order is column after column of the map's buffer. Arguments and errors: see `to_grid_cells`.
     """
     values = grid_map[layer].ravel("F")
     bounds = as_number(lower, "lower"), as_number(upper, "upper")
@@ -141,7 +133,6 @@ def _without_cells(grid_map: GridMap) -> "GridCells":
 
 
 def _side(message: "GridCells", resolution: float | None) -> float:
-    """Return the side of a cell, checked against the message."""
     width = check_positive("cell_width", message.cell_width)
     side = as_written(width) if resolution is None else as_number(resolution, "resolution")
     held = as_written(as_float32("resolution", side))

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`grid_map_msgs/GridMap`, as a message or as its bytes (CDR), and `GridMap`.
+"""`grid_map_msgs/GridMap`, as a message or as its bytes (CDR), and `GridMap`."""
 
-No message package is needed, except by `to_message`. Bytes are written and read without a message
-object: every layer is copied once, and only the layers that are wanted.
-"""
-
+import array
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Layer, Size
@@ -18,7 +16,7 @@ from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import is_name, select_layers, unwrapped
 
 from ..errors import MessageError
-from ._cdr import Buffer, Deferred, serialize, view
+from ._cdr import Buffer, serialize, view
 from ._checks import (
     check_fields,
     check_position,
@@ -27,15 +25,19 @@ from ._checks import (
     check_unrotated,
 )
 from ._definition import GRID_MAP
-from ._multi_array import from_multi_array, to_layout, to_multi_array
-from ._packages import messages_of
+from ._packages import messages_of, set_array
 from ._time import NANOSECONDS, check_nanoseconds, from_stamp
 
 if TYPE_CHECKING:
+    from std_msgs.msg import Float32MultiArray
+
     from grid_map_msgs.msg import GridMap as GridMapMessage, GridMapInfo
 
 LARGEST_START_INDEX = 2**16 - 1
 """The message holds the start index as uint16."""
+
+_LABELS = ("column_index", "row_index")
+"""Labels of the dimensions of column-major layers; those of row-major layers are in reverse."""
 
 LARGEST_SIDE = 2**31
 """Maximum number of cells along a side."""
@@ -47,22 +49,16 @@ LARGEST_SIDE = 2**31
 def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridMapMessage":
     """Return a map as a message.
 
-    Layers are sent in the order of the buffer together with the start index; a map whose start
-    index does not fit the message is sent in map order with start index (0, 0).
+    Layers keep the order of the buffer, and the start index is part of the message. If the start
+    index exceeds uint16, layers are in map order with start index (0, 0).
 
     Args:
         grid_map: the map; its data is copied.
-        layers: names of the layers to send, in this order; None means all. Basic layers that are
-            not sent are left out of the message's `basic_layers` too.
-
-    Raises:
-        LayerNotFoundError: the map lacks a layer.
-        MessageError: the timestamp does not fit the message.
+        layers: names of the layers to send, in this order; None means all. The message's
+            `basic_layers` holds only layers that are sent.
     """
-    plain, first = _described(grid_map, layers, grid_map.start_index)
-    plain.data = [
-        to_multi_array(unwrapped(layer, first) if any(first) else layer) for layer in plain.data
-    ]
+    plain = _described(grid_map, layers, grid_map.start_index)
+    plain.data = [_to_multi_array(layer) for layer in plain.data]
     return _filled(messages_of("grid_map_msgs").GridMap(), plain)
 
 
@@ -71,25 +67,22 @@ def to_serialized_message(
 ) -> bytes:
     """Return the message of `to_message` in CDR; publishers accept it in place of the message.
 
-    Every layer is copied once, also where the start index changes.
-
     Args:
         grid_map, layers: as for `to_message`.
         start_index: row and column of the message's buffer where cell (0, 0) of the map is stored;
             None keeps the start index of the map.
 
     Raises:
-        LayerNotFoundError: the map lacks a layer.
         OutOfMapError: the start index is no cell of the map.
-        MessageError: the timestamp does not fit the message.
     """
     if start_index is None:
         start_index = grid_map.start_index
     grid_map.geometry.check_indices(np.asarray(start_index))
-    plain, first = _described(grid_map, layers, start_index)
-    layout = to_layout(grid_map.size)
+    plain = _described(grid_map, layers, start_index)
+    layout = _layout(grid_map.size)
     plain.data = [
-        SimpleNamespace(layout=layout, data=_values(layer, first)) for layer in plain.data
+        SimpleNamespace(layout=layout, data=np.asarray(layer, np.float32).ravel("F"))
+        for layer in plain.data
     ]
     return serialize(plain, message_type=GRID_MAP)
 
@@ -99,38 +92,35 @@ def to_info(geometry: GridGeometry) -> "GridMapInfo":
     return _filled(messages_of("grid_map_msgs").GridMapInfo(), _info(geometry))
 
 
-def _described(
-    grid_map: GridMap, layers: Iterable[str] | None, start: Size
-) -> tuple[SimpleNamespace, Size]:
-    """Return an object with the attributes of a map's message; its `data` is the map's layers.
+def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> SimpleNamespace:
+    """Return an object with the attributes of a map's message.
 
-    Args:
-        grid_map, layers: as for `to_message`, as are the errors.
-        start: start index of the message; (0, 0) replaces one that does not fit the message.
-
-    Returns:
-        plain: the object.
-        first: the cell of the layers that the message stores first; the others follow cyclically.
+    Its `data` is the layers, in the order of a buffer with the start index `start`, or in map order
+    if the message cannot hold that.
     """
     names = select_layers(grid_map.layers, layers)
     if max(start) > LARGEST_START_INDEX:
         start = (0, 0)
+    # The cell of the map's buffer that the message stores first.
     first, second = (
         (stored - sent) % cells
         for stored, sent, cells in zip(grid_map.start_index, start, grid_map.size, strict=True)
     )
     seconds, rest = divmod(check_nanoseconds(grid_map.timestamp), NANOSECONDS)
     stamp = SimpleNamespace(sec=seconds, nanosec=rest)
-    plain = SimpleNamespace(
+    stored_layers = (grid_map[name] for name in names)
+    return SimpleNamespace(
         header=SimpleNamespace(stamp=stamp, frame_id=grid_map.frame_id),
         info=_info(grid_map.geometry),
         layers=list(names),
         basic_layers=[*filter({*names}.__contains__, grid_map.basic_layers)],
-        data=[grid_map[name] for name in names],
+        data=[
+            unwrapped(layer, (first, second)) if first or second else layer
+            for layer in stored_layers
+        ],
         outer_start_index=start[0],
         inner_start_index=start[1],
     )
-    return plain, (first, second)
 
 
 def _info(geometry: GridGeometry) -> SimpleNamespace:
@@ -154,14 +144,27 @@ def _filled(message: Any, plain: SimpleNamespace) -> Any:
     return message
 
 
-def _values(layer: Layer, first: Size) -> Any:
-    """Return the values of a layer, column after column from the cell `first`."""
-    if first == (0, 0):
-        return np.asarray(layer, dtype=np.float32, order="F").ravel("K")
-    return Deferred(
-        layer.size,
-        lambda values: unwrapped(layer, first, out=values.reshape(layer.shape, order="F")),
-    )
+def _to_multi_array(layer: npt.ArrayLike) -> "Float32MultiArray":
+    messages = messages_of("std_msgs")
+    data = np.asarray(layer, dtype=np.float32, order="F")
+    message: Float32MultiArray = messages.Float32MultiArray()
+    message.layout.dim = [
+        messages.MultiArrayDimension(**vars(dimension)) for dimension in _layout(data.shape).dim
+    ]
+    values = array.array("f")
+    values.frombytes(data.T.data.cast("B"))
+    set_array(message, values)
+    return message
+
+
+def _layout(size: Size) -> SimpleNamespace:
+    """Return an object with the attributes of `MultiArrayLayout`, for a column-major layer."""
+    rows, columns = size
+    sizes = zip(_LABELS, (columns, rows), (rows * columns, rows), strict=True)
+    dim = [
+        SimpleNamespace(label=label, size=count, stride=stride) for label, count, stride in sizes
+    ]
+    return SimpleNamespace(dim=dim, data_offset=0)
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -175,25 +178,19 @@ def from_message(
     unwrap: bool = True,
     copy: bool = True,
 ) -> GridMap:
-    """Return the map in a message; it shares no memory with the message.
-
-    The whole message is checked before anything is allocated. The z coordinate of the position is
-    ignored; a map has none.
+    """Return the map in a message; the z coordinate of its position is ignored.
 
     Args:
         message: layers may be column-major or row-major.
         layers: names of the layers to take, in this order; None means all.
         copy_basic_layers: take over those basic layers that are among the layers taken.
-        unwrap: bring the data into map order, with start index (0, 0). False keeps the order of the
-            sender's buffer and its start index.
-        copy: False makes read-only layers that share the memory of the message, where it holds them
-            as a map does: column-major, and not to be unwrapped.
+        unwrap: True brings the data into map order, with start index (0, 0). False keeps the order
+            of the sender's buffer and its start index.
+        copy: False makes read-only layers that share the memory of the message where possible: if
+            they are column-major and need no unwrapping.
 
     Raises:
-        MessageError: a field of the message contradicts another or is invalid; the error names
-            the field, the expected and the actual value.
         LimitError: the message claims too many cells.
-        LayerNotFoundError: `layers` names one that the message lacks.
     """
     check_fields(message, "grid_map_msgs/GridMap", "info", "basic_layers")
     geometry = from_info(message.info)
@@ -227,26 +224,20 @@ def from_serialized_message(
     Args:
         data: the message in CDR, as a raw subscription receives it and bags hold it.
         layers, copy_basic_layers, unwrap, copy: as for `from_message`.
-
-    Raises:
-        MessageError: the bytes are no such message, or it contradicts itself.
-        LayerNotFoundError: `layers` names one that the message lacks.
     """
-    received = ReceivedMap(data)
-    return received.decode(layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap, copy=copy)
+    message = view(data, GRID_MAP)
+    return from_message(
+        message, layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap, copy=copy
+    )
 
 
 class ReceivedMap:
     """A serialized map message that decodes only the requested layers.
 
-    All but `data` raises MessageError if the bytes are no map message, or if what is asked for
-    is invalid.
+    All attributes except `data` raise MessageError if the bytes are no valid message.
 
     Args:
-        data: the message in CDR.
-
-    Attributes:
-        data: as given. Publishers accept it in place of the message.
+        data: the message in CDR, also an attribute; publishers accept it in place of the message.
     """
 
     def __init__(self, data: Buffer) -> None:
@@ -302,13 +293,7 @@ class ReceivedMap:
 
 
 def from_info(info: "GridMapInfo") -> GridGeometry:
-    """Return the grid that a message describes; lengths are rounded to whole cells.
-
-    Raises:
-        MessageError: a number is not finite or not positive, a side has no cells, or the grid is
-            rotated.
-        LimitError: the grid has too many cells.
-    """
+    """Return the grid that a message describes; lengths are rounded to whole cells."""
     resolution = check_positive("info.resolution", info.resolution)
     for name in ("length_x", "length_y"):
         length = check_positive(f"info.{name}", getattr(info, name))
@@ -336,13 +321,42 @@ def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
             raise MessageError(f"layers[{index}]", expected, name)
     check_unique("layers", names)
     return {
-        name: from_multi_array(values, size, f"layer {name!r}, data[{index}]")
+        name: _from_multi_array(values, size, f"layer {name!r}, data[{index}]")
         for index, (name, values) in enumerate(zip(names, message.data, strict=True))
     }
 
 
+def _from_multi_array(message: "Float32MultiArray", size: Size, field: str) -> Layer:
+    """Return the (rows, cols) values of a message, a view of its memory.
+
+    Data is column-major (`column_index` first) or row-major (`row_index` first), begins after
+    `data_offset` values and ends with the array. Publishers leave strides unset or count them in
+    their own ways: all strides that occur without padding are accepted.
+    """
+    labels = tuple(dim.label for dim in message.layout.dim)
+    if labels not in (_LABELS, _LABELS[::-1]):
+        expected = f"the labels {_LABELS}, or in reverse"
+        raise MessageError(f"{field}.layout.dim", expected, labels)
+    shape = size[::-1] if labels == _LABELS else size
+    offset, cells = message.layout.data_offset, size[0] * size[1]
+    for axis, (dim, count) in enumerate(zip(message.layout.dim, shape, strict=True)):
+        if dim.size != count:
+            expected = f"{count} ({dim.label} of {size[0]} x {size[1]} cells)"
+            raise MessageError(f"{field}.layout.dim[{axis}].size", expected, dim.size)
+    if len(message.data) != offset + cells:
+        expected = f"{offset + cells} values ({size[0]} x {size[1]} cells"
+        expected += f" after data_offset {offset})" if offset else ")"
+        raise MessageError(f"{field}.data", expected, len(message.data))
+    strides = (0, 1, *shape, cells)
+    for axis, dim in enumerate(message.layout.dim):
+        if dim.stride not in strides:
+            expected = f"one of {strides}, as there is no padding"
+            raise MessageError(f"{field}.layout.dim[{axis}].stride", expected, dim.stride)
+    values: Layer = np.asarray(message.data)[offset:].reshape(shape)
+    return values.T if labels == _LABELS else values
+
+
 def _start_index(message: "GridMapMessage", size: Size) -> Size:
-    """Return the start index of a message, which must be a cell of the map."""
     start = (message.outer_start_index, message.inner_start_index)
     for name, index, cells in zip(("outer", "inner"), start, size, strict=True):
         if not 0 <= index < cells:

@@ -2,12 +2,8 @@
 """`sensor_msgs/Image` and grid maps.
 
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
-is +x, left is +y. `grid_map_core_py.conversions` converts between values and gray values, and
-handles NaN; this module reads and writes the pixels of messages.
-
-Encodings are mono8 and mono16, rgb8, bgr8, rgba8, bgra8, rgb16, bgr16, rgba16, bgra16, and OpenCV's
-names of a type and a number of channels: 8UC, 16UC, 32FC and 64FC followed by 1, 3 or 4. Colors
-under OpenCV's names are in the order BGR.
+is +x, left is +y. Encodings are mono8 and mono16; rgb, bgr, rgba and bgra followed by 8 or 16; and
+8UC, 16UC, 32FC and 64FC followed by 1, 3 or 4 channels, with colors in the order BGR.
 """
 
 import array
@@ -23,8 +19,7 @@ from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
 from ._checks import check_fields
-from ._multi_array import set_array
-from ._packages import messages_of
+from ._packages import messages_of, set_array
 from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
@@ -33,13 +28,7 @@ if TYPE_CHECKING:
 
 
 class Encoding(NamedTuple):
-    """Storage format of a pixel.
-
-    Attributes:
-        dtype: of a channel, little-endian.
-        channels: 1, 3, or 4 with alpha.
-        order: of the colors.
-    """
+    """Storage format of a pixel: type of a channel, number of channels, order of the colors."""
 
     dtype: np.dtype[Any]
     channels: int
@@ -80,16 +69,11 @@ def to_image(
     """Return a layer as a gray image, with any encoding.
 
     Args:
-        grid_map: the map.
-        layer: the layer that gives the values.
-        encoding: see the head of this module. With three or four channels the first three are
-            equal; a fourth one is alpha, 0 for NaN.
-        lower: value that becomes 0; None means the smallest finite value of the layer.
-        upper: value that becomes the largest number, 1.0 in images of floats; None means the
-            largest finite value. An image of floats with neither bound contains the values.
+        grid_map, layer, lower, upper: as in `grid_map_core_py.to_image`.
+        encoding: see `ENCODINGS`. With three or four channels the first three are equal; a fourth
+            one is alpha, 0 for NaN.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
         MessageError: the encoding is unknown.
         GeometryError: the bounds are invalid.
     """
@@ -103,11 +87,10 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
 
     Args:
         grid_map: the map.
-        layer: the layer, as `color_vector_to_value` makes them.
+        layer: the layer, with values of `color_vector_to_value`.
         encoding: one with three channels, or four with alpha, which is 0 for NaN.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
         MessageError: the encoding is unknown or has a single channel.
     """
     kind = _encoding_of(encoding)
@@ -132,15 +115,8 @@ def from_image(
 ) -> GridMap:
     """Return a map with one layer that holds the gray values of an image.
 
-    Args:
-        message: the image, of any encoding. Rows may be padded and numbers big-endian. Colors
-            become gray by their luma. Frame and time of the map are those of the message.
-        layer, resolution, lower, upper, position, alpha_threshold: as in
-            `grid_map_core_py.from_image`.
-
-    Raises:
-        MessageError: a field of the message contradicts another or is invalid.
-        GeometryError: the bounds, the resolution or the position are invalid.
+    Colors become gray by their luma. Frame and time of the map are those of the message. Other
+    arguments and errors: see `grid_map_core_py.from_image`.
     """
     image, order = to_pixels(message)
     return pixels.from_image(
@@ -168,13 +144,8 @@ def add_layer_from_image(
 ) -> None:
     """Set a layer of a map to the gray values of an image.
 
-    Args:
-        grid_map: the map, of the size of the image; it may have moved.
-        message, layer, lower, upper, alpha_threshold: as in `from_image`.
-
-    Raises:
-        MessageError: the image is not of the size of the map, or as in `from_image`.
-        GeometryError: the bounds are invalid.
+    The map, which may have moved, must have the size of the image. Other arguments: see
+    `from_image`.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_layer_from_image(
@@ -187,14 +158,7 @@ def add_color_layer_from_image(
 ) -> None:
     """Set a layer of a map to the packed colors of an image.
 
-    Args:
-        grid_map: the map, of the size of the image; it may have moved.
-        message: the image, of any encoding; gray values become gray colors.
-        layer: name of the layer.
-        alpha_threshold: as in `from_image`.
-
-    Raises:
-        MessageError: the image is not of the size of the map, or as in `from_image`.
+    Gray values become gray colors. Arguments: see `add_layer_from_image`.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_color_layer_from_image(
@@ -219,11 +183,10 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
 
     Args:
         message: the image.
-        size: rows and columns that it must have; None takes any.
+        size: rows and columns that it must have; None accepts any.
 
     Raises:
-        MessageError: the encoding is unknown, height, width, step and the number of bytes do not
-            fit each other, or the image has another size.
+        MessageError: the message contradicts itself, or the image has another size.
         LimitError: the image has too many pixels.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")

@@ -12,8 +12,7 @@ from grid_map_core_py._arrays import as_number, slices
 
 from ..errors import MessageError
 from ._checks import as_float32, check_fields, check_grid
-from ._multi_array import set_array
-from ._packages import messages_of
+from ._packages import messages_of, set_array
 from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
@@ -43,9 +42,7 @@ def to_occupancy_grid(
             beyond the bounds are clamped, NaN becomes -1, unknown.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
-        MessageError: the bounds are equal as float32, or not finite; or the resolution does not fit
-            a float32.
+        MessageError: the bounds are equal as float32, or not finite.
     """
     stored = occupancies(grid_map[layer], data_min, data_max)
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
@@ -65,17 +62,11 @@ def to_occupancy_grid(
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Return a map with one layer that holds the values of an occupancy grid.
 
-    -1 becomes NaN; all other values are kept. The resolution is a float32 in the message; the map
-    gets the float64 with the same shortest decimal form (0.1 for the 0.1 of the sender).
-
-    Args:
-        message: the grid.
-        layer: name of the layer.
+    -1 becomes NaN; all other values are kept. The resolution of the map is the float64 with the
+    same shortest decimal form as that of the message.
 
     Raises:
-        MessageError: size, resolution, origin or the number of values are invalid, or the grid is
-            rotated.
-        GridMapError: the layer has no name.
+        MessageError: the message contradicts itself, or the grid is rotated.
     """
     check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
@@ -90,10 +81,8 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
 
-    Computed in float32, so that every value equals that of the C++ library.
-
-    Raises:
-        MessageError: the bounds are equal as float32, or not finite.
+    Computed in float32, so that every value equals that of the C++ library. Errors: see
+    `to_occupancy_grid`.
     """
     data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`octomap_msgs/Octomap`, or any object with its fields, and files of OctoMap, to grid maps.
+"""Grid maps from `octomap_msgs/Octomap`, or any object with its fields, and from OctoMap files.
 
-Neither OctoMap nor octomap_msgs is needed. Files are binary (.bt) or full (.ot). Some lines of text
-come first, then the tree in the very bytes that messages hold:
+Files are binary (.bt) or full (.ot). Some lines of text come first, then the same bytes as in a
+message:
 
     # Octomap OcTree binary file
     # comments
@@ -54,7 +54,6 @@ SMALLEST_VOXEL, LARGEST_VOXEL = 1e-30, 1e30
 Points = npt.NDArray[np.float64]
 
 ANYWHERE = (math.nan, math.nan, math.nan)
-"""No bound along any axis."""
 
 BINARY, FULL = b"# Octomap OcTree binary file", b"# Octomap OcTree file"
 """First lines of files."""
@@ -83,11 +82,9 @@ def from_octomap(
             means no bound.
 
     Raises:
-        MessageError: the message or the tree in it contradicts itself, there is no voxel within the
-            bounds, or the tree has no leaf to take the extent from.
-        LimitError: the extent takes too many cells.
-        GeometryError: the resolution is invalid.
-        GridMapError: the layer has no name.
+        MessageError: the message contradicts itself, there is no voxel within the bounds, or the
+            tree has no leaf to take the extent from.
+        LimitError: the extent has too many cells.
     """
     leaves = _leaves(message)
     timestamp = from_stamp(message.header.stamp)
@@ -135,18 +132,14 @@ def load_octomap(
     max_bound: npt.ArrayLike = ANYWHERE,
     frame_id: str = "map",
 ) -> GridMap:
-    """Return the map of a file, as `from_octomap` makes it.
+    """Return the map of a `.bt` or `.ot` file.
 
     Args:
-        path: a `.bt` or `.ot` file.
-        layers: None, or the name of the layer: for readers that ask for layers.
+        path: the file.
+        layers: None, or the name of the layer.
         height_layer: name of the layer.
         resolution, min_bound, max_bound: as in `from_octomap`.
         frame_id: frame of the map.
-
-    Raises:
-        LayerNotFoundError: `layers` asks for another layer.
-        GridMapError: the file cannot be read, is no octomap, or as in `from_octomap`.
     """
     bounds: dict[str, Any] = {"min_bound": min_bound, "max_bound": max_bound}
     with storage_errors(Path(path), "read"):
@@ -188,7 +181,12 @@ def _box(
     leaves: Leaves, resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
 ) -> tuple[Voxel, Voxel]:
     """Return the first and the last voxel (3,) between bounds that may be NaN."""
-    bounds = np.array([_bound(min_bound, "min_bound"), _bound(max_bound, "max_bound")])
+    bounds = np.empty((2, 3))
+    for row, name, bound in ((0, "min_bound", min_bound), (1, "max_bound", max_bound)):
+        values = as_array(bound, np.float64, name)
+        if values.shape != (3,):
+            raise MessageError(name, "x, y and z", bound)
+        bounds[row] = values
     tolerance = BORDER_TOLERANCE / resolution
     # The center of voxel k lies k + 1/2 voxels from the corner of the root.
     steps = np.clip(bounds / resolution, -VOXELS, VOXELS) + VOXELS // 2 - 0.5
@@ -202,13 +200,6 @@ def _box(
         found = tuple(map(tuple, bounds.tolist()))
         raise MessageError("min_bound, max_bound", "voxels between them", found)
     return first, last
-
-
-def _bound(bound: npt.ArrayLike, name: str) -> Points:
-    values = as_array(bound, np.float64, name)
-    if values.shape != (3,):
-        raise MessageError(name, "x, y and z", bound)
-    return values
 
 
 def _meters(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:

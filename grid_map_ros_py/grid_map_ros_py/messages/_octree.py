@@ -8,8 +8,7 @@ bit per child. Both are little-endian. The root is a cube of 65536 voxels a side
 and a voxel is a node of depth 16. Bits 0, 1 and 2 of a child's number tell whether it is the one
 with larger x, y and z.
 
-OctoMap's own reader and its Python bindings follow damaged bytes until the stack overflows. Here
-every tree is checked first, and then read depth by depth rather than node by node.
+Every tree is checked first, and then read depth by depth rather than node by node.
 """
 
 from collections.abc import Iterator
@@ -53,11 +52,7 @@ _FREE, _OCCUPIED, _INNER = 1, 2, 3
 
 
 def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
-    """Return the leaves of a tree in the binary form, depth by depth; none for no bytes.
-
-    Raises:
-        MessageError: the bytes are no such tree.
-    """
+    """Return the leaves of a tree in the binary form, depth by depth; none for no bytes."""
     words = _records(data, np.dtype("<u2"))
     labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
     if not labels.any(axis=1).all():
@@ -75,13 +70,6 @@ def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
     """Return the leaves of a tree in the full form, depth by depth; none for no bytes.
 
     Leaves with a probability of at least one half (log-odds of at least 0) are occupied.
-
-    Args:
-        data: (N,) bytes.
-        node_type: one of `NODE_TYPES`.
-
-    Raises:
-        MessageError: the bytes are no such tree.
     """
     records = _records(data, node_type)
     if np.isnan(records["value"]).any():
@@ -106,10 +94,7 @@ def _levels(
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
     """Yield depth, numbers (M,) and keys (3, M) of the nodes of every depth.
 
-    Args:
-        children: (N, 8) True for children of a node that are stored after it.
-        deepest: largest allowed depth.
-        node_size: bytes of a node.
+    `children` (N, 8) tells which children of a node are stored after it.
     """
     if not len(children):
         return
@@ -126,11 +111,7 @@ def _levels(
 
 
 def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp]:
-    """Return the depths (N,) of nodes in preorder with `counts` children each.
-
-    Raises:
-        MessageError: the nodes are fewer or more than one tree.
-    """
+    """Return the depths (N,) of nodes in preorder with `counts` children each."""
     # Number of nodes that must still follow each node to complete the tree.
     open_ends = np.append(0, np.cumsum(counts - 1)) + 1
     closed = np.flatnonzero(open_ends == 0)
@@ -164,16 +145,11 @@ def _child_keys(keys: Keys, children: npt.NDArray[np.bool_]) -> Keys:
 
 
 def side_of(depth: int) -> int:
-    """Return the number of voxels along a side of a node."""
     return 1 << (DEPTH - depth)
 
 
 def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
-    """Return the first and the last voxel (3,) of the box around all leaves.
-
-    Raises:
-        MessageError: there are no leaves.
-    """
+    """Return the first and the last voxel (3,) of the box around all leaves."""
     filled = [(keys, side_of(depth)) for depth, (keys, _) in leaves.items() if keys.size]
     if not filled:
         raise MessageError("data", "a tree with leaves", "none")
@@ -185,12 +161,7 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
     """Return z of the highest occupied voxel of every column of a box, -1 where there is none.
 
-    Args:
-        leaves: leaves of all depths.
-        first, last: (3,) voxels at the corners of the box.
-
-    Returns:
-        (x, y), counted from `first`.
+    The array is (x, y), counted from `first`; `first` and `last` are (3,) voxels at the corners.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):
@@ -216,10 +187,6 @@ def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.
 
 def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
     """Return the occupied voxels (3, N) of a box.
-
-    Args:
-        leaves: leaves of all depths.
-        first, last: voxels at the corners of the box.
 
     Raises:
         LimitError: there are more than half of `max_cells`; a few bytes can claim any number.

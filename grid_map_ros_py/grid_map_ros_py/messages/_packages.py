@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Import of message packages at the moment when a message is made.
+"""Imports message packages lazily, when a message is created: reading works without ROS."""
 
-Reading maps, bags and messages takes no message package, so that it works without ROS.
-"""
-
+import array
 import sys
 from typing import Any
 
@@ -24,3 +22,12 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
     name = f"{package}.{kind}"
     remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"
     return sys.modules.get(name) or required(name, needed_by, remedy)
+
+
+def set_array(message: Any, values: "array.array[Any]") -> None:
+    """Let a message keep an array as its `data`, without a copy.
+
+    The constructor and the setter that rosidl generates copy it. The array must have the type of
+    the field.
+    """
+    message._data = values

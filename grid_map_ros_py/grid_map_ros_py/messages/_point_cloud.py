@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`sensor_msgs/PointCloud2` and grid maps, and clouds as arrays.
 
-Clouds that are read may have fields of any of the eight number types, anywhere in the point and
-with gaps; rows may be padded, too. Only big-endian clouds are refused.
+Fields of clouds may have any of the eight number types and gaps between them, and rows may be
+padded. Big-endian clouds are refused.
 """
 
 import array
@@ -22,8 +22,7 @@ from grid_map_core_py.plugins import check
 
 from ..errors import MessageError
 from ._checks import check_fields, check_unique
-from ._multi_array import set_array
-from ._packages import messages_of
+from ._packages import messages_of, set_array
 from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
@@ -49,12 +48,11 @@ _NONE: Mapping[str, str] = MappingProxyType({})
 def to_point_cloud(
     grid_map: GridMap, point_layer: str, layers: Iterable[str] | None = None
 ) -> "PointCloud2":
-    """Return one point for every valid cell of a map.
+    """Return one point for every cell where the point layer and all basic layers are finite.
 
-    A cell is valid where the point layer is finite and, when the map has basic layers, these are
-    finite too. The points come column after column of the map's buffer. All fields are float32 in
-    the order of the layers: x, y, z [m] in place of the point layer, `color` under the name `rgb`
-    that viewers know (unless a layer has that name), all others under their own names.
+    The points come column after column of the map's buffer. All fields are float32 in the order of
+    the layers: x, y, z [m] in place of the point layer, `color` under the name `rgb` that viewers
+    know (unless a layer has that name), all others under their own names.
 
     Args:
         grid_map: the map.
@@ -63,7 +61,6 @@ def to_point_cloud(
             is not among them.
 
     Raises:
-        LayerNotFoundError: the map lacks a layer.
         MessageError: another layer is called x, y or z.
     """
     select_layers(grid_map.layers, point_layer)
@@ -82,14 +79,9 @@ def to_point_cloud(
 
 
 def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2":
-    """Return the cells of a map as points of one height.
+    """Return the cells of a map as points of one height [m], with all layers as fields.
 
-    All layers are carried along, and x, y, z come last. Cells where a basic layer is not finite are
-    left out; without basic layers there is a point for every cell.
-
-    Args:
-        grid_map: the map.
-        height: z of the points [m].
+    x, y, z are the last fields. Cells where a basic layer is not finite are left out.
 
     Raises:
         MessageError: the height is not finite, or a layer is called x, y or z.
@@ -114,9 +106,8 @@ def _interleaved(
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
-    # A few columns of cells at a time stay in the cache while fields are interleaved. Their
-    # x are always the same. Cells without data are dropped by a mask, as a whole: by their indices
-    # it would take four times as long.
+    # Interleave a few columns of cells at a time, which stay in the cache, and drop cells without
+    # data with a mask, which is faster than indices.
     block = np.empty((max(1, min(BLOCK // rows, columns)), rows, len(names) + 2), FLOAT)
     block[:, :, field_of_x] = x
     cells = block.reshape(-1, len(names) + 2)
@@ -175,32 +166,28 @@ def from_point_cloud(
 ) -> GridMap:
     """Return a map whose cells hold heights and other fields of the points in them.
 
-    The whole message is checked before anything is allocated. Points with a coordinate that is not
-    finite, and those beside the map, are left out. The map has the frame and the time of the cloud.
+    Points with a coordinate that is not finite, and those beside the map, are left out. The map has
+    the frame and the time of the cloud.
 
     Args:
         message: the cloud, organized or not.
         layer: name of the layer that holds heights [m].
         resolution: side of a cell [m].
-        reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`,
-            `variance` or `count`; see `grid_map_core_py.from_points`.
-        length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points.
-        position: (2,) center of the map [m]. Without length and position, the borders are at
-            multiples of the resolution, so that maps of several clouds have the same cells.
-        onto: in place of these three a geometry, or a map whose other layers the result shares.
+        reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`, `variance` or
+            `count`.
+        onto: replaces resolution, length and position: a geometry, or a map whose other layers the
+            result shares.
         more_layers: names of further layers made of the heights, each with its reduction.
-        fields: names of the fields that become layers, besides the heights. None takes all that
+        fields: names of the fields that become layers, besides the heights. None means all that
             have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
             unless the cloud has a field of that name.
-        field_reductions: names of fields whose reduction is not to be `mean`.
-        min_height, max_height: points below or above are left out [m].
-        tight: True to center the map on the points instead of such borders.
+        length, position, field_reductions, min_height, max_height, tight: as in
+            `grid_map_core_py.from_points`.
 
     Raises:
-        MessageError: a field of the message contradicts another or is invalid, the cloud lacks
-            a field, or it is in another frame than the map `onto`.
+        MessageError: the cloud contradicts itself, lacks a field, or is in another frame than the
+            map `onto`.
         ConfigError: a reduction is unknown, or the grid is given twice or not at all.
-        GeometryError: resolution, length or position are invalid.
         GridMapError: a layer would be made twice, or there are no points to take an extent from.
     """
     points, columns = read_columns(message, fields)
@@ -240,19 +227,12 @@ def from_point_cloud(
 def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
     """Return the fields of a cloud as arrays over its points, row after row.
 
-    The arrays are views of the message's memory, unless rows are padded.
-
-    Args:
-        message: the cloud, organized or not; `array.reshape(message.height, message.width)` has the
-            shape of an organized one.
+    The arrays are views of the message's memory, unless rows are padded. For an organized cloud,
+    reshape them to `(message.height, message.width)`.
 
     Returns:
         (N,) values by the names of the fields, or (N, count) for a field of `count` numbers per
-        point; a count of 0 stands for 1. NaN as the cloud has it.
-
-    Raises:
-        MessageError: a field of the message contradicts another or is invalid; the error names
-            it, the expected and the actual value.
+        point; a count of 0 stands for 1.
     """
     check_layout(message)
     return {field.name: _view(message, field) for field in message.fields}
@@ -263,17 +243,10 @@ def read_columns(
 ) -> tuple[npt.NDArray[Any], dict[str, npt.NDArray[Any]]]:
     """Return the points of a cloud, and the columns for layers other than heights.
 
-    Args:
-        message: the cloud.
-        fields: as in `from_point_cloud`.
-
     Returns:
         points: (N, 3) x, y, z [m], float32 or float64; a view of the message if x, y, z are
             adjacent there.
         columns: (N,) values of the fields by the names of their layers.
-
-    Raises:
-        MessageError: as in `from_point_cloud`.
     """
     check_layout(message)
     known = {field.name: (index, field) for index, field in enumerate(message.fields)}
@@ -296,7 +269,7 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return the names of the layers of fields: mostly as the fields."""
+    """Return the names of the layers of fields; colors go to one layer."""
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():
@@ -311,7 +284,16 @@ def check_layout(message: "PointCloud2") -> None:
         raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
     width, height, step = message.width, message.height, message.point_step
     for index, field in enumerate(message.fields):
-        _check_field(f"fields[{index}]", field, step)
+        path = f"fields[{index}]"
+        if not field.name:
+            raise MessageError(f"{path}.name", "a name", field.name)
+        if field.datatype not in TYPES:
+            expected = f"{min(TYPES)} to {max(TYPES)} (INT8 to FLOAT64)"
+            raise MessageError(f"{path}.datatype", expected, field.datatype)
+        end = field.offset + max(field.count, 1) * TYPES[field.datatype].itemsize
+        if end > step:
+            expected = f"at least {end}, where field {field.name!r} ({path}) ends"
+            raise MessageError("point_step", expected, step)
     check_unique("fields", (field.name for field in message.fields))
     if message.row_step < width * step:
         expected = f"at least {width * step} ({width} points of {step} bytes)"
@@ -319,18 +301,6 @@ def check_layout(message: "PointCloud2") -> None:
     if len(message.data) != height * message.row_step:
         expected = f"{height * message.row_step} bytes ({height} rows of {message.row_step})"
         raise MessageError("data", expected, len(message.data))
-
-
-def _check_field(path: str, field: "PointField", point_step: int) -> None:
-    if not field.name:
-        raise MessageError(f"{path}.name", "a name", field.name)
-    if field.datatype not in TYPES:
-        expected = f"{min(TYPES)} to {max(TYPES)} (INT8 to FLOAT64)"
-        raise MessageError(f"{path}.datatype", expected, field.datatype)
-    end = field.offset + max(field.count, 1) * TYPES[field.datatype].itemsize
-    if end > point_step:
-        expected = f"at least {end}, where field {field.name!r} ({path}) ends"
-        raise MessageError("point_step", expected, point_step)
 
 
 def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[Any]:

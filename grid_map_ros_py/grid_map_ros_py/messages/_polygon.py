@@ -38,7 +38,7 @@ def to_polygon(
         height: z of the vertices [m].
 
     Raises:
-        MessageError: the timestamp, the height or a vertex does not fit the message.
+        MessageError: the height or a vertex is not finite as float32.
     """
     messages = messages_of("geometry_msgs")
     message: PolygonStamped = messages.PolygonStamped(header=_header(frame_id, timestamp))
@@ -51,11 +51,7 @@ def to_polygon(
 
 
 def from_polygon(message: "PolygonStamped") -> Polygon:
-    """Return the polygon in a message, without its z.
-
-    Raises:
-        MessageError: a vertex is not finite.
-    """
+    """Return the polygon in a message, without its z."""
     check_fields(message, "geometry_msgs/PolygonStamped", "header", "polygon")
     from_stamp(message.header.stamp)
     pairs = [(point.x, point.y) for point in message.polygon.points]
@@ -80,13 +76,10 @@ def to_line_marker(
         polygon: the polygon [m].
         line_width: width of the line [m].
         color: red, green, blue and alpha from 0 to 1.
-        frame_id: frame of the vertices.
-        timestamp: time of the message [ns].
-        height: z of the vertices [m].
+        frame_id, timestamp, height: as in `to_polygon`.
 
     Raises:
-        MessageError: the timestamp does not fit the message, or the height or the width of the line
-            is invalid.
+        MessageError: the height or the width of the line is invalid.
         GeometryError: the color does not have four components from 0 to 1.
     """
     header, width = _header(frame_id, timestamp), as_number(line_width, "line_width")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Poses and transforms of `geometry_msgs`, and matrices.
 
-A matrix (4, 4) holds a rotation and a translation [m]. It brings points of the pose's own frame
-(of the child frame of a transform) into the frame of the message: `matrix @ (x, y, z, 1)`.
+`matrix @ (x, y, z, 1)` transforms a point from the frame of the pose (the child frame of a
+transform) to the frame of the message.
 """
 
 import math
@@ -29,7 +29,7 @@ NORM_TOLERANCE = 1e-2
 
 
 def from_pose(message: Any) -> Matrix:
-    """Return a pose as a (4, 4) matrix, which brings points [m] into the frame of the message.
+    """Return a pose as a (4, 4) matrix that transforms points [m] to the frame of the message.
 
     Args:
         message: a `Pose`, or a message with one as `pose`, such as `PoseStamped`,
@@ -43,13 +43,9 @@ def from_pose(message: Any) -> Matrix:
 
 
 def from_transform(message: Any) -> Matrix:
-    """Return a transform as a (4, 4) matrix, which brings points [m] from the child frame.
+    """Return a `Transform` or `TransformStamped` as a (4, 4) matrix.
 
-    Args:
-        message: a `Transform` or a `TransformStamped`.
-
-    Raises:
-        MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
+    It transforms points [m] from the child frame. Errors: see `from_pose`.
     """
     return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
 
@@ -64,11 +60,7 @@ def to_pose(matrix: npt.ArrayLike) -> "Pose":
 
 
 def to_transform(matrix: npt.ArrayLike) -> "Transform":
-    """Return a (4, 4) matrix as a transform.
-
-    Raises:
-        MessageError: it is not a rotation and a translation.
-    """
+    """Return a (4, 4) matrix as a transform; errors: see `to_pose`."""
     return _filled(messages_of("geometry_msgs").Transform(), "translation", "rotation", matrix)
 
 

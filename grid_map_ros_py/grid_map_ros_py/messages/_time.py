@@ -19,21 +19,13 @@ LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
 
 
 def to_stamp(nanoseconds: int) -> "Time":
-    """Return nanoseconds since the epoch as a message.
-
-    Raises:
-        MessageError: they are no integer, negative, or too many for the message.
-    """
+    """Return nanoseconds since the epoch as a message."""
     seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
     return messages_of("builtin_interfaces").Time(sec=seconds, nanosec=rest)
 
 
 def check_nanoseconds(nanoseconds: int) -> int:
-    """Return nanoseconds since the epoch as an integer that a message can hold.
-
-    Raises:
-        MessageError: they are no integer, negative, or too many.
-    """
+    """Return nanoseconds since the epoch as an integer that a message can hold."""
     try:
         exact = operator.index(nanoseconds)
     except TypeError:
@@ -44,11 +36,7 @@ def check_nanoseconds(nanoseconds: int) -> int:
 
 
 def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
-    """Return the time of a message in nanoseconds since the epoch.
-
-    Raises:
-        MessageError: the time is before the epoch, or its nanoseconds are a second or more.
-    """
+    """Return the time of a message in nanoseconds since the epoch."""
     if stamp.sec < 0:
         raise MessageError(f"{field}.sec", "no negative number", stamp.sec)
     if stamp.nanosec >= NANOSECONDS:
