@@ -71,8 +71,8 @@ class CellFunction:
         return len(inspect.signature(self.function).parameters) - 1
 
     def prepare(self) -> None:
-        """Compile the function in advance, or load it from disk; see `grid_map_core_py._loops`."""
-        self._loop.compiled(always=True)
+        """Compile the function in advance."""
+        self._loop.compiled()
 
     def __call__(
         self, layers: Sequence[npt.NDArray[Any]], numbers: Sequence[SupportsFloat] = ()
@@ -89,8 +89,10 @@ class CellFunction:
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
         with np.errstate(over="ignore"):
             constants = tuple(np.float32(float(number)) for number in numbers)
-        compiled = self._loop.compiled(always=True)
-        # The compiled function does not look how long arrays are.
+        compiled = self._loop.compiled()
+        for values in flat:
+            values.flags.writeable = False  # as compiled
+        # The compiled function does not check the lengths of arrays.
         if len({values.size for values in flat}) > 1:
             compiled = None
         results = np.empty(flat[0].size, self.gives)
@@ -121,7 +123,7 @@ class CellFunction:
                 results[i] = function(*arguments(layers, i, numbers))
 
         loop.__name__ = function.__name__
-        takes, gives = (f"{np.dtype(kind)}*" for kind in (self.takes, self.gives))
+        takes, gives = f"const {np.dtype(self.takes)}*", f"{np.dtype(self.gives)}*"
         kinds = (takes, self.layers), ("float32", self.numbers), gives, "int64"
         return Loop(loop, kinds, {choose: _choose_one})
 
