@@ -14,8 +14,8 @@ from grid_map_core_py._loops import Loop, loop
 PROGRAM = """
 import sys
 import numpy as np
-from grid_map_core_py.simulation._ray_loops import one_by_one
-print("numba" in sys.modules, one_by_one.must_compile(), one_by_one.compiled() is not None)
+from grid_map_core_py.simulation._rays import march
+print("numba" in sys.modules, march.must_compile(), march.compiled() is not None)
 """
 
 

@@ -6,7 +6,7 @@ cells. It returns one float32 value per cell, NaN without points.
 """
 
 from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -72,7 +72,8 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
     return layer
 
 
-def _mean_color(cells: Integers, values: _Values, size: int) -> _Flat:
+def mean_color(cells: Integers, values: npt.NDArray[Any], size: int) -> _Flat:
+    """Return the rounded mean of each channel of packed colors; see the top of the module."""
     numbers = np.bincount(cells, minlength=size)
     means = [
         (np.bincount(cells, channel, size) + numbers // 2) // np.maximum(numbers, 1)
@@ -95,7 +96,7 @@ REDUCTIONS: Mapping[str, Reduction] = {
 }
 
 COLOR_REDUCTIONS: Mapping[str, Reduction] = {
-    "mean": _mean_color,
+    "mean": mean_color,
     **{name: REDUCTIONS[name] for name in ("first", "last", "count")},
 }
 """Reductions of packed colors, whose bits mean nothing as numbers."""
