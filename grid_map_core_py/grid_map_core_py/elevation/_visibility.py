@@ -121,7 +121,9 @@ def cleared_cells(
     feet[candidates[crossed.view(np.bool_)]] = np.nan
     ground = -highest_around(-heights, size)[found]
     beside = highest_around(feet, size, 2)[found]
-    return found[~(beside > np.maximum(beams, ground + 2.0 * resolution) - resolution)]
+    stands = beside > np.maximum(beams, ground + 2.0 * resolution) - resolution
+    cleared: Integers = found[~stands]
+    return cleared
 
 
 def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any) -> None:
