@@ -4,6 +4,7 @@
 Numba is imported when the first loop is compiled or loaded. It keeps machine code in its own cache.
 """
 
+import importlib
 import inspect
 import types
 import warnings
@@ -16,7 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 Compiled: TypeAlias = Callable[..., None]
-Types: TypeAlias = tuple[str | tuple[str, int], ...]
+Type: TypeAlias = str | tuple[str, int] | tuple[str, ...]
 
 _callable: set[Callable[..., Any]] = set()
 """Functions that numba can call from compiled code."""
@@ -29,9 +30,9 @@ class Loop:
     Attributes:
         function: indexes its arrays with integers from 0, writes its results into arrays and
             returns nothing. It may call `math`, NumPy and functions like itself.
-        takes: types of the arguments: "float32*" for an array, "int64" for a number, and a type
-            and a count for a tuple, as in ("float32*", 3). Read-only arrays, written as
-            "const float32*", and other types are compiled when they first occur.
+        takes: types of the arguments: "float32*" for an array, "const float32*" for a read-only
+            one, "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
+            Other types are compiled when they first occur.
         instead: functions that are compiled in place of others that the function calls.
 
     Example:
@@ -50,7 +51,7 @@ class Loop:
     """
 
     function: Callable[..., None]
-    takes: Types
+    takes: tuple[Type, ...]
     instead: Mapping[Callable[..., Any], Callable[..., Any]] = field(default_factory=dict)
 
     def compiled(self) -> Compiled | None:
@@ -83,24 +84,24 @@ class Loop:
         failure = None
         for cache in (True, False):  # numba refuses to cache where it finds no writable folder
             try:
-                dispatcher = self._dispatcher(cache)
+                dispatcher = self._dispatcher(cache=cache)
                 dispatcher.compile(signature)
             except Exception as error:
                 failure = error
             else:
                 return lambda *arguments: dispatcher(*map(_flat, arguments))
-        warnings.warn(f"{self.function.__name__}: numba failed: {failure}", RuntimeWarning, 3)
+        _warn(f"it cannot compile {self.function.__qualname__}", failure)
         return None
 
-    def _dispatcher(self, cache: bool) -> Any:
+    def _dispatcher(self, *, cache: bool) -> Any:
         import numba
 
         _make_callable(self.function, self.instead)
-        options = {"nogil": True, "error_model": "numpy", "cache": cache}
-        return numba.njit(**options)(self.function)
+        make: Any = numba.njit
+        return make(nogil=True, error_model="numpy", cache=cache)(self.function)
 
 
-def loop(*takes: str | tuple[str, int]) -> Callable[[Callable[..., None]], Loop]:
+def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
     """Return the decorator that makes a `Loop` with these types."""
     return lambda function: Loop(function, takes)
 
@@ -108,13 +109,18 @@ def loop(*takes: str | tuple[str, int]) -> Callable[[Callable[..., None]], Loop]
 def _numba() -> Any:
     """Return the module, or None if it is not installed, is turned off or does not work."""
     try:
-        import numba
+        numba: Any = importlib.import_module("numba")
     except ModuleNotFoundError:
         return None
-    except Exception as error:  # of a numba that was built for another NumPy
-        warnings.warn(f"numba cannot be imported: {error}", RuntimeWarning, 5)
+    except Exception as error:
+        _warn("it cannot be imported", error)
         return None
     return None if numba.config.DISABLE_JIT else numba
+
+
+def _warn(text: str, error: Exception | None) -> None:
+    said = f"numba: {text}, NumPy does its work: {type(error).__name__}: {error}"
+    warnings.warn(said, RuntimeWarning, stacklevel=2)
 
 
 def _make_callable(
@@ -134,11 +140,14 @@ def _make_callable(
             _make_callable(replacement, instead)
 
 
-def _numba_type(known: Any, part: str | tuple[str, int]) -> Any:
-    if not isinstance(part, str):
+def _numba_type(known: Any, part: Any) -> Any:
+    if isinstance(part, str):
+        number = getattr(known, part.removeprefix("const ").removesuffix("*"))
+        is_read_only = part.startswith("const")
+        return known.Array(number, 1, "C", readonly=is_read_only) if "*" in part else number
+    if isinstance(part[1], int):
         return known.UniTuple(_numba_type(known, part[0]), part[1])
-    number = getattr(known, part.removeprefix("const ").removesuffix("*"))
-    return known.Array(number, 1, "C", readonly=part.startswith("const")) if "*" in part else number
+    return known.Tuple([_numba_type(known, each) for each in part])
 
 
 def _flat(argument: Any) -> Any:

@@ -12,8 +12,6 @@ from memory import peak_of
 import golden
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError
 from grid_map_core_py.conversions import (
-    CENTURY,
-    DIRECT,
     CostRange,
     CostTable,
     from_costmap,
@@ -28,6 +26,7 @@ TO_COSTMAP = [
     for conversion in case["to_costmap"]
 ]
 FROM_COSTMAP = [conversion for case in CONVERTERS["cases"] for conversion in case["from_costmap"]]
+CENTURY, DIRECT = CostTable(), CostTable(0, 253, 254, 255)
 ALL_COSTS = np.arange(256, dtype=np.uint8)
 TABLES = {
     "century": CENTURY,

@@ -36,7 +36,7 @@ def terrain(function=lambda x, y: 0.0 * (x + y), side=4.0, resolution=0.1):
 def way(request, monkeypatch):
     """Let `cast_rays` march with compiled code if numba is there, or with NumPy."""
     if request.param == "numpy":
-        monkeypatch.setattr(type(_rays.one_by_one), "compiled", lambda _: None)
+        monkeypatch.setattr(type(_rays.march), "compiled", lambda _: None)
 
 
 @pytest.mark.usefixtures("way")
@@ -166,7 +166,7 @@ def test_ranges_are_the_same_compiled_in_numpy_and_moved(data, grid_map):
     moved = moved_in_buffer(grid_map, start)
     np.testing.assert_array_equal(cast_rays(moved, origins, directions), expected)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(type(_rays.one_by_one), "compiled", lambda _: None)
+        patch.setattr(type(_rays.march), "compiled", lambda _: None)
         np.testing.assert_array_equal(cast_rays(grid_map, origins, directions), expected)
 
 

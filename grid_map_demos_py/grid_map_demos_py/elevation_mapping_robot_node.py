@@ -15,7 +15,6 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.elevation import LaserModel, SensorModel, StructuredLightModel
 from grid_map_core_py.simulation import DepthCamera, SpinningLidar, scan
 from grid_map_ros_py import to_pose, to_serialized_message, to_stamp

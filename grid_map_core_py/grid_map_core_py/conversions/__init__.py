@@ -2,21 +2,18 @@
 """Layers from and to images, colors, costmaps, point clouds and triangle meshes.
 
 - Images: `to_image`, `from_image`, `add_layer_from_image`, with colors `to_color_image`,
-  `add_color_layer_from_image`; `change_resolution`; the types `Image` and `Order`.
+  `add_color_layer_from_image`; `change_resolution`; the type `Order`.
 - Colors as layer values: `color_vector_to_value`, `color_value_to_vector`,
-  `color_channels_to_value`, `color_value_to_bytes`; their bits: `join_channels`, `split_channels`,
-  `NO_COLOR`; names of layers and fields with colors: `COLOR_LAYER`, `COLOR_FIELDS`.
+  `color_channels_to_value`, `color_value_to_bytes`; names of layers and fields with colors:
+  `COLOR_LAYER`, `COLOR_FIELDS`.
 - Costmaps: `to_costmap`, `from_costmap`, `Costmap`. A `CostCodec` turns values into costs: a
-  `CostTable`, such as `CENTURY` and `DIRECT`, or a `CostRange`; costs are `FREE` to `LETHAL`.
-- Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`;
-  `PointCloudPipeline` with its parameters `CloudTransform`, `OutlierRemoval`, `Downsampling`,
-  `ClusterExtraction` and `Grid`.
+  `CostTable` or a `CostRange`; costs are `FREE` to `LETHAL`.
+- Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`,
+  `PointCloudPipeline`.
 - Triangle meshes: `from_mesh`, `rasterize_triangles`.
 """
 
 from ._costmap import (
-    CENTURY as CENTURY,
-    DIRECT as DIRECT,
     FREE as FREE,
     LETHAL as LETHAL,
     CostCodec as CostCodec,
@@ -48,11 +45,6 @@ from ._packed_colors import (
     split_channels as split_channels,
 )
 from ._point_cloud_pipeline import (
-    CloudTransform as CloudTransform,
-    ClusterExtraction as ClusterExtraction,
-    Downsampling as Downsampling,
-    Grid as Grid,
-    OutlierRemoval as OutlierRemoval,
     PointCloudPipeline as PointCloudPipeline,
     downsample as downsample,
     remove_outliers as remove_outliers,

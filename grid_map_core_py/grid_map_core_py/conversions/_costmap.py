@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Costs of navigation: one byte per cell, 255 for unknown cells.
-
-A codec turns values of a layer into costs and back. `CostTable` uses the costs of ROS 1's
-costmap_2d and nav2, `CostRange` those of the nav2 costmap messages of the C++ library. With either,
-NaN becomes 255, never free.
-"""
+"""Costs of navigation: one byte per cell, 255 for unknown cells; NaN becomes 255, never free."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -43,7 +38,10 @@ class CostCodec(Protocol):
 
 @dataclass(frozen=True)
 class CostTable:
-    """Layer values of the named costs; linear between free and inscribed.
+    """Layer values of the named costs of costmap_2d and nav2; linear from free to inscribed.
+
+    The defaults are the scale of occupancy grids. `CostTable(0, 253, 254, 255)` is for layers that
+    hold the costs themselves.
 
     Attributes:
         free: value of cost 0.
@@ -55,26 +53,27 @@ class CostTable:
         GeometryError: the first three do not ascend, or `unknown` equals the value of a cost.
     """
 
-    free: float
-    inscribed: float
-    lethal: float
-    unknown: float
-    _values: Layer = field(init=False, repr=False, compare=False)
+    free: float = 0.0
+    inscribed: float = 99.0
+    lethal: float = 100.0
+    unknown: float = -1.0
 
     def __post_init__(self) -> None:
         for name in ("free", "inscribed", "lethal", "unknown"):
             object.__setattr__(self, name, as_number(getattr(self, name), name))
-        with np.errstate(over="ignore", invalid="ignore"):
-            known = np.append(np.linspace(self.free, self.inscribed, LETHAL), self.lethal)
-            values = np.append(known, self.unknown).astype(np.float32)
-        if not (np.isfinite(known).all() and (np.diff(values[:UNKNOWN]) > 0).all()):
+        values = self._values
+        if not (np.isfinite(values[:UNKNOWN]).all() and (np.diff(values[:UNKNOWN]) > 0).all()):
             raise GeometryError(f"expected free < inscribed < lethal, all finite, got {self}")
-        if self.unknown in known:
+        if np.float32(self.unknown) in values[:UNKNOWN]:
             raise GeometryError(
                 f"unknown: expected a value that no known cost has, got {self.unknown:g}"
             )
-        values.flags.writeable = False
-        object.__setattr__(self, "_values", values)
+
+    @property
+    def _values(self) -> Layer:
+        with np.errstate(over="ignore", invalid="ignore"):
+            known = np.linspace(self.free, self.inscribed, LETHAL)
+            return np.append(known, (self.lethal, self.unknown)).astype(np.float32)
 
     def to_costs(self, values: ArrayLike) -> Costs:
         """Return the nearest costs (...) uint8 of values (...); 255 for NaN and for `unknown`."""
@@ -96,16 +95,9 @@ class CostTable:
         return costs
 
 
-CENTURY = CostTable(free=0, inscribed=99, lethal=100, unknown=-1)
-"""The scale of occupancy grids: 0 free, 99 inscribed, 100 lethal, -1 unknown."""
-
-DIRECT = CostTable(free=FREE, inscribed=INSCRIBED, lethal=LETHAL, unknown=UNKNOWN)
-"""Layer values that are costs: 0 free, 253 inscribed, 254 lethal, 255 unknown."""
-
-
 @dataclass(frozen=True)
 class CostRange:
-    """A range of values, mapped linearly to the costs 0 to 254.
+    """A range of values, mapped linearly to the costs 0 to 254, as in nav2 messages from C++.
 
     Attributes:
         data_min: the value of cost 0.
@@ -181,10 +173,7 @@ def to_costmap(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     Args:
         grid_map: the map.
         layer: the layer that gives the values.
-        codec: converts values to costs: `CENTURY`, `DIRECT`, another table or a range.
-
-    Raises:
-        LayerNotFoundError: the map lacks the layer.
+        codec: converts values to costs.
     """
     costs = codec.to_costs(grid_map[layer])
     costs = np.roll(costs, np.negative(grid_map.start_index), axis=(0, 1))
@@ -211,8 +200,8 @@ def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: i
         timestamp: time of the data [ns].
 
     Raises:
-        GeometryError: the number of costs does not fit the size, or size or resolution make no
-            sense.
+        GeometryError: the number of costs does not fit the size, or the size or resolution is
+            invalid.
     """
     size = as_size((costmap.size_x, costmap.size_y), "size_x, size_y")
     costs = _as_costs(costmap.costmap)

@@ -56,9 +56,6 @@ _TO_GRAY = {
 _TIE = 1e-9  # tolerance [cells] for rounding a number of cells that is nearly a half
 
 
-# --- from layers to images ------------------------------------------------------------------------
-
-
 def to_image(
     grid_map: GridMap,
     layer: str,
@@ -70,8 +67,6 @@ def to_image(
     """Return a layer as a gray image.
 
     Args:
-        grid_map: the map.
-        layer: the layer that gives the values.
         dtype: uint8, uint16, float32 or float64.
         channels: 1, 3 (three equal channels) or 4 (three equal channels and alpha).
         lower: the value that becomes 0; None means the smallest finite value of the layer.
@@ -83,7 +78,6 @@ def to_image(
         (rows, cols), or (rows, cols, channels) for more than one; C-contiguous.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
         GeometryError: the type, the channels or the bounds are invalid.
     """
     pixel = _pixel_type(dtype, "dtype")
@@ -103,7 +97,6 @@ def to_color_image(
     """Return a layer of packed colors as a color image.
 
     Args:
-        grid_map: the map.
         layer: a layer of values as `color_vector_to_value` makes them.
         dtype: uint8, uint16, float32 or float64.
         channels: 3, or 4 with alpha.
@@ -113,7 +106,6 @@ def to_color_image(
         (rows, cols, channels), C-contiguous.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
         GeometryError: the type, the channels or the order are invalid.
     """
     pixel = _pixel_type(dtype, "dtype")
@@ -198,9 +190,6 @@ def _range(
     return first, last
 
 
-# --- from images to layers ------------------------------------------------------------------------
-
-
 def from_image(
     image: ArrayLike,
     layer: str,
@@ -219,7 +208,6 @@ def from_image(
     Args:
         image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colors
             become gray by their luma (ITU-R BT.601, OpenCV's `cvtColor`).
-        layer: name of the layer.
         resolution: side of a pixel [m].
         lower, upper: values of pixel 0 and of pixel 255, 65535 or 1.0. With 0 and 1 a float image
             holds the values themselves.
@@ -227,7 +215,6 @@ def from_image(
         alpha_threshold: pixels with less alpha than this are NaN (1 is opaque); in integer images
             the threshold is rounded down to a whole number.
         order: order of the color channels; `cv2.imread` returns "bgr".
-        frame_id: coordinate frame of the map.
         timestamp: time of the data [ns].
 
     Raises:
@@ -277,7 +264,6 @@ def add_color_layer_from_image(
     Args:
         grid_map: the map, with the rows and columns of the image; it may have moved.
         image: as in `from_image`; 255, 65535 and 1.0 are full intensity.
-        layer: name of the layer.
         alpha_threshold, order: as in `from_image`.
 
     Raises:
@@ -334,9 +320,6 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
     return values
 
 
-# --- resolution -----------------------------------------------------------------------------------
-
-
 def change_resolution(
     grid_map: GridMap, resolution: float, interpolation: Interpolation | str | int = "cubic"
 ) -> GridMap:
@@ -348,7 +331,6 @@ def change_resolution(
     colors, with `cv2.INTER_NEAREST_EXACT`.
 
     Args:
-        grid_map: the map.
         resolution: side of a cell of the result [m].
         interpolation: "nearest", "linear", "cubic", "area" or "lanczos", an `Interpolation` of such
             a name, or a flag of `cv2.resize`.
@@ -378,9 +360,6 @@ def change_resolution(
         for name in grid_map
     }
     return grid_map._with(layers, geometry, (0, 0))
-
-
-# --- checks ---------------------------------------------------------------------------------------
 
 
 def _as_image(image: ArrayLike, size: Size | None = None) -> Image:

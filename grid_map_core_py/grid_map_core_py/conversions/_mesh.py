@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,10 +27,11 @@ _ROUNDING = 1e-9  # bound of the rounding error of the distance to an edge [cell
 def rasterize_triangles(
     vertices: ArrayLike, faces: ArrayLike, grid_map: GridMap, layer: str = "elevation"
 ) -> GridMap:
-    """Return the map with a layer of the highest hits of vertical rays through the cell centers.
+    """Return the map with a layer of the highest point of a mesh above or below each cell center.
 
-    Triangles are closed: a ray within 1e-9 m of an edge hits, so that no cell is missed where
-    triangles meet. Triangles that are vertical, of no area or not finite are never hit.
+    A vertical ray through the center hits a triangle up to 1e-9 m outside its edges, so that no
+    cell is missed where triangles meet. Triangles that are vertical, of no area or not finite are
+    never hit.
 
     Args:
         vertices: (V, 3) x, y, z [m], map frame.
@@ -49,7 +51,8 @@ def rasterize_triangles(
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
     geometry = grid_map.geometry
-    highest = np.full(geometry.size[0] * geometry.size[1], np.nan, np.float32)
+    rows = geometry.size[0]
+    highest = np.full(rows * geometry.size[1], np.nan, np.float32)
     first_center = geometry.corner - 0.5 * geometry.resolution
     tolerance = BORDER_TOLERANCE / geometry.resolution + _ROUNDING
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -57,12 +60,17 @@ def rasterize_triangles(
         for part in slices(len(triangles), _TRIANGLES):
             chosen = corners[triangles[part].T]
             x, y, z = (chosen[..., axis].astype(np.float64, order="C") for axis in (0, 1, 2))
-            rows = (first_center[0] - x) / geometry.resolution
-            columns = (first_center[1] - y) / geometry.resolution
-            prepared = _prepared(rows, columns, z, geometry.size, tolerance)
+            along_rows = (first_center[0] - x) / geometry.resolution
+            along_columns = (first_center[1] - y) / geometry.resolution
+            prepared = _prepared(along_rows, along_columns, z, geometry.size, tolerance)
             visits += int(prepared.counts.sum())
             check_visits("faces", visits)
-            for cells, heights in _hits(prepared, geometry.size):
+            is_large = prepared.counts > _PAIRS
+            found = [_hits_of_small(_Triangles._make(a[..., ~is_large] for a in prepared), rows)]
+            for place in np.flatnonzero(is_large):
+                large = _Triangles._make(a[..., place] for a in prepared)
+                found.append(_hits_of_large(large, rows))
+            for cells, heights in chain.from_iterable(found):
                 np.fmax.at(highest, cells, heights.astype(np.float32))
     made = {layer: highest.reshape(geometry.size, order="F")}
     return grid_map.with_layers(GridMap.from_geometry(geometry).with_layers(made))
@@ -102,15 +110,7 @@ def from_mesh(
 
 
 def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
-    """Return faces as (F, 3) integers, polygons cut into fans from their first vertex.
-
-    Args:
-        faces: (F, n) integers, n >= 3.
-        vertices: number of vertices.
-
-    Raises:
-        GeometryError: the shape or type is another, or a face names a vertex that does not exist.
-    """
+    """Return faces (F, n) as triangles (F', 3), polygons cut into fans from their first vertex."""
     try:
         given = np.asarray(faces)
     except ValueError as error:
@@ -188,21 +188,8 @@ def _prepared(
     )
 
 
-def _hits(triangles: _Triangles, size: Size) -> Iterator[tuple[Integers, Positions]]:
+def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
     """Yield the numbers (n,) of cells, column after column, and the heights (n,) of hits there."""
-    # Numbers of large triangles end the runs of small ones; order matters for zeros with signs.
-    begin = 0
-    for large in [*np.flatnonzero(triangles.counts > _PAIRS).tolist(), len(triangles.counts)]:
-        if begin < large:
-            yield from _hits_of_small(
-                _Triangles._make(a[..., begin:large] for a in triangles), size
-            )
-        if large < len(triangles.counts):
-            yield from _hits_of_large(_Triangles._make(a[..., large] for a in triangles), size)
-        begin = large + 1
-
-
-def _hits_of_small(triangles: _Triangles, size: Size) -> Iterator[tuple[Integers, Positions]]:
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides
@@ -217,11 +204,11 @@ def _hits_of_small(triangles: _Triangles, size: Size) -> Iterator[tuple[Integers
         weights, hits = _inside(first, second, [slack[numbers] for slack in triangles.slacks])
         found = numbers.take(hits)
         corners = [height[found] for height in triangles.heights]
-        yield (cell_rows + size[0] * cell_columns).take(hits), _heights(weights, hits, corners)
+        yield (cell_rows + map_rows * cell_columns).take(hits), _heights(weights, hits, corners)
 
 
-def _hits_of_large(triangle: _Triangles, size: Size) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the hits of one triangle, as `_hits`, without a copy of its numbers for each cell."""
+def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
+    """Yield the hits of one triangle, without a copy of its numbers for each cell."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column
@@ -232,7 +219,7 @@ def _hits_of_large(triangle: _Triangles, size: Size) -> Iterator[tuple[Integers,
         )
         weights, hits = _inside(first, second, triangle.slacks)
         if len(hits):
-            cells = (cell_rows + size[0] * cell_columns[part, None]).take(hits)
+            cells = (cell_rows + map_rows * cell_columns[part, None]).take(hits)
             yield cells, _heights(weights, hits, triangle.heights)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._arrays._checks import Integers, Positions, as_array, as_number
+from .._arrays._pieces import slices
 from .._parameters import build, check
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..map._grid_map import GridMap
@@ -20,11 +21,11 @@ from ._point_layers import as_points, fitting_geometry
 
 _POINTS = 1 << 16  # number of points in a chunk, which bounds memory; a cell is never divided
 
-Triple = tuple[float, ...]
+_Triple = tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CloudTransform:
+class _CloudTransform:
     """The rigid transform from the cloud to the map: first the rotation, then the translation.
 
     Attributes:
@@ -32,8 +33,8 @@ class CloudTransform:
         rotation: roll, pitch, yaw [rad], intrinsic about x, then the new y, then the new z.
     """
 
-    translation: Triple = (0.0, 0.0, 0.0)
-    rotation: Triple = (0.0, 0.0, 0.0)
+    translation: _Triple = (0.0, 0.0, 0.0)
+    rotation: _Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name in ("translation", "rotation"):
@@ -41,7 +42,7 @@ class CloudTransform:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OutlierRemoval:
+class _OutlierRemoval:
     """Parameters of the outlier removal; see `remove_outliers`."""
 
     is_remove_outliers: bool = False
@@ -55,11 +56,11 @@ class OutlierRemoval:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Downsampling:
+class _Downsampling:
     """Parameters of the voxel filter: sides x, y, z of a voxel [m]."""
 
     is_downsample_cloud: bool = False
-    voxel_size: Triple = (0.05, 0.05, 0.05)
+    voxel_size: _Triple = (0.05, 0.05, 0.05)
 
     def __post_init__(self) -> None:
         _check_triple(self.voxel_size, "voxel_size")
@@ -67,7 +68,7 @@ class Downsampling:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClusterExtraction:
+class _ClusterExtraction:
     """Parameters for clustering the points of a cell.
 
     Attributes:
@@ -88,7 +89,7 @@ class ClusterExtraction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class _Grid:
     """Resolution of the map, and the rule for the height of a cell.
 
     Attributes:
@@ -134,11 +135,11 @@ class PointCloudPipeline:
     """
 
     num_processing_threads: int = 4
-    cloud_transform: CloudTransform = field(default_factory=CloudTransform)
-    cluster_extraction: ClusterExtraction = field(default_factory=ClusterExtraction)
-    outlier_removal: OutlierRemoval = field(default_factory=OutlierRemoval)
-    downsampling: Downsampling = field(default_factory=Downsampling)
-    grid_map: Grid = field(default_factory=Grid)
+    cloud_transform: _CloudTransform = field(default_factory=_CloudTransform)
+    cluster_extraction: _ClusterExtraction = field(default_factory=_ClusterExtraction)
+    outlier_removal: _OutlierRemoval = field(default_factory=_OutlierRemoval)
+    downsampling: _Downsampling = field(default_factory=_Downsampling)
+    grid_map: _Grid = field(default_factory=_Grid)
 
     def __post_init__(self) -> None:
         threads = self.num_processing_threads
@@ -155,13 +156,14 @@ class PointCloudPipeline:
         Raises:
             ConfigError: a parameter is unknown, of the wrong type or is invalid.
         """
-        config = _as_mapping(_as_mapping(config).get("pcl_grid_map_extraction", config))
-        sections = {
-            name: _section(name, kind, config[name])
-            for name, kind in get_type_hints(cls).items()
-            if name in config and is_dataclass(kind)
-        }
-        return build(cls, {**config, **sections})
+        config = dict(_as_mapping(_as_mapping(config).get("pcl_grid_map_extraction", config)))
+        for name, kind in get_type_hints(cls).items():
+            if name in config and is_dataclass(kind):
+                try:
+                    config[name] = _section(kind, config[name])
+                except ConfigError as error:
+                    raise ConfigError(f"{name}: {error}") from error
+        return build(cls, config)
 
     def __call__(
         self,
@@ -180,7 +182,6 @@ class PointCloudPipeline:
             timestamp: timestamp of the map [ns].
 
         Raises:
-            GeometryError: the points have the wrong shape or are no numbers.
             GridMapError: no point is finite.
             LimitError: the cloud takes too many cells.
         """
@@ -322,7 +323,6 @@ def remove_outliers(
         workers: threads that search for neighbors.
 
     Raises:
-        GeometryError: the points have the wrong shape or are no numbers.
         ConfigError: `mean_k` or `stddev_threshold` is invalid.
     """
     deviations = as_number(stddev_threshold, "stddev_threshold")
@@ -332,14 +332,6 @@ def remove_outliers(
     neighbors = min(int(mean_k), len(cloud) - 1)
     if neighbors < 1:
         return cloud
-    distances = _mean_distances(cloud, neighbors, workers)
-    limit = distances.mean() + deviations * distances.std(ddof=1)
-    kept: Positions = cloud[distances <= limit]
-    return kept
-
-
-def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArray[np.float64]:
-    """Return the mean distance (N,) of each point to its nearest neighbors."""
     from scipy.spatial import cKDTree  # slow to import
 
     # A search tree cannot split points at the same place, of which sensors may deliver thousands.
@@ -348,15 +340,17 @@ def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArr
     copies = np.append(copies, neighbors)
     tree, means = cKDTree(places), np.empty(len(places))
     nearest_ones = np.arange(1, min(neighbors + 1, len(places)) + 1)
-    for first in range(0, len(places), _POINTS):
-        part = slice(first, first + _POINTS)
+    for part in slices(len(places), _POINTS):
         distances, found = tree.query(places[part], k=nearest_ones, workers=workers)
         others = np.cumsum(copies[found], axis=1) - 1
         counts = np.diff(np.minimum(others, neighbors), axis=1, prepend=0)
         # 0 times an infinite distance would be NaN.
         distances[counts == 0] = 0.0
         means[part] = (distances * counts).sum(axis=1) / neighbors
-    return means[numbers.reshape(-1)]
+    distances = means[numbers.reshape(-1)]
+    limit = distances.mean() + deviations * distances.std(ddof=1)
+    kept: Positions = cloud[distances <= limit]
+    return kept
 
 
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
@@ -369,24 +363,21 @@ def _as_mapping(parameters: object) -> Mapping[str, Any]:
     return parameters
 
 
-def _section(name: str, kind: Any, section: object) -> object:
-    try:
-        parameters = dict(_as_mapping(section))
-        for key, letters in _TRIPLES.items():
-            value = parameters.get(key)
-            if isinstance(value, Mapping):
-                check(set(value) == set(letters), key, f"numbers {', '.join(letters)}", dict(value))
-                parameters[key] = [value[letter] for letter in letters]
-        return build(kind, parameters)
-    except ConfigError as error:
-        raise ConfigError(f"{name}: {error}") from error
+def _section(kind: Any, section: object) -> object:
+    parameters = dict(_as_mapping(section))
+    for key, letters in _TRIPLES.items():
+        value = parameters.get(key)
+        if isinstance(value, Mapping):
+            check(set(value) == set(letters), key, f"numbers {', '.join(letters)}", dict(value))
+            parameters[key] = [value[letter] for letter in letters]
+    return build(kind, parameters)
 
 
 def _check_length(value: float, name: str) -> None:
     check(0 < value < math.inf, name, "a positive number", value)
 
 
-def _check_triple(values: Triple, name: str) -> None:
+def _check_triple(values: _Triple, name: str) -> None:
     check(len(values) == 3 and bool(np.isfinite(values).all()), name, "three numbers", values)
 
 

@@ -15,24 +15,21 @@ Reductions, of heights as of other fields:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import ArrayLike, NDArray
 
 from .._arrays._checks import Integers, Mask, Positions, as_finite, as_number, as_numbers, as_pair
-from .._arrays._pieces import slices
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
-from . import _point_loops as point_loops
-from ._point_reductions import COLOR_REDUCERS, REDUCERS, MakeReducer
+from ._point_reductions import COLOR_REDUCTIONS, REDUCTIONS, Reduction
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
 """Default: a layer `elevation` with the largest height of each cell."""
@@ -42,8 +39,6 @@ COLOR_FIELDS = ("rgb", "rgba", "color")
 
 _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
-
-_CHUNK = 1 << 16  # number of points in a chunk, whose temporaries fit into the cache
 
 
 def rasterize(
@@ -81,19 +76,19 @@ def rasterize(
     sources = _sources(cloud, layers, fields or {}, field_reductions or {})
     geometry = grid_map.geometry
     rows, cols = geometry.size
-    point_loops.count(len(cloud))
-    reducers = {name: make(rows * cols, len(cloud)) for name, (_, make) in sources.items()}
+    made = {}
+    counted = _counted(cloud, min_height, max_height)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        for part, counted, flat in _located(cloud, geometry, min_height, max_height):
-            for name, (source, _) in sources.items():
-                cells, values = flat, source[part][counted].astype(np.float64)
-                # Heights that count are finite.
-                if name not in layers and not (finite := np.isfinite(values)).all():
-                    cells, values = cells[finite], values[finite]
-                reducers[name].add(cells, values)
-        made = {
-            name: reducers.pop(name).result().reshape(geometry.size, order="F") for name in sources
-        }
+        flat, inside = flat_cells(cloud, geometry)
+        counted &= inside
+        flat = flat[counted]
+        for name, (source, reduce) in sources.items():
+            cells, values = flat, source[counted].astype(np.float64)
+            # Heights that count are finite.
+            if name not in layers and not (finite := np.isfinite(values)).all():
+                cells, values = cells[finite], values[finite]
+            layer = reduce(cells, values, rows * cols)
+            made[name] = layer.reshape(geometry.size, order="F")
     return grid_map.with_layers(GridMap.from_geometry(geometry).with_layers(made))
 
 
@@ -136,7 +131,11 @@ def from_points(
     center = None if position is None else np.array(as_pair(position, "position"))
     lower = upper = np.zeros(2)
     if length is None or center is None:
-        lower, upper = _extent(cloud, min_height, max_height)
+        counted = _counted(cloud, min_height, max_height) & np.isfinite(cloud[:, :2]).all(axis=1)
+        if not counted.any():
+            raise GridMapError("points: expected a finite one within the height limits, got none")
+        xy = cloud[counted, :2].astype(np.float64)
+        lower, upper = xy.min(axis=0), xy.max(axis=0)
     if length is not None:
         middle = lower + 0.5 * (upper - lower) if center is None else center
         geometry = GridGeometry(length, resolution, middle)
@@ -242,56 +241,16 @@ def fitting_geometry(
     return geometry
 
 
-def _limits(min_height: float, max_height: float) -> tuple[float, float]:
+def _counted(points: NDArray[Any], min_height: float, max_height: float) -> Mask:
+    """Return which points have a finite height within the limits."""
     lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
     if not lowest <= highest:
         raise ConfigError(
             f"min_height, max_height: expected ascending limits, got {lowest}, {highest}"
         )
-    return lowest, highest
-
-
-def _chunks(
-    points: NDArray[Any], min_height: float, max_height: float
-) -> Iterator[tuple[slice, Mask]]:
-    """Yield slices of points, and which of them have a finite height within the limits."""
-    lowest, highest = _limits(min_height, max_height)
-    for part in slices(len(points), _CHUNK):
-        z = np.ascontiguousarray(points[part, 2])
-        counts = np.isfinite(z)
-        counts &= z >= lowest
-        counts &= z <= highest
-        yield part, counts
-
-
-def _located(
-    points: NDArray[Any], geometry: GridGeometry, min_height: float, max_height: float
-) -> Iterator[tuple[slice, Mask | Integers, Integers]]:
-    """Yield slices of points, which of them count (a mask or their places), and their cells."""
-    find, keep = map(point_loops.ready, (point_loops.FIND[points.dtype], point_loops.keep_found))
-    if find is None or keep is None:
-        for part, counts in _chunks(points, min_height, max_height):
-            cells, inside = flat_cells(points[part], geometry)
-            counts &= inside
-            yield part, counts, cells[counts]
-        return
-    # NumPy rounds a limit like the heights when it compares them.
-    limits = points.dtype.type(_limits(min_height, max_height)).tolist()
-    x, y = zip((0.5 * geometry.length).tolist(), geometry.position.tolist(), strict=True)
-    frame = *x, *y, -geometry.resolution, geometry._rounding
-    found = np.empty(1, np.int64)
-    for part in slices(len(points), _CHUNK):
-        chunk = points[part]
-        memory, steps = _memory(chunk)
-        cells, places = np.empty((2, len(chunk)), np.int64)
-        find(memory, steps, len(chunk), frame, geometry.size, limits, cells, found)
-        if found[0]:
-            doubtful = np.flatnonzero(cells == point_loops.DOUBTFUL)
-            exact, inside = flat_cells(chunk[doubtful], geometry)
-            cells[doubtful] = np.where(inside, exact, point_loops.OUTSIDE)
-        keep(cells, len(chunk), places, found)
-        kept = int(found[0])
-        yield part, places[:kept], cells[:kept]
+    z = np.ascontiguousarray(points[:, 2])
+    counted: Mask = np.isfinite(z) & (z >= lowest) & (z <= highest)
+    return counted
 
 
 def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
@@ -300,40 +259,13 @@ def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, 
     return rows + geometry.size[0] * columns, inside
 
 
-def _memory(points: NDArray[Any]) -> tuple[NDArray[Any], tuple[int, int]]:
-    """Return the memory of points (flat), and the steps from point to point and along it."""
-    size = points.itemsize
-    if any(step < 0 or step % size for step in points.strides) or not points.flags.aligned:
-        points = np.ascontiguousarray(points[:, :3])
-    row, column = (step // size for step in points.strides)
-    length = 1 + (len(points) - 1) * row + 2 * column
-    return as_strided(points, (length,), (size,), writeable=False), (row, column)
-
-
-def _extent(
-    points: NDArray[Any], min_height: float, max_height: float
-) -> tuple[Positions, Positions]:
-    """Return the smallest and largest x, y (2,) of the points that count."""
-    lower, upper = np.full(2, np.inf), np.full(2, -np.inf)
-    for part, counts in _chunks(points, min_height, max_height):
-        for axis in (0, 1):
-            counts &= np.isfinite(points[part, axis])
-        for axis in (0, 1):
-            values = points[part, axis][counts]
-            lower[axis] = values.min(initial=lower[axis])
-            upper[axis] = values.max(initial=upper[axis])
-    if not np.isfinite(lower).all():
-        raise GridMapError("points: expected a finite one within the height limits, got none")
-    return lower, upper
-
-
 def _sources(
     cloud: NDArray[Any],
     layers: Mapping[str, str],
     fields: Mapping[str, ArrayLike],
     field_reductions: Mapping[str, str],
-) -> dict[str, tuple[NDArray[Any], MakeReducer]]:
-    """Return the values (N,) and the kind of reducer of each layer by its name."""
+) -> dict[str, tuple[NDArray[Any], Reduction]]:
+    """Return the values (N,) and the reduction of each layer by its name."""
     given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
     for name, mapping in given.items():
         check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)
@@ -346,10 +278,10 @@ def _sources(
             f"field_reductions: expected fields, of {list(fields)}, got {short(name)}"
         )
     heights = cloud[:, 2]
-    sources = {name: (heights, _chosen(REDUCERS, name, kind)) for name, kind in layers.items()}
+    sources = {name: (heights, _chosen(REDUCTIONS, name, kind)) for name, kind in layers.items()}
     for name, field in fields.items():
         is_color = name in COLOR_FIELDS
-        read, kinds = (as_colors, COLOR_REDUCERS) if is_color else (_as_floats, REDUCERS)
+        read, kinds = (as_colors, COLOR_REDUCTIONS) if is_color else (_as_floats, REDUCTIONS)
         values = read(field, f"field {name!r}")
         if values.shape != heights.shape:
             raise GeometryError(
@@ -359,7 +291,7 @@ def _sources(
     return sources
 
 
-def _chosen(kinds: Mapping[str, MakeReducer], layer: str, reduction: str) -> MakeReducer:
+def _chosen(kinds: Mapping[str, Reduction], layer: str, reduction: str) -> Reduction:
     known = isinstance(reduction, str) and reduction in kinds
     check(known, f"reduction of {layer}", f"one of {', '.join(kinds)}", reduction)
     return kinds[reduction]

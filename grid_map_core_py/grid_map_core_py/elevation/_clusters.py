@@ -100,8 +100,8 @@ def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Param
     z, r = points.heights, points.variances
     counts, sums = np.zeros(len(z), np.int64), np.zeros((3, len(z)))
     if run := grow_clusters.compiled():
-        numbers = threshold, relief
-        run(points.begins, points.ends, len(points.cells), z, r, numbers, counts, *sums)
+        borders = points.begins, points.ends
+        run(borders, len(points.cells), (z, r), (threshold, relief), counts, (*sums,))
     else:
         _grow_arrays(points, threshold, relief, counts, sums)
     firsts = np.flatnonzero(counts)
@@ -150,43 +150,24 @@ def _grow_arrays(
         starts, stops = (starts + sizes)[left], stops[left]
 
 
-@loop(
-    "int64*",
-    "int64*",
-    "int64",
-    "float64*",
-    "float64*",
-    ("float64", 2),
-    "int64*",
-    "float64*",
-    "float64*",
-    "float64*",
-)
-def grow_clusters(
-    begins: Any,
-    ends: Any,
-    count: Any,
-    z: Any,
-    r: Any,
-    numbers: Any,
-    counts: Any,
-    weights: Any,
-    lifts: Any,
-    squares: Any,
-) -> None:
+@loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
+def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
     """Write the size and the sums of each cluster at the place of its first point.
 
     The sums are those of weights, of weighted offsets from the first point, and of their squares.
     """
-    threshold, relief = numbers
+    begins, ends = borders
+    z, r = points
+    threshold, relief = gate
+    weights, lifts, squares = sums
     for k in range(count):
         first = begins[k]
         for i in range(begins[k], ends[k]):
             offset, weight = z[i] - z[first], 1.0 / r[i]
             if i > first:
                 away = abs(offset - lifts[first] / weights[first])
-                gate = threshold * np.sqrt(1.0 / weights[first] + r[i])
-                if not away <= max(gate, relief):
+                limit = threshold * np.sqrt(1.0 / weights[first] + r[i])
+                if not away <= max(limit, relief):
                     first, offset = i, 0.0
             counts[first] += 1
             weights[first] += weight

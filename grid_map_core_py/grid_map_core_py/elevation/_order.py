@@ -45,7 +45,7 @@ def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: 
         order, dealt = np.empty(count, np.int64), np.empty((2, count))
         borders = np.zeros(size + 1, np.int64)
         heights, variances = np.ascontiguousarray(heights), np.ascontiguousarray(variances)
-        compiled(cells, heights, variances, count, size, borders, order, dealt[0], dealt[1])
+        compiled(cells, (heights, variances), count, size, borders, order, (*dealt,))
         begins, ends = np.concatenate(([0], borders[: size - 1])), borders[:size]
         occupied = np.flatnonzero(ends > begins)
         return Sorted(order, dealt[0], dealt[1], occupied, begins[occupied], ends[occupied])
@@ -71,29 +71,20 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
     return order
 
 
-@loop(
-    "int64*",
-    "float64*",
-    "float64*",
-    "int64",
-    "int64",
-    "int64*",
-    "int64*",
-    "float64*",
-    "float64*",
-)
+@loop("int64*", ("float64*", 2), "int64", "int64", "int64*", "int64*", ("float64*", 2))
 def deal(
-    cells: Any,
-    heights: Any,
-    variances: Any,
-    count: Any,
-    size: Any,
-    borders: Any,
-    order: Any,
-    sorted_heights: Any,
-    sorted_variances: Any,
+    cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Deal points to their cells, and sort them there; `borders` (size + 1) are the ends then."""
+    """Deal points to their cells, and sort them there; `borders` (size + 1) are the ends then.
+
+    Args:
+        cells: (count,) cells of the points.
+        points: (count,) their heights and variances.
+        size: number of cells.
+        borders, order, dealt: results; `dealt` are the sorted heights and variances.
+    """
+    heights, variances = points
+    sorted_heights, sorted_variances = dealt
     for i in range(count):
         borders[cells[i] + 1] += 1
     for cell in range(size):

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from .. import GridGeometry, GridMap
 from .._arrays._checks import Layer
 from ..conversions._point_layers import rasterize
-from ..conversions._point_loops import prepare
 from ..plugins import check
 from ._points import (
     as_columns,
@@ -75,8 +74,6 @@ class RollingMap:
         self._fusion = _FUSIONS[fusion]
         self._max_count = max_count or np.inf
         self._min_height, self._max_height = min_height, max_height
-        # The first cloud shall not wait for compiled loops.
-        prepare()
         # Rasterizing an empty cloud checks all arguments and creates all layers.
         self._map = self._rasterized(geometry, np.empty((0, 3)), {})
         self._map.frame_id = frame_id

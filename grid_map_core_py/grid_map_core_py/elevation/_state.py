@@ -20,7 +20,10 @@ BOUND = 2.486
 """Standard deviations between the height and its bounds, as in the C++ package."""
 
 BOUNDS = ("upper_bound", "lower_bound")
-OWN = ("elevation", "variance", "time", *BOUNDS)
+FUSED = ("elevation", "variance")
+"""Layers that scans change; the others of `OWN` follow from them."""
+
+OWN = (*FUSED, "time", *BOUNDS)
 HORIZONTAL = "horizontal_variance"
 OVERHANG = "overhang"
 
@@ -77,7 +80,7 @@ class State:
         layers, own = (
             {name: flat(data) for name, data in part.items()} for part in (grid_map, hidden)
         )
-        heights, variances = (layers[name].astype(np.float64) for name in OWN[:2])
+        heights, variances = (layers[name].astype(np.float64) for name in FUSED)
         memory = Memory(*(own.pop(name) for name in HIDDEN))
         return cls(heights, variances, layers["time"], layers, memory, own)
 

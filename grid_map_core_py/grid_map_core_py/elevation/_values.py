@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._arrays._checks import Integers, Mask
-from ..conversions._packed_colors import color_value_to_bytes, join_channels
 from ..conversions._point_layers import COLOR_FIELDS, as_colors
+from ..conversions._point_reductions import mean_color
 from ..errors import ConfigError
 from ..plugins import check
 from ._order import Sorted, in_one_order
@@ -121,7 +121,7 @@ class ValueFusion:
         size = len(chosen.fresh)
         old = _forgotten(layers.get(name), chosen.fresh)
         if fusion == "color":
-            new = _mean_colors(*_used(chosen, as_colors(values), is_color=True)[:2], size)
+            new = mean_color(*_used(chosen, as_colors(values), is_color=True)[:2], size)
             layers[name] = np.where(np.isnan(new), old, new)
             return
         cells, found, shares = _used(chosen, values)
@@ -172,18 +172,6 @@ def _used(
     if not is_color:
         counts &= np.isfinite(found)
     return points.cells[points.groups][counts], found[counts], 1.0 / points.variances[counts]
-
-
-def _mean_colors(cells: Integers, colors: NDArray[Any], size: int) -> NDArray[np.float32]:
-    """Return packed colors (size,): the rounded mean of each channel, NaN without colors."""
-    numbers = np.bincount(cells, minlength=size)
-    means = []
-    for channel in color_value_to_bytes(colors):
-        sums = np.bincount(cells, channel.astype(np.float64), size).astype(np.int64)
-        means.append(((sums + numbers // 2) // np.maximum(numbers, 1)).astype(np.uint32))
-    packed: NDArray[np.float32] = join_channels(*means).view(np.float32)
-    packed[numbers == 0] = np.nan
-    return packed
 
 
 def _fuse_classes(

@@ -26,9 +26,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .._arrays._checks import Integers, Mask, Size
+from .._arrays._checks import Integers, Size
 from .._loops import loop
 from ..map._geometry import GridGeometry
 from ._clusters import RELIEF
@@ -82,134 +81,73 @@ def cleared_cells(
         geometry: geometry of the map.
         given: parameters.
     """
-    heights, variances = state.heights, state.variances
+    heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
     if not len(candidates):
         return candidates
-    feet = heights - np.maximum(3.0 * np.sqrt(variances), RELIEF * geometry.resolution)
+    feet = heights - np.maximum(3.0 * np.sqrt(state.variances), RELIEF * resolution)
     lowest = feet[candidates]
     ceilings, places = np.full(len(heights), -np.inf), np.empty(len(heights), np.int64)
     ceilings[candidates], places[candidates] = lowest, np.arange(len(candidates))
     floors = np.full(len(heights), -np.inf)
-    floors[points.cells] = points.heights[points.begins] + geometry.resolution
-    normals = _normals(heights, candidates, geometry.size, geometry.resolution)
+    floors[points.cells] = points.heights[points.begins] + resolution
+    floors = highest_around(floors, size)[candidates].astype(np.float64)
+    # The lowest foot among the confirmed neighbors of each cell.
+    guards = np.full(len(heights), np.nan)
+    guards[confirmed] = -feet[confirmed]
+    guards = -highest_around(guards, size).astype(np.float64)
+    guards[guards == np.inf] = -np.inf
     frame = (
-        *((geometry.corner - scan.sensor[:2]) / geometry.resolution).tolist(),
+        *((geometry.corner - scan.sensor[:2]) / resolution).tolist(),
         float(scan.sensor[2]),
-        geometry.resolution,
+        resolution,
         math.sin(min(given.cleanup_min_angle, 0.5 * math.pi)),
         given.max_ray_length,
     )
     proofs, crossed = np.full(len(candidates), np.inf), np.zeros(len(candidates), np.uint8)
-    floors = highest_around(floors, geometry.size)[candidates].astype(np.float64)
-    guards = _guards(feet, confirmed, geometry.size)
-    surface = ceilings, places, floors, normals.T.ravel(), guards, proofs, crossed
+    normals = _normals(heights, candidates, size, resolution).T.ravel()
+    surface = ceilings, places, floors, normals, guards, proofs, crossed
     ways = scan.points - scan.sensor[:, None]
     ways[2] += 3.0 * np.sqrt(scan.variances + scan.variances_by_pose(*scan.points[:2]))
     if (run := trace.compiled()) and (prepare := cover.compiled()):
         table = np.full(SECTORS * RINGS, -np.inf)
-        prepare(candidates, lowest, len(candidates), frame, geometry.size, table)
-        run(*ways, ways.shape[1], frame, geometry.size, table, *surface)
+        prepare(candidates, lowest, len(candidates), frame, size, table)
+        run((*ways,), ways.shape[1], frame, size, table, surface)
     else:
-        ceiling = max(float(lowest.max()), float(guards.max())) + MARGIN
-        beams, span = _beams(ways, scan, geometry, given.max_ray_length, ceiling)
-        _trace_arrays(beams, span, frame, geometry.size, *surface)
+        _trace_arrays(ways, frame, size, surface)
     proven = np.flatnonzero(proofs < np.inf)
-    if not len(proven):
-        return candidates[proven]
+    found, beams = candidates[proven], proofs[proven]
+    # Cells beside the found ones, of which these may be a part, whose feet no beam crossed.
     feet[candidates[crossed.view(np.bool_)]] = np.nan
-    stands = _stands(heights, feet, candidates[proven], proofs[proven], geometry)
-    return candidates[proven[~stands]]
+    ground = -highest_around(-heights, size)[found]
+    beside = highest_around(feet, size, 2)[found]
+    stands = beside > np.maximum(beams, ground + 2.0 * resolution) - resolution
+    cleared: Integers = found[~stands]
+    return cleared
 
 
-def _stands(
-    heights: Numbers, lowest: Numbers, cells: Integers, beams: Numbers, geometry: GridGeometry
-) -> Mask:
-    """Return whether something beside cells still stands, of which they may be a part.
-
-    Args:
-        heights: (cells,) of the map.
-        lowest: (cells,) the feet of the cells; NaN where beams crossed below them.
-        cells: (k,) cells that beams crossed.
-        beams: (k,) height of the lowest of these beams in each of them [m].
-        geometry: geometry of the map.
-    """
-    size, resolution = geometry.size, geometry.resolution
-    ground = -highest_around(-heights, size)[cells]
-    beside = highest_around(lowest, size, 2)[cells]
-    mask: Mask = beside > np.maximum(beams, ground + 2.0 * resolution) - resolution
-    return mask
-
-
-def _guards(lowest: Numbers, confirmed: Integers, size: Size) -> Numbers:
-    """Return the smallest of `lowest` (cells,) among confirmed neighbors of cells, or -inf."""
-    own = np.full(len(lowest), np.nan)
-    own[confirmed] = -lowest[confirmed]
-    guards: Numbers = -highest_around(own, size).astype(np.float64)
-    guards[guards == np.inf] = -np.inf
-    return guards
-
-
-def _beams(
-    ways: NDArray[np.float64],
-    scan: Scan,
-    geometry: GridGeometry,
-    max_length: float,
-    ceiling: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the beams that can clear cells, and the part of each that can.
-
-    Returns:
-        beams: (3, k) from the sensor to the point: rows and columns [cells], and height [m].
-        span: (2, k) shares of the beam, from 0 at the sensor to 1 at the point: on the map, within
-            `max_length` and below `ceiling`.
-    """
-    beams = ways.copy()
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        length = np.sqrt(beams[0] * beams[0] + beams[1] * beams[1] + beams[2] * beams[2])
-        last = np.minimum(max_length / length, 1.0)
-        first = np.zeros_like(last)
-        beams[:2] /= -geometry.resolution
-        start = (geometry.corner - scan.sensor[:2]) / geometry.resolution
-        for axis, size in enumerate(geometry.size):
-            ends = np.array([[0.0], [size]]) - start[axis]
-            ends = ends / beams[axis]
-            np.fmax(first, ends.min(axis=0), out=first)
-            # Not beyond the border by rounding.
-            np.fmin(last, ends.max(axis=0) * (1.0 - 1e-9), out=last)
-            if not 0.0 <= start[axis] <= size:
-                last[beams[axis] == 0.0] = -1.0
-        crossing = (ceiling - scan.sensor[2]) / beams[2]
-        if scan.sensor[2] >= ceiling:
-            first = np.where(beams[2] < 0.0, np.fmax(first, crossing), 2.0)
-        else:
-            last = np.where(beams[2] > 0.0, np.fmin(last, crossing), last)
-    chosen = first < last
-    return np.compress(chosen, beams, axis=1), np.stack((first[chosen], last[chosen]))
-
-
-def _trace_arrays(
-    beams: NDArray[np.float64],
-    span: NDArray[np.float64],
-    frame: tuple[float, ...],
-    size: Size,
-    ceilings: Numbers,
-    places: Integers,
-    floors: Numbers,
-    normals: Numbers,
-    guards: Numbers,
-    proofs: Numbers,
-    crossed: NDArray[np.uint8],
-) -> None:
+def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any) -> None:
     """Do what `trace` does, with NumPy: one step of all beams at a time."""
-    start, (t, last) = np.array(frame[:2])[:, None], span
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ways, rise = beams[:2], beams[2]
-        limits = np.array(size)[:, None] - 1
-        lines = np.clip(np.floor(start + t * ways), 0, limits).astype(np.int64)
+    ceilings, places, floors, normals, guards, proofs, crossed = surface
+    start, limits = np.array(frame[:2])[:, None], np.array(size)[:, None]
+    with np.errstate(all="ignore"):
+        length = np.sqrt(ways[0] * ways[0] + ways[1] * ways[1] + ways[2] * ways[2])
+        ways, rise = ways[:2] / -frame[3], ways[2]
+        # Shares of a beam, from 0 at the sensor to 1 at the point, at the borders of the map.
+        ends = np.stack([-start / ways, (limits - start) / ways])
+        still = ways == 0.0
+        off = (still & ((start < 0.0) | (start > limits))).any(axis=0) | still.all(axis=0)
+        ends = np.where(still, np.array([-np.inf, np.inf])[:, None, None], ends)
+        t = np.maximum(ends.min(axis=0).max(axis=0), 0.0)
+        # Not beyond the border by rounding.
+        last = np.minimum(ends.max(axis=0).min(axis=0) * (1.0 - 1e-9), 1.0)
+        last = np.minimum(last, frame[5] / length)
+        on_map = ~off & (t < last)
+        t, last, rise, ways = t[on_map], last[on_map], rise[on_map], ways[:, on_map]
+        lines = np.clip(np.floor(start + t * ways), 0, limits - 1).astype(np.int64)
         forward = ways > 0.0
         steps = np.where(forward, 1, -1) * np.array([[1], [size[0]]])
-        delta = np.where(ways == 0.0, np.inf, np.abs(1.0 / ways))
+        delta = np.abs(1.0 / ways)
         borders = np.where(ways == 0.0, np.inf, (lines + forward - start) / ways)
     cells = lines[0] + size[0] * lines[1]
     while t.size:
@@ -335,94 +273,48 @@ def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, las
 
 
 @loop(
-    "float64*",
-    "float64*",
-    "float64*",
+    ("float64*", 3),
     "int64",
     ("float64", 6),
     ("int64", 2),
     "float64*",
-    "float64*",
-    "int64*",
-    "float64*",
-    "float64*",
-    "float64*",
-    "float64*",
-    "uint8*",
+    ("float64*", "int64*", "float64*", "float64*", "float64*", "float64*", "uint8*"),
 )
-def trace(
-    along_x: Any,
-    along_y: Any,
-    rises: Any,
-    count: Any,
-    frame: Any,
-    size: Any,
-    table: Any,
-    ceilings: Any,
-    places: Any,
-    floors: Any,
-    normals: Any,
-    guards: Any,
-    proofs: Any,
-    crossed: Any,
-) -> None:
+def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any) -> None:
     """Find the cells that beams prove to be free.
 
-    Takes the beams, from the sensor to the point [m]; the place of the sensor in rows and columns,
-    its height, the resolution, the sine of the smallest angle and the length of beams; the table of
-    `cover`; the height of each cell below which beams clear it, and the place of the cell among
-    those that can be cleared, whose floors and normals follow; the guard of each cell, below which
-    beams end. Writes the height of the lowest beam that proves each of these to be free, and marks
-    those that beams crossed.
+    Args:
+        ways: beams along x, y and z, from the sensor to the point [m].
+        count: number of beams.
+        frame: row, column and height of the sensor, the resolution, the sine of the smallest angle,
+            and the maximum length of beams.
+        size: rows and columns.
+        table: that of `cover`.
+        surface: for each cell, the height below which beams clear it and its place among the
+            candidates; floors and normals of the candidates; for each cell, the height below which
+            beams end. The last two are results for the candidates: the height of the lowest beam
+            that proves them to be free, and 1 where beams crossed.
     """
     rows, columns = size
     width = ring_width(frame, size)
     for i in range(count):
-        x, y, rise = along_x[i], along_y[i], rises[i]
+        x, y, rise = ways[0][i], ways[1][i], ways[2][i]
         length = np.sqrt(x * x + y * y + rise * rise)
         x, y = -x / frame[3], -y / frame[3]
         t, last = within(frame[0], x, rows, 0.0, min(frame[5] / length, 1.0))
         t, last = within(frame[1], y, columns, t, last)
         # A vertical beam stays in the cell of its point.
-        if not (t < last and x * x + y * y > 0.0):
-            continue
-        last = last_ring(frame, table, width, x, y, rise, last)
-        if t < last:
-            follow(
-                x,
-                y,
-                rise,
-                (t, last),
-                frame,
-                size,
-                ceilings,
-                places,
-                floors,
-                normals,
-                guards,
-                proofs,
-                crossed,
-            )
+        if t < last and x * x + y * y > 0.0:
+            last = last_ring(frame, table, width, x, y, rise, last)
+            follow((x, y, rise), (t, last), frame, size, surface)
 
 
-def follow(
-    x: Any,
-    y: Any,
-    rise: Any,
-    span: Any,
-    frame: Any,
-    size: Any,
-    ceilings: Any,
-    places: Any,
-    floors: Any,
-    normals: Any,
-    guards: Any,
-    proofs: Any,
-    crossed: Any,
-) -> None:
+def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
     """Follow one beam from cell to cell."""
-    rows, columns = size
+    ceilings, places, floors, normals, guards, proofs, crossed = surface
+    x, y, rise = way
     t, last = span
+    rows, columns = size
     row, next_row, step_row = first_line(frame[0], x, t, rows)
     column, next_column, step_column = first_line(frame[1], y, t, columns)
     by_row, by_column = 1 if x > 0.0 else -1, rows if y > 0.0 else -rows

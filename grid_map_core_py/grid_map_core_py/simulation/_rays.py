@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._arrays._checks import Mask, Positions, as_array, as_number
+from .._loops import loop
 from ..errors import GeometryError, short
 from ..map import GridMap
-from ._ray_loops import in_lockstep, one_by_one
 
 
 def cast_rays(
@@ -43,7 +46,14 @@ def cast_rays(
         GeometryError: an array has another shape, or `max_range` is not a number above 0.
         LayerNotFoundError: the map has no such layer.
     """
-    begins, along = _checked(origins, directions)
+    along = as_array(directions, np.float64, "directions")
+    if along.ndim != 2 or along.shape[1] != 3:
+        raise GeometryError(f"directions: expected the shape (N, 3), got {along.shape}")
+    begins = as_array(origins, np.float64, "origins")
+    if begins.shape not in ((3,), along.shape):
+        expected = f"(3,) or {along.shape}"
+        raise GeometryError(f"origins: expected the shape {expected}, got {begins.shape}")
+    begins = np.broadcast_to(begins, along.shape)
     limit = as_number(max_range, "max_range")
     if not limit > 0.0:
         raise GeometryError(f"max_range: expected a number above 0, got {short(max_range)}")
@@ -66,24 +76,13 @@ def cast_rays(
     if len(chosen):
         rays, span = np.take(rays, chosen, axis=1), np.take(span, chosen, axis=1)
         found = np.empty(len(chosen))
-        march = one_by_one.compiled()
-        if march is None:
-            in_lockstep(heights, rays, span, found)
+        if run := march.compiled():
+            run(heights, *heights.shape, rays, span, len(chosen), found)
         else:
-            march(heights, *heights.shape, rays, span, len(chosen), found)
+            with np.errstate(all="ignore"):
+                _march_arrays(heights, rays, span, found)
         ranges[chosen] = found
     return ranges
-
-
-def _checked(origins: ArrayLike, directions: ArrayLike) -> tuple[Positions, Positions]:
-    along = as_array(directions, np.float64, "directions")
-    if along.ndim != 2 or along.shape[1] != 3:
-        raise GeometryError(f"directions: expected the shape (N, 3), got {along.shape}")
-    begins = as_array(origins, np.float64, "origins")
-    if begins.shape not in ((3,), along.shape):
-        expected = f"(3,) or {along.shape}"
-        raise GeometryError(f"origins: expected the shape {expected}, got {begins.shape}")
-    return np.broadcast_to(begins, along.shape), along
 
 
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
@@ -101,3 +100,120 @@ def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) 
         begin = np.fmax(begin, np.where(still, 0.0, np.minimum(first, last)))
         end = np.fmin(end, np.where(still, np.inf, np.maximum(first, last)))
     return np.stack([np.where(valid, begin, np.nan), end])
+
+
+@loop("float32*", "int64", "int64", "float64*", "float64*", "int64", "float64*")
+def march(
+    heights: Any, rows: int, columns: int, rays: Any, span: Any, count: int, ranges: Any
+) -> None:
+    """Write the range of each beam, NaN if it does not return.
+
+    Units along the surface are cells: the height `[i, k]` is at `(i, k)`, and the patch `[i, k]` is
+    between the heights `[i, k]` and `[i + 1, k + 1]`. Beams cross patches in order (Amanatides and
+    Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). Each crossing is computed from
+    the begin of the beam, so that rounding does not add up.
+
+    Args:
+        heights: (rows, columns).
+        rows, columns: number of heights.
+        rays: (6, count) row, column and z [m] of beams at range 0, and their change per meter.
+        span: (2, count) nearest and farthest range at which each beam can hit the surface.
+        count: number of beams.
+        ranges: (count,) results.
+    """
+    for ray in range(count):
+        row, column, z = rays[ray], rays[count + ray], rays[2 * count + ray]
+        d_row, d_column = rays[3 * count + ray], rays[4 * count + ray]
+        d_z = rays[5 * count + ray]
+        begin, end = span[ray], span[count + ray]
+        i = min(max(math.floor(row + begin * d_row), 0), rows - 2)
+        k = min(max(math.floor(column + begin * d_column), 0), columns - 2)
+        found = np.nan
+        crosses = True
+        while crosses:
+            leave_row, leave_column = _crossing(row, d_row, i), _crossing(column, d_column, k)
+            leave = min(leave_row, leave_column, end)
+            first = i * columns + k
+            a = np.float64(heights[first])
+            b = np.float64(heights[first + columns]) - a
+            c = np.float64(heights[first + 1]) - a
+            d = np.float64(heights[first + columns + 1]) - a - b - c
+            u, v = row + begin * d_row - i, column + begin * d_column - k
+            f0, f1, f2 = _above(a, b, c, d, u, v, z + begin * d_z, d_row, d_column, d_z)
+            met = begin + _root(f0, f1, f2)
+            crosses = not met <= leave and leave < end
+            if met <= leave:
+                found = met
+            if leave_row <= leave_column:
+                i += 1 if d_row > 0.0 else -1
+            else:
+                k += 1 if d_column > 0.0 else -1
+            crosses = crosses and i >= 0 and i < rows - 1 and k >= 0 and k < columns - 1
+            begin = max(begin, leave)
+        # A beam that begins in the ground meets it at once.
+        ranges[ray] = found if found > 0.0 else np.nan
+
+
+def _crossing(start: float, step: float, patch: int) -> float:
+    """Return the range at which a beam leaves a patch along rows or columns."""
+    if step == 0.0:
+        return np.inf
+    return (patch + (step > 0.0) - start) / step
+
+
+def _above(
+    a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
+) -> Any:
+    """Return f of the height f[0] + f[1] t + f[2] t^2 of a beam above a + b u + c v + d u v."""
+    return (
+        z - (a + b * u + c * v + d * (u * v)),
+        d_z - (b * d_row + c * d_column + d * (u * d_column + v * d_row)),
+        -d * (d_row * d_column),
+    )
+
+
+def _root(f0: float, f1: float, f2: float) -> float:
+    """Return the first t >= 0 at which f0 + f1 t + f2 t^2 <= 0; NaN if there is none.
+
+    The forms are those without cancellation.
+    """
+    if f0 <= 0.0:
+        return 0.0
+    square = f1 * f1 - 4.0 * f2 * f0
+    if not square >= 0.0:
+        return np.nan
+    if f1 < 0.0:
+        return 2.0 * f0 / (math.sqrt(square) - f1)
+    return (math.sqrt(square) + f1) / (-2.0 * f2) if f2 < 0.0 else np.nan
+
+
+def _march_arrays(heights: Any, rays: Positions, span: Positions, ranges: Positions) -> None:
+    """Do what `march` does, with NumPy: all beams cross one patch at a time."""
+    last = np.array(heights.shape)[:, None] - 2
+    ranges[...] = np.nan
+    numbers = np.arange(len(ranges))
+    begin, end = span
+    patches = np.clip(np.floor(rays[:2] + begin * rays[3:5]).astype(np.int64), 0, last)
+    while len(numbers):
+        starts, z, steps = rays[:2], rays[2], rays[3:5]
+        exits = np.where(steps == 0.0, np.inf, (patches + (steps > 0.0) - starts) / steps)
+        leave = np.minimum(exits.min(axis=0), end)
+        i, k = patches
+        a = heights[i, k].astype(np.float64)
+        b, c = heights[i + 1, k] - a, heights[i, k + 1] - a
+        d = heights[i + 1, k + 1] - a - b - c
+        u, v = starts + begin * steps - patches
+        f0, f1, f2 = _above(a, b, c, d, u, v, z + begin * rays[5], *rays[3:])
+        root = np.sqrt(f1 * f1 - 4.0 * f2 * f0)
+        rising = np.where(f2 < 0.0, (root + f1) / (-2.0 * f2), np.nan)
+        met = np.where(f1 < 0.0, 2.0 * f0 / (root - f1), rising)
+        met = begin + np.where(f0 <= 0.0, 0.0, met)
+        meets = met <= leave
+        ranges[numbers[meets & (met > 0.0)]] = met[meets & (met > 0.0)]
+        along_rows = exits[0] <= exits[1]
+        patches[0] += np.where(along_rows, np.copysign(1, steps[0]), 0).astype(np.int64)
+        patches[1] += np.where(along_rows, 0, np.copysign(1, steps[1])).astype(np.int64)
+        goes_on = ~meets & (leave < end) & ((patches >= 0) & (patches <= last)).all(axis=0)
+        begin = np.maximum(begin, leave)
+        numbers, begin, end = numbers[goes_on], begin[goes_on], end[goes_on]
+        rays, patches = rays[:, goes_on], patches[:, goes_on]
