@@ -10,7 +10,6 @@ from hypothesis import assume, given, settings, strategies as st
 from grid_map_core_py._loops import Loop
 from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py import FilterWarning
-from grid_map_filters_py.builtin._inpaint import _strips
 
 
 def inpaint(grid_map, radius=0.3, **limits):
@@ -83,12 +82,6 @@ def test_inpainting_by_strips_gives_the_same_bits(way, size, share, radius, stri
         patch.setattr("grid_map_filters_py.builtin._inpaint.thread_count", lambda: strips)
         found = way(grid_map, radius)
     np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
-
-
-@pytest.mark.parametrize("strips", [1, 2, 5])
-def test_scattered_holes_are_filled_in_as_many_strips_as_threads(strips):
-    holes = np.asfortranarray(np.random.default_rng(0).random((90, 300)) < 0.05)
-    assert len([*_strips(holes, 2, strips)]) == strips
 
 
 @pytest.mark.needs("numba")

@@ -4,7 +4,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -23,7 +23,8 @@ from grid_map_core_py._loops import Compiled
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, Filter, TileOptions, warn
-from .._shared.holes import (
+from ..errors import FilterError
+from ..parts._holes import (
     FindHoles,
     HoleCells,
     Holes,
@@ -35,22 +36,12 @@ from .._shared.holes import (
     number_holes,
     place_of,
 )
-from .._shared.inpaint_loop import inpaint
-from .._shared.layer_filter import LayerFilter, check_radius
-from ..errors import FilterError
+from ..parts._inpaint_loop import inpaint
+from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side, thread_count
 
 if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap, Window
-
-_CELLS = 2**18
-"""Cells that OpenCV inpaints at once, so that its six images fit the cache."""
-
-_HOLE = 30
-"""Work for a cell of a hole, in cells that are known."""
-
-_SAMPLED = 8
-"""Every column of this number is looked at to make strips."""
 
 _LARGEST_RADIUS = 100.0
 """OpenCV's limit [cells]."""
@@ -280,16 +271,16 @@ def _fill(
     # The method weights by gradients, with thresholds for 8-bit gray values.
     scaling = lowest, 255.0 / (highest - lowest)
     run = inpaint.compiled()
-    strips = max(thread_count(), 1 if run else holes.size // _CELLS)
 
-    def fill(strip: _Strip) -> None:
-        own, columns = strip.own(chosen), strip.around
+    def fill(strip: tuple[slice, Mask]) -> None:
+        columns, own = strip
+        arguments = filled[:, columns], layer[:, columns], own & chosen[:, columns], radius, scaling
         if run is None:
-            _fill_by_opencv(filled[:, columns], layer[:, columns], own, radius, scaling)
+            _fill_by_opencv(*arguments)
         else:
-            _fill_compiled(run, filled[:, columns], layer[:, columns], own, radius, scaling)
+            _fill_compiled(run, *arguments)
 
-    side_by_side(fill, _strips(holes, _near(radius), strips))
+    side_by_side(fill, _strips(holes, _near(radius), thread_count()))
 
 
 def _fill_compiled(
@@ -346,109 +337,34 @@ def _fill_by_opencv(
     filled[rows, columns] = heights
 
 
-class _Border(NamedTuple):
-    """A border between two strips; holes across it belong to the first one.
+def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
+    """Yield columns, and a mask of the holes there that are filled together.
+
+    A cell is filled from cells within the radius and their neighbors. Groups of holes that are
+    further apart do not affect each other, so that the columns around a group give the bits of the
+    whole layer.
 
     Args:
-        columns: columns of the second strip in which there are cells of such holes.
-        across: mask of these cells, (rows, columns).
+        holes: mask of all holes (rows, columns).
+        near: number of cells at which holes affect each other.
+        count: number of strips; there are fewer if a group is wide.
     """
-
-    columns: slice
-    across: Mask
-
-
-class _Strip(NamedTuple):
-    """Columns whose holes are filled together.
-
-    Args:
-        around: the columns with all cells that matter for these holes.
-        first, last: borders on both sides.
-    """
-
-    around: slice
-    first: _Border
-    last: _Border
-
-    def own(self, chosen: Mask) -> Mask:
-        """Return the mask of the chosen cells of this strip, (rows, columns of `around`)."""
-        own = chosen[:, self.around].copy("F")
-        (before, (_, behind)) = (
-            (columns.start - self.around.start, columns.stop - self.around.start)
-            for columns in (self.first.columns, self.last.columns)
-        )
-        start, end = before
-        last = self.last.columns.start - self.around.start
-        own[:, :start] = False
-        own[:, start:end] &= ~self.first.across
-        own[:, last:behind] &= self.last.across
-        own[:, behind:] = False
-        return own
-
-
-def _strips(holes: Mask, near: int, count: int) -> Iterator[_Strip]:
-    """Yield at most `count` strips of columns that take about the same time.
-
-    OpenCV fills a cell from cells within the radius and their neighbors. Holes that are further
-    apart know nothing of each other, so that a strip with all cells of such a group of holes, and
-    the cells around them, gives the bits of the whole layer.
-
-    Args:
-        holes: mask of all holes.
-        near: number of cells at which holes know of each other.
-        count: number of strips; there are fewer if holes reach from one border to the next.
-    """
-    rows, columns = holes.shape
-    # Some columns tell how much work there is in the others.
-    work = np.cumsum(np.count_nonzero(holes[:, ::_SAMPLED], axis=0) * _HOLE + rows)
-    shares = np.arange(1, count) * (work[-1] / count)
-    inner = np.unique(work.searchsorted(shares) * _SAMPLED)
-    places = [0, *inner[(inner > 0) & (inner < columns)].tolist(), columns, columns]
-    first = _Border(slice(0, 0), holes[:, :0])
-    for before, column, after in zip(places, places[1:], places[2:], strict=False):
-        last: _Border | None = _Border(slice(columns, columns), holes[:, :0])
-        if column < columns:
-            last = _border(holes, near, column, (before, after))
-        if last is not None:
-            begin, end = first.columns.start - near - 1, last.columns.stop + near + 1
-            yield _Strip(slice(max(begin, 0), min(end, columns)), first, last)
-            first = last
-
-
-def _border(holes: Mask, near: int, column: int, limits: tuple[int, int]) -> _Border | None:
-    """Return the border before a column; None if holes across it reach beyond the limits."""
-    width = 4 * near
-    while True:
-        begin, end = max(column - width, limits[0]), min(column + width, limits[1])
-        part, middle = holes[:, begin:end], column - begin
-        labels, count = _groups(part, near)
-        beside = near if begin else 0, near if end < holes.shape[1] else 0
-        open_ends = labels[:, : beside[0]], labels[:, max(labels.shape[1] - beside[1], 0) :]
-        across = _marked(labels[:, :middle], count) & _marked(labels[:, middle:], count)
-        across[0] = False
-        if not any(across[each].any() for each in open_ends):
-            mask = across[labels[:, middle:]]
-            used = np.flatnonzero(mask.any(axis=0))
-            reach = int(used[-1]) + 1 if used.size else 0
-            return _Border(slice(column, column + reach), mask[:, :reach])
-        if (begin, end) == limits:
-            return None
-        width *= 2
-
-
-def _groups(holes: Mask, near: int) -> tuple[Integers, int]:
-    """Return the number of the group of each cell of a hole, and how many numbers there are.
-
-    Args:
-        holes: mask (rows, columns); all other cells have the number 0.
-        near: number of cells at which holes know of each other.
-    """
-    # Two cells in reach of each other touch when each becomes a block of this side.
+    columns = holes.shape[1]
+    if count == 1:
+        yield slice(0, columns), holes
+        return
+    # Two cells that affect each other touch when each becomes a block of this side. Rows of the map
+    # are along x of the image.
     grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
-    # Rows of the map are along x of the image.
-    count, labels = cv2.connectedComponents(grown, connectivity=8)
-    labels[~holes.T] = 0
-    return np.asarray(labels.T, np.int32), count
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
+    starts, lengths = boxes[:, cv2.CC_STAT_TOP], boxes[:, cv2.CC_STAT_HEIGHT]
+    strips = starts * count // columns
+    strips[0] = -1  # cells outside of the groups
+    for strip in range(count):
+        if (own := strips == strip).any():
+            begin, end = starts[own].min(), (starts + lengths)[own].max()
+            around = slice(max(begin - near - 1, 0), min(end + near + 1, columns))
+            yield around, own[labels[around]].T & holes[:, around]
 
 
 def _marked(labels: Integers, count: int) -> Mask:

@@ -14,17 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_core_py._loops import Compiled
-
 from ._functions import FINITE_COUNT, FINITE_SUM
 from ._matrices import SCALAR, Fold, Matrices, Shape, Value, apply, common_shape, shape_of
-from ._window_loops import sum_squares
 
 Field = NDArray[np.float64]
 Element = float | Field
-
-_SMALL = 9
-"""Side of a window up to which folding the windows of border cells beats folding those of all."""
 
 
 class WindowMatrix:
@@ -136,38 +130,7 @@ class SquaredDeviations(WindowMatrix):
 
         This avoids cancellation: no subtrahend is much larger than the result.
         """
-        if (run := sum_squares.compiled()) and self._source.flags.f_contiguous:
-            return self._sum_by(run)
-        count, mean, squares = self._columns()
-        finite = np.isfinite(self._number)
-        number = np.where(finite, self._number, 0.0)
-        width = self.shape[1]
-        cells = mean.shape[1] - width + 1
-        total = np.zeros((mean.shape[0], cells), order="F")
-        for place in range(width):
-            columns = slice(place, place + cells)
-            deviation = mean[:, columns] - number
-            deviation *= deviation
-            deviation *= count[:, columns]
-            total += deviation
-            total += squares[:, columns]
-        return np.asarray(total * finite)
-
-    def _sum_by(self, run: Compiled) -> Element:
-        """Return what `_sum` returns, to the bit, by the compiled loop."""
-        height, columns = (
-            side - part + 1 for side, part in zip(self._source.shape, self.shape, strict=True)
-        )
-        numbers = np.asfortranarray(np.broadcast_to(self._number, (height, columns)))
-        work = np.empty((3, height * self._source.shape[1]))
-        totals = np.empty_like(numbers)
-        if totals.size:
-            run(self._source, self.shape, numbers.shape, numbers, *work, totals)
-        return totals
-
-    def _columns(self) -> tuple[Field, Field, Field]:
-        """Return count, mean and squared deviations of the finite values of each column."""
-        height = self.shape[0]
+        height, width = self.shape
         count, mean = (
             np.asarray(_fold_box(fold, self._source, (height, 1)))
             for fold in (FINITE_COUNT, FINITE_SUM)
@@ -181,50 +144,45 @@ class SquaredDeviations(WindowMatrix):
             deviation *= deviation
             np.copyto(deviation, 0.0, where=missing[rows])
             squares += deviation
-        return count, mean, squares
+        finite = np.isfinite(self._number)
+        number = np.where(finite, self._number, 0.0)
+        cells = mean.shape[1] - width + 1
+        total = np.zeros((mean.shape[0], cells), order="F")
+        for place in range(width):
+            columns = slice(place, place + cells)
+            deviation = mean[:, columns] - number
+            deviation *= deviation
+            deviation *= count[:, columns]
+            total += deviation
+            total += squares[:, columns]
+        return np.asarray(total * finite)
 
 
-class MeanPaddedWindow(WindowMatrix):
-    """The windows of some cells, with their mean in the elements outside of the map.
+def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
+    """Return the windows of some cells, with their mean in the elements outside of the map.
 
-    Its fields are (N,), in the order of `cells.ravel("F")`.
+    Fields are (N,), in the order of `cells.ravel("F")`.
 
     Args:
         layer: (rows, columns) of the map.
         cells: mask of the cells.
         size: rows and columns of a window; an odd number.
     """
+    margin, shape = size // 2, (size, size)
+    source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)
+    outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
+    # The place of the first element of every window, and the step to the next column.
+    first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(source)
+    flat = source.ravel("F")
+    count, total = (
+        np.asarray(_fold_box(fold, source, shape)).T[cells.T] for fold in (FINITE_COUNT, FINITE_SUM)
+    )
+    mean = np.divide(total, count)
 
-    def __init__(self, layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> None:
-        margin, shape = size // 2, (size, size)
-        source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)
-        outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
-        # The place of the first element of every window, and the step to the next column.
-        first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(source)
-        flat, folds = source.ravel("F"), (FINITE_COUNT, FINITE_SUM)
-        if size <= _SMALL:
-            known = WindowMatrix(shape, lambda i, j: flat[first + (i + j * step)]).reduce(folds)
-        else:
-            boxes = (np.asarray(_fold_box(fold, source, shape)) for fold in folds)
-            known = [box.T[cells.T] for box in boxes]
-        self._count, self._total = known
-        self._mean = mean = np.divide(self._total, self._count)
-        near = (np.minimum(np.arange(length), margin) for length in layer.shape)
-        rows, columns = (1 + inner + inner[::-1] for inner in near)
-        self._missing = size**2 - rows[first % step] * columns[first // step]
-        super().__init__(
-            shape,
-            lambda i, j: np.where(
-                outside[first + (i + j * step)], mean, flat[first + (i + j * step)]
-            ),
-        )
+    def at(i: int, j: int) -> Element:
+        return np.where(outside[first + (i + j * step)], mean, flat[first + (i + j * step)])
 
-    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold; the mean is counted as often as it occurs."""
-        if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
-            return super().reduce(folds)
-        parts = {FINITE_COUNT: self._count, FINITE_SUM: self._total}
-        return [parts[fold] + self._missing * fold.map(self._mean) for fold in folds]
+    return WindowMatrix(shape, at)
 
 
 class WindowMatrices(Matrices):
