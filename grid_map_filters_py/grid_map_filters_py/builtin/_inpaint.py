@@ -19,24 +19,17 @@ from grid_map_core_py._arrays import (
     max_of_finites,
     min_of_finites,
 )
-from grid_map_core_py._loops import Compiled
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, Filter, TileOptions, warn
 from ..errors import FilterError
 from ..parts._holes import (
     FindHoles,
-    HoleCells,
     Holes,
-    Integers,
-    cells_of,
     find_holes,
-    measured,
     merged,
-    number_holes,
     place_of,
 )
-from ..parts._inpaint_loop import inpaint
 from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side, thread_count
 
@@ -76,7 +69,6 @@ class Inpaint(LayerFilter):
         check_radius(self.radius)
         area = self.max_hole_area or 0.0
         check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
-        inpaint.compiled()
 
     def reach(self, _resolution: float) -> float:
         # A hole may be as large as the map, and gray values depend on all heights.
@@ -173,20 +165,18 @@ class _InpaintTiles:
         missing = ~np.isfinite(tile[self.whole.input_layer])
         if border >= widest or not missing[window].any():
             return 0
-        labels, count = number_holes(missing)
-        cells = cells_of(labels, missing)
-        inside = np.all(
-            [
-                (part.start <= places) & (places < part.stop)
-                for places, part in zip(cells[:2], window, strict=True)
-            ],
-            axis=0,
-        )
-        reaching = _marked(cells.numbers[inside], count)
-        reaching &= _marked(cells.numbers[self._on_open_edge(tile, cells)], count)
-        chosen = reaching[cells.numbers]
-        holes = measured(HoleCells(*(each[chosen] for each in cells)), count)
-        if not (reaching[1:] & (holes.lengths <= self.max_hole)).any():
+        labels, holes = find_holes(missing)
+        reaching, leaving = np.zeros((2, len(holes.areas) + 1), np.bool_)
+        reaching[labels[window]] = True
+        # The margin of the tile, on sides where the map goes on.
+        for lines, first, whole in zip(
+            (labels, labels.T), place_of(tile, self.geometry), self.geometry.size, strict=True
+        ):
+            if first > 0:
+                leaving[lines[: self._margin]] = True
+            if first + len(lines) < whole:
+                leaving[lines[-self._margin :]] = True
+        if not ((reaching & leaving)[1:] & (holes.lengths <= self.max_hole)).any():
             return 0
         return min(max(border - self._margin, 1), widest - border)
 
@@ -211,18 +201,6 @@ class _InpaintTiles:
     def _margin(self) -> int:
         """Cells around holes to see."""
         return _MARGIN + 4 * _near(self.whole.radius / self.geometry.resolution)
-
-    def _on_open_edge(self, tile: GridMap, cells: HoleCells) -> Mask:
-        """Return which cells are in the margin of a tile, on a side where the map goes on."""
-        width, on_edge = self._margin, np.zeros(len(cells.numbers), np.bool_)
-        for places, first, length, whole in zip(
-            cells[:2], place_of(tile, self.geometry), tile.size, self.geometry.size, strict=True
-        ):
-            if first > 0:
-                on_edge |= places < width
-            if first + length < whole:
-                on_edge |= places >= length - width
-        return on_edge
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
@@ -269,72 +247,25 @@ def _fill(
         filled[chosen] = wide[inner][chosen]
         return
     # The method weights by gradients, with thresholds for 8-bit gray values.
-    scaling = lowest, 255.0 / (highest - lowest)
-    run = inpaint.compiled()
+    scale = 255.0 / (highest - lowest)
 
     def fill(strip: tuple[slice, Mask]) -> None:
         columns, own = strip
-        arguments = filled[:, columns], layer[:, columns], own & chosen[:, columns], radius, scaling
-        if run is None:
-            _fill_by_opencv(*arguments)
-        else:
-            _fill_compiled(run, *arguments)
+        gray = elementwise(
+            lambda known: np.subtract(known, lowest, dtype=np.float64) * scale,
+            np.float32,
+            np.ascontiguousarray(layer[:, columns]),
+        )
+        missing = ~np.isfinite(gray)
+        gray[missing] = 0.0
+        image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(missing, dtype=np.uint8)
+        grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
+        # Column after column, as the layers are stored.
+        places, rows = np.nonzero((own & chosen[:, columns]).T)
+        heights = np.clip(grays[rows, places], 0.0, 255.0, dtype=np.float64) / scale + lowest
+        filled[:, columns][rows, places] = heights
 
     side_by_side(fill, _strips(holes, _near(radius), thread_count()))
-
-
-def _fill_compiled(
-    run: Compiled,
-    filled: Layer,
-    layer: Layer,
-    chosen: Mask,
-    radius: float,
-    scaling: tuple[float, float],
-) -> None:
-    rows, columns = layer.shape
-    # OpenCV's limits. Further cells are outside of the layer.
-    reach = round(min(max(radius, 1.0), _LARGEST_RADIUS, rows + columns))
-    # As one block, which the C library keeps for the next map.
-    images = np.empty((4, rows + 2 * reach, columns + 2 * reach), np.float32)
-    images[0] = 0.0
-    images[0, reach:-reach, reach:-reach] = layer
-    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    inside = x**2 + y**2 <= reach**2
-    offsets = (y * images.shape[2] + x)[inside]
-    x, y = (values[inside].astype(np.float32) for values in (x, y))
-    squares = x * x + y * y
-    disc = x, y, squares, 1 / (squares * squares + 1)
-    holes = layer.size - np.count_nonzero(np.isfinite(layer))
-    run(
-        tuple(images),
-        (rows, columns, reach),
-        scaling,
-        (*disc, np.empty_like(x)),
-        offsets,
-        offsets.size,
-        tuple(np.empty((2, holes), np.int64)),
-        chosen.view(np.uint8),
-        filled,
-    )
-
-
-def _fill_by_opencv(
-    filled: Layer, layer: Layer, chosen: Mask, radius: float, scaling: tuple[float, float]
-) -> None:
-    lowest, scale = scaling
-    gray = elementwise(
-        lambda known: np.subtract(known, lowest, dtype=np.float64) * scale,
-        np.float32,
-        np.ascontiguousarray(layer),
-    )
-    holes = ~np.isfinite(gray)
-    gray[holes] = 0.0
-    image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(holes, dtype=np.uint8)
-    grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
-    # Column after column, as the layers are stored.
-    columns, rows = np.nonzero(chosen.T)
-    heights = np.clip(grays[rows, columns], 0.0, 255.0, dtype=np.float64) / scale + lowest
-    filled[rows, columns] = heights
 
 
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
@@ -365,10 +296,3 @@ def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
             begin, end = starts[own].min(), (starts + lengths)[own].max()
             around = slice(max(begin - near - 1, 0), min(end + near + 1, columns))
             yield around, own[labels[around]].T & holes[:, around]
-
-
-def _marked(labels: Integers, count: int) -> Mask:
-    """Return which of `count` labels there are (count,)."""
-    marked = np.zeros(count, np.bool_)
-    marked[labels] = True
-    return marked
