@@ -9,6 +9,7 @@ rounded to float32 as in C++.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -72,19 +73,12 @@ class WeightedWindow(WindowMatrix):
         """Fold; the sum of finite values is a correlation with the cleaned source."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
-        return [
-            self._correlate() if fold is FINITE_SUM else self._window.reduce([fold])[0]
-            for fold in folds
-        ]
-
-    def _correlate(self) -> Element:
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
         total = np.zeros_like(cleaned.at(0, 0))
-        product = np.empty_like(total)
-        for row, column in np.argwhere(self._kernel):
-            np.multiply(cleaned.at(row, column), float(self._kernel[row, column]), out=product)
-            np.add(total, product, out=total)
-        return total
+        if FINITE_SUM in folds:
+            for row, column in np.argwhere(self._kernel):
+                total += cleaned.at(row, column) * float(self._kernel[row, column])
+        return [total if fold is FINITE_SUM else self._window.reduce([fold])[0] for fold in folds]
 
 
 class DeviatingWindow(WindowMatrix):
@@ -269,10 +263,17 @@ def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMa
 def _accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -> list[Element]:
     """Fold at most `count` elements; each is computed once."""
     totals: list[Any] = []
+    counter = np.min_scalar_type(count)
     for element in elements:
         mapped = [fold.map(element) for fold in folds]
         if not totals:
-            totals = [_own(values, count) for values in mapped]
+            totals = [
+                # Truth values are counted in the smallest sufficient integer type.
+                np.array(values, counter if np.asarray(values).dtype == np.bool_ else np.float64)
+                if np.ndim(values)
+                else float(values)
+                for values in mapped
+            ]
             continue
         for place, (fold, values) in enumerate(zip(folds, mapped, strict=True)):
             out = totals[place] if isinstance(totals[place], np.ndarray) else None
@@ -289,14 +290,14 @@ def _reduce(value: WindowMatrix, axis: int | None, folds: Sequence[Fold]) -> lis
     else:
         lines = [[(i, j) for j in range(columns)] for i in range(rows)]
     totals = [_accumulate((value.at(*place) for place in line), folds, len(line)) for line in lines]
-    return [_line([total[k] for total in totals], axis) for k in range(len(folds))]
-
-
-def _line(elements: list[Element], axis: int) -> Value:
-    for element in elements:
+    for element in chain.from_iterable(totals):
         _protect(element)
-    shape = (1, len(elements)) if axis == 0 else (len(elements), 1)
-    return _matrix(shape, lambda row, column: elements[row + column])
+    shape = (1, columns) if axis == 0 else (rows, 1)
+
+    def line(elements: Sequence[Element]) -> Value:
+        return _matrix(shape, lambda row, column: elements[row + column])
+
+    return [line(elements) for elements in zip(*totals, strict=True)]
 
 
 def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
@@ -311,13 +312,6 @@ def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
         for line in lines[2:]:
             fold.combine(values, line, out=values)
     return _as_element(values)
-
-
-def _own(values: Any, count: int) -> Any:
-    """Return a copy to accumulate in; bool is counted in the smallest sufficient integer type."""
-    if np.ndim(values) == 0:
-        return float(values)
-    return np.array(values, np.min_scalar_type(count) if values.dtype == np.bool_ else np.float64)
 
 
 def _as_element(total: Any) -> Element:
