@@ -14,7 +14,6 @@ from grid_map_filters_py.expression import Expression
 from grid_map_filters_py.expression._functions import FUNCTIONS, elementwise, of_finites
 from grid_map_filters_py.expression._matrices import Fold
 from grid_map_filters_py.expression._parser import parse
-from grid_map_filters_py.expression._window_loops import sum_squares
 from grid_map_filters_py.expression._windows import skips_missing
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -340,21 +339,3 @@ def test_errors_in_windows_show_the_place(text, column, message):
     assert message in first
     assert line.strip() == text
     assert caret.index("^") - line.index(text) == column
-
-
-@pytest.mark.needs("numba")
-@pytest.mark.parametrize("edge_handling", ["inside", "crop", "mean"])
-@pytest.mark.parametrize("shape", [(1, 1), (2, 9), (23, 17)])
-@pytest.mark.parametrize("factor", [1.0, 1e30])
-def test_compiled_deviations_give_the_bits_of_numpy(shape, factor, edge_handling, monkeypatch):
-    layer = (factor * np.random.default_rng(2).normal(size=shape)).astype(np.float32)
-    layer.flat[::5] = np.nan
-    layer.flat[3::7] = np.inf
-    expression = Expression("sumOfFinites(square(a - meanOfFinites(a)))")
-    sizes = (1, 3, 7)
-    assert sum_squares.compiled()
-    fast = [expression.over_windows("a", layer, size, edge_handling) for size in sizes]
-    monkeypatch.setattr(type(sum_squares), "compiled", lambda _: None)
-    for size, result in zip(sizes, fast, strict=True):
-        slow = expression.over_windows("a", layer, size, edge_handling)
-        np.testing.assert_array_equal(result.view(np.uint32), slow.view(np.uint32))

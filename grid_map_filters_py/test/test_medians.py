@@ -1,25 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Medians of windows, against a loop over cells.
-
-Scattered cells and large windows are sorted; small windows of most cells go through a network. The
-compiled ways have a network for sides up to 7, and sets for larger ones.
-"""
+"""Medians of windows, against a loop over cells."""
 
 import filter_oracles as oracles
 import numpy as np
 import pytest
 
-from grid_map_filters_py._shared import medians as ways
-from grid_map_filters_py._shared.medians import put_window_medians
-
-
-@pytest.fixture(params=[False, pytest.param(True, marks=pytest.mark.needs("numba"))], autouse=True)
-def is_compiled(request, monkeypatch):
-    """Each test runs with NumPy alone, and with compiled loops."""
-    if request.param:
-        assert ways.prepare_medians()
-    else:
-        monkeypatch.setattr(ways, "prepare_medians", tuple)
+from grid_map_filters_py.parts._medians import put_window_medians
 
 
 def medians_of(layer, cells, half_width):

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The filter `NormalVectors`, against loops over cells and known surfaces."""
 
-from unittest.mock import patch
-
 import numpy as np
 import pytest
 from filter_cases import CELLS_OF_PLANES, ground, points_in_disc, run, terrain
 from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py.testing import grid_maps
-from grid_map_filters_py._shared import normals as fits
 
 
 def normals(grid_map, **params):
@@ -235,34 +232,3 @@ def test_raster_normals_follow_slopes_between_neighbors(shape):
             expected[row, column] = np.array([-x, -y, 1.0]) / np.sqrt(x * x + y * y + 1.0)
     result = normals(ground(layer), algorithm="raster")
     np.testing.assert_allclose(result, expected, atol=1e-6)
-
-
-@pytest.mark.needs("numba")
-@pytest.mark.parametrize("shape", [(1, 1), (2, 300), (37, 53)])
-@pytest.mark.parametrize("holes", [0.0, 0.3, 0.9])
-@pytest.mark.parametrize("factor", [0.0, 1.0, 1e30])
-def test_compiled_loops_give_the_bits_of_numpy(shape, holes, factor):
-    layer = np.asfortranarray(hills(*shape, holes) * np.float32(factor))
-    layer.flat[::41] = np.inf
-    for radius in (0.1, 0.35):
-        assert fits.prepare_normals()
-        fast = fits.area_normals(layer, 0.1, radius, 0.1)
-        with patch.object(fits, "prepare_normals", tuple):
-            slow = fits.area_normals(layer, 0.1, radius, 0.1)
-        for one, other in zip(fast, slow, strict=True):
-            np.testing.assert_array_equal(one.view(np.uint32), other.view(np.uint32))
-
-
-@pytest.mark.parametrize("loops", [fits.prepare_normals, tuple], ids=["loops", "numpy"])
-def test_sums_over_whole_discs_are_constants_with_the_same_bits(loops):
-    layer = np.asfortranarray(hills(400, 390, 0.0))
-    with_hole = layer.copy("F")
-    # In a tile that is not at the border of the map.
-    with_hole[200, 195] = np.nan
-    with patch.object(fits, "prepare_normals", loops):
-        whole, counted = (fits.area_normals(one, 0.1, 0.35, 0.1) for one in (layer, with_hole))
-    away = np.ones(layer.shape, np.bool_)
-    away[196:205, 191:200] = False
-    for one, other in zip(whole, counted, strict=True):
-        np.testing.assert_array_equal(one[away].view(np.uint32), other[away].view(np.uint32))
-        assert (one[~away] != other[~away]).any()

@@ -14,7 +14,7 @@ from hypothesis import given, settings, strategies as st
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError
 from grid_map_filters_py import FilterChain, FilterError, FilterWarning, Step, StepConfig
-from grid_map_filters_py._shared.holes import FindHoles, find_holes, merged
+from grid_map_filters_py.parts._holes import FindHoles, find_holes, merged
 
 pytestmark = pytest.mark.needs("xarray", "dask")
 

@@ -17,7 +17,6 @@ from grid_map_core_py._parameters import nested
 from grid_map_core_py.errors import ConfigError, GridMapError, cut
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
-from grid_map_ros_py.errors import reason
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
     LogThrottle,
@@ -76,16 +75,26 @@ class FilterChainNode(ConfiguredNode):
                         f"unknown parameter {change.name!r}; those that can be set begin with "
                         f"'{self._chain_name}.'"
                     )
-            of_chain = [change for change in changes if self._is_of_chain(change.name)]
+            of_chain = {
+                change.name.removeprefix(f"{self._chain_name}."): change
+                for change in changes
+                if self._is_of_chain(change.name)
+            }
             if of_chain:
-                config = self._changed_config(of_chain)
-                self._next_chain = FilterChain.from_config(config, threads=self._threads)
+                before: dict[str, Any] = dict(self.get_parameters_by_prefix(self._chain_name))
+                values = {
+                    name: list(parameter.value)
+                    if isinstance(parameter.value, array.array)
+                    else parameter.value
+                    for name, parameter in (before | of_chain).items()
+                    if parameter.type_ != Parameter.Type.NOT_SET  # it is deleted
+                }
+                self._next_chain = FilterChain.from_config(nested(values), threads=self._threads)
         except GridMapError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:  # A request, or a filter of another package, may cause any.
-            text = reason(error) if isinstance(error, MemoryError) else repr(error)
-            self._log.error(f"set_parameters: {text}")
-            return SetParametersResult(successful=False, reason=cut(text))
+            self._log.error(f"set_parameters: {error!r}")
+            return SetParametersResult(successful=False, reason=cut(repr(error)))
         return SetParametersResult(successful=True)
 
     def _replace_chain(self, _changes: list[Parameter]) -> None:
@@ -94,17 +103,6 @@ class FilterChainNode(ConfiguredNode):
             self._chain, self._next_chain = self._next_chain, None
             self._times = StepTimes()
             self._log.info(f"now {self._chain}")
-
-    def _changed_config(self, changes: list[Parameter]) -> dict[str, Any]:
-        """Return the configuration with the changes; those without a type delete parameters."""
-        parameters: dict[str, Any] = dict(self.get_parameters_by_prefix(self._chain_name))
-        for change in changes:
-            name = change.name.removeprefix(f"{self._chain_name}.")
-            parameters[name] = change
-            if change.type_ == Parameter.Type.NOT_SET:
-                del parameters[name]
-        values = ((name, parameter.value) for name, parameter in parameters.items())
-        return nested({name: list(v) if isinstance(v, array.array) else v for name, v in values})
 
     # --- maps -------------------------------------------------------------------------------------
 

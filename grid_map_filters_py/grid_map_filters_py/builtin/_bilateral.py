@@ -8,8 +8,8 @@ import numpy as np
 from grid_map_core_py._arrays import Layer, slices
 from grid_map_core_py.plugins import check
 
-from .._shared.layer_filter import LayerFilter, check_radius
 from ..parts._disc import Disc, disc_reach
+from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side
 
 # OpenCV's bilateral filter spreads NaN. Its table of weights divides the range of the layer into

@@ -10,8 +10,8 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
 from .._filter import CellFilter
-from .._shared.colors import FULL, is_none, pack, shares
 from ..parts._cell_function import Value, cell_function, choose
+from ..parts._colors import FULL, is_none, pack, shares
 
 _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 

@@ -8,8 +8,8 @@ import numpy as np
 from grid_map_core_py import GridMap, color_vector_to_value
 
 from .._filter import CellFilter
-from .._shared.colors import check_color
 from ..parts._cell_function import Value, cell_function, choose, is_finite
+from ..parts._colors import check_color
 
 _NAN = np.float32(np.nan)
 

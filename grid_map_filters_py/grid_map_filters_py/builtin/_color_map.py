@@ -10,9 +10,9 @@ from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
 from .._filter import CellFilter
-from .._shared.colors import check_color, or_none, pack
-from .._shared.layer_filter import LayerFilter
 from ..parts._cell_function import Value, cell_function, clamp, is_finite
+from ..parts._colors import check_color, or_none, pack
+from ..parts._layer_filter import LayerFilter
 
 _FIRST, _LAST = np.float32(0), np.float32(1)
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from grid_map_core_py._arrays import Layer
 
-from .._shared.layer_filter import LayerFilter
 from ..parts._cell_function import Value, cell_function, choose, is_finite
+from ..parts._layer_filter import LayerFilter
 
 _TWO, _ZERO, _NAN = np.float32(2), np.float32(0), np.float32(np.nan)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from grid_map_core_py._arrays import Layer
 
-from .._shared.layer_filter import FillingDiscFilter, highest_in_disc
+from ..parts._layer_filter import FillingDiscFilter, highest_in_disc
 
 
 @dataclass(frozen=True, kw_only=True)

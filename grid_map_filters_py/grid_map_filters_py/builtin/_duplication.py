@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from grid_map_core_py._arrays import Layer
 
 from .._filter import CellFilter
-from .._shared.layer_filter import LayerFilter
+from ..parts._layer_filter import LayerFilter
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._shared.layer_filter import AroundTypicalValue, check_radius
 from ..parts._disc import Disc, disc_reach
+from ..parts._layer_filter import AroundTypicalValue, check_radius
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -19,38 +19,22 @@ from grid_map_core_py._arrays import (
     max_of_finites,
     min_of_finites,
 )
-from grid_map_core_py._loops import Compiled
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, Filter, TileOptions, warn
-from .._shared.holes import (
+from ..errors import FilterError
+from ..parts._holes import (
     FindHoles,
-    HoleCells,
     Holes,
-    Integers,
-    cells_of,
     find_holes,
-    measured,
     merged,
-    number_holes,
     place_of,
 )
-from .._shared.inpaint_loop import inpaint
-from .._shared.layer_filter import LayerFilter, check_radius
-from ..errors import FilterError
+from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side, thread_count
 
 if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap, Window
-
-_CELLS = 2**18
-"""Cells that OpenCV inpaints at once, so that its six images fit the cache."""
-
-_HOLE = 30
-"""Work for a cell of a hole, in cells that are known."""
-
-_SAMPLED = 8
-"""Every column of this number is looked at to make strips."""
 
 _LARGEST_RADIUS = 100.0
 """OpenCV's limit [cells]."""
@@ -85,7 +69,6 @@ class Inpaint(LayerFilter):
         check_radius(self.radius)
         area = self.max_hole_area or 0.0
         check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
-        inpaint.compiled()
 
     def reach(self, _resolution: float) -> float:
         # A hole may be as large as the map, and gray values depend on all heights.
@@ -182,20 +165,18 @@ class _InpaintTiles:
         missing = ~np.isfinite(tile[self.whole.input_layer])
         if border >= widest or not missing[window].any():
             return 0
-        labels, count = number_holes(missing)
-        cells = cells_of(labels, missing)
-        inside = np.all(
-            [
-                (part.start <= places) & (places < part.stop)
-                for places, part in zip(cells[:2], window, strict=True)
-            ],
-            axis=0,
-        )
-        reaching = _marked(cells.numbers[inside], count)
-        reaching &= _marked(cells.numbers[self._on_open_edge(tile, cells)], count)
-        chosen = reaching[cells.numbers]
-        holes = measured(HoleCells(*(each[chosen] for each in cells)), count)
-        if not (reaching[1:] & (holes.lengths <= self.max_hole)).any():
+        labels, holes = find_holes(missing)
+        reaching, leaving = np.zeros((2, len(holes.areas) + 1), np.bool_)
+        reaching[labels[window]] = True
+        # The margin of the tile, on sides where the map goes on.
+        for lines, first, whole in zip(
+            (labels, labels.T), place_of(tile, self.geometry), self.geometry.size, strict=True
+        ):
+            if first > 0:
+                leaving[lines[: self._margin]] = True
+            if first + len(lines) < whole:
+                leaving[lines[-self._margin :]] = True
+        if not ((reaching & leaving)[1:] & (holes.lengths <= self.max_hole)).any():
             return 0
         return min(max(border - self._margin, 1), widest - border)
 
@@ -220,18 +201,6 @@ class _InpaintTiles:
     def _margin(self) -> int:
         """Cells around holes to see."""
         return _MARGIN + 4 * _near(self.whole.radius / self.geometry.resolution)
-
-    def _on_open_edge(self, tile: GridMap, cells: HoleCells) -> Mask:
-        """Return which cells are in the margin of a tile, on a side where the map goes on."""
-        width, on_edge = self._margin, np.zeros(len(cells.numbers), np.bool_)
-        for places, first, length, whole in zip(
-            cells[:2], place_of(tile, self.geometry), tile.size, self.geometry.size, strict=True
-        ):
-            if first > 0:
-                on_edge |= places < width
-            if first + length < whole:
-                on_edge |= places >= length - width
-        return on_edge
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
@@ -278,181 +247,52 @@ def _fill(
         filled[chosen] = wide[inner][chosen]
         return
     # The method weights by gradients, with thresholds for 8-bit gray values.
-    scaling = lowest, 255.0 / (highest - lowest)
-    run = inpaint.compiled()
-    strips = max(thread_count(), 1 if run else holes.size // _CELLS)
+    scale = 255.0 / (highest - lowest)
 
-    def fill(strip: _Strip) -> None:
-        own, columns = strip.own(chosen), strip.around
-        if run is None:
-            _fill_by_opencv(filled[:, columns], layer[:, columns], own, radius, scaling)
-        else:
-            _fill_compiled(run, filled[:, columns], layer[:, columns], own, radius, scaling)
-
-    side_by_side(fill, _strips(holes, _near(radius), strips))
-
-
-def _fill_compiled(
-    run: Compiled,
-    filled: Layer,
-    layer: Layer,
-    chosen: Mask,
-    radius: float,
-    scaling: tuple[float, float],
-) -> None:
-    rows, columns = layer.shape
-    # OpenCV's limits. Further cells are outside of the layer.
-    reach = round(min(max(radius, 1.0), _LARGEST_RADIUS, rows + columns))
-    # As one block, which the C library keeps for the next map.
-    images = np.empty((4, rows + 2 * reach, columns + 2 * reach), np.float32)
-    images[0] = 0.0
-    images[0, reach:-reach, reach:-reach] = layer
-    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    inside = x**2 + y**2 <= reach**2
-    offsets = (y * images.shape[2] + x)[inside]
-    x, y = (values[inside].astype(np.float32) for values in (x, y))
-    squares = x * x + y * y
-    disc = x, y, squares, 1 / (squares * squares + 1)
-    holes = layer.size - np.count_nonzero(np.isfinite(layer))
-    run(
-        tuple(images),
-        (rows, columns, reach),
-        scaling,
-        (*disc, np.empty_like(x)),
-        offsets,
-        offsets.size,
-        tuple(np.empty((2, holes), np.int64)),
-        chosen.view(np.uint8),
-        filled,
-    )
-
-
-def _fill_by_opencv(
-    filled: Layer, layer: Layer, chosen: Mask, radius: float, scaling: tuple[float, float]
-) -> None:
-    lowest, scale = scaling
-    gray = elementwise(
-        lambda known: np.subtract(known, lowest, dtype=np.float64) * scale,
-        np.float32,
-        np.ascontiguousarray(layer),
-    )
-    holes = ~np.isfinite(gray)
-    gray[holes] = 0.0
-    image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(holes, dtype=np.uint8)
-    grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
-    # Column after column, as the layers are stored.
-    columns, rows = np.nonzero(chosen.T)
-    heights = np.clip(grays[rows, columns], 0.0, 255.0, dtype=np.float64) / scale + lowest
-    filled[rows, columns] = heights
-
-
-class _Border(NamedTuple):
-    """A border between two strips; holes across it belong to the first one.
-
-    Args:
-        columns: columns of the second strip in which there are cells of such holes.
-        across: mask of these cells, (rows, columns).
-    """
-
-    columns: slice
-    across: Mask
-
-
-class _Strip(NamedTuple):
-    """Columns whose holes are filled together.
-
-    Args:
-        around: the columns with all cells that matter for these holes.
-        first, last: borders on both sides.
-    """
-
-    around: slice
-    first: _Border
-    last: _Border
-
-    def own(self, chosen: Mask) -> Mask:
-        """Return the mask of the chosen cells of this strip, (rows, columns of `around`)."""
-        own = chosen[:, self.around].copy("F")
-        (before, (_, behind)) = (
-            (columns.start - self.around.start, columns.stop - self.around.start)
-            for columns in (self.first.columns, self.last.columns)
+    def fill(strip: tuple[slice, Mask]) -> None:
+        columns, own = strip
+        gray = elementwise(
+            lambda known: np.subtract(known, lowest, dtype=np.float64) * scale,
+            np.float32,
+            np.ascontiguousarray(layer[:, columns]),
         )
-        start, end = before
-        last = self.last.columns.start - self.around.start
-        own[:, :start] = False
-        own[:, start:end] &= ~self.first.across
-        own[:, last:behind] &= self.last.across
-        own[:, behind:] = False
-        return own
+        missing = ~np.isfinite(gray)
+        gray[missing] = 0.0
+        image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(missing, dtype=np.uint8)
+        grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
+        # Column after column, as the layers are stored.
+        places, rows = np.nonzero((own & chosen[:, columns]).T)
+        heights = np.clip(grays[rows, places], 0.0, 255.0, dtype=np.float64) / scale + lowest
+        filled[:, columns][rows, places] = heights
+
+    side_by_side(fill, _strips(holes, _near(radius), thread_count()))
 
 
-def _strips(holes: Mask, near: int, count: int) -> Iterator[_Strip]:
-    """Yield at most `count` strips of columns that take about the same time.
+def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
+    """Yield columns, and a mask of the holes there that are filled together.
 
-    OpenCV fills a cell from cells within the radius and their neighbors. Holes that are further
-    apart know nothing of each other, so that a strip with all cells of such a group of holes, and
-    the cells around them, gives the bits of the whole layer.
-
-    Args:
-        holes: mask of all holes.
-        near: number of cells at which holes know of each other.
-        count: number of strips; there are fewer if holes reach from one border to the next.
-    """
-    rows, columns = holes.shape
-    # Some columns tell how much work there is in the others.
-    work = np.cumsum(np.count_nonzero(holes[:, ::_SAMPLED], axis=0) * _HOLE + rows)
-    shares = np.arange(1, count) * (work[-1] / count)
-    inner = np.unique(work.searchsorted(shares) * _SAMPLED)
-    places = [0, *inner[(inner > 0) & (inner < columns)].tolist(), columns, columns]
-    first = _Border(slice(0, 0), holes[:, :0])
-    for before, column, after in zip(places, places[1:], places[2:], strict=False):
-        last: _Border | None = _Border(slice(columns, columns), holes[:, :0])
-        if column < columns:
-            last = _border(holes, near, column, (before, after))
-        if last is not None:
-            begin, end = first.columns.start - near - 1, last.columns.stop + near + 1
-            yield _Strip(slice(max(begin, 0), min(end, columns)), first, last)
-            first = last
-
-
-def _border(holes: Mask, near: int, column: int, limits: tuple[int, int]) -> _Border | None:
-    """Return the border before a column; None if holes across it reach beyond the limits."""
-    width = 4 * near
-    while True:
-        begin, end = max(column - width, limits[0]), min(column + width, limits[1])
-        part, middle = holes[:, begin:end], column - begin
-        labels, count = _groups(part, near)
-        beside = near if begin else 0, near if end < holes.shape[1] else 0
-        open_ends = labels[:, : beside[0]], labels[:, max(labels.shape[1] - beside[1], 0) :]
-        across = _marked(labels[:, :middle], count) & _marked(labels[:, middle:], count)
-        across[0] = False
-        if not any(across[each].any() for each in open_ends):
-            mask = across[labels[:, middle:]]
-            used = np.flatnonzero(mask.any(axis=0))
-            reach = int(used[-1]) + 1 if used.size else 0
-            return _Border(slice(column, column + reach), mask[:, :reach])
-        if (begin, end) == limits:
-            return None
-        width *= 2
-
-
-def _groups(holes: Mask, near: int) -> tuple[Integers, int]:
-    """Return the number of the group of each cell of a hole, and how many numbers there are.
+    A cell is filled from cells within the radius and their neighbors. Groups of holes that are
+    further apart do not affect each other, so that the columns around a group give the bits of the
+    whole layer.
 
     Args:
-        holes: mask (rows, columns); all other cells have the number 0.
-        near: number of cells at which holes know of each other.
+        holes: mask of all holes (rows, columns).
+        near: number of cells at which holes affect each other.
+        count: number of strips; there are fewer if a group is wide.
     """
-    # Two cells in reach of each other touch when each becomes a block of this side.
+    columns = holes.shape[1]
+    if count == 1:
+        yield slice(0, columns), holes
+        return
+    # Two cells that affect each other touch when each becomes a block of this side. Rows of the map
+    # are along x of the image.
     grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
-    # Rows of the map are along x of the image.
-    count, labels = cv2.connectedComponents(grown, connectivity=8)
-    labels[~holes.T] = 0
-    return np.asarray(labels.T, np.int32), count
-
-
-def _marked(labels: Integers, count: int) -> Mask:
-    """Return which of `count` labels there are (count,)."""
-    marked = np.zeros(count, np.bool_)
-    marked[labels] = True
-    return marked
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
+    starts, lengths = boxes[:, cv2.CC_STAT_TOP], boxes[:, cv2.CC_STAT_HEIGHT]
+    strips = starts * count // columns
+    strips[0] = -1  # cells outside of the groups
+    for strip in range(count):
+        if (own := strips == strip).any():
+            begin, end = starts[own].min(), (starts + lengths)[own].max()
+            around = slice(max(begin - near - 1, 0), min(end + near + 1, columns))
+            yield around, own[labels[around]].T & holes[:, around]

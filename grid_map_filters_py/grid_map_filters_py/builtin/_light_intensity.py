@@ -10,8 +10,8 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
 from .._filter import CellFilter
-from .._shared.colors import FULL, or_none, pack
 from ..parts._cell_function import Value, cell_function, is_finite
+from ..parts._colors import FULL, or_none, pack
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from grid_map_core_py._arrays import Layer
+from grid_map_core_py._arrays import Layer, Mask
 
-from .._shared.layer_filter import AroundTypicalValue, DiscFilter
-from ..parts._disc import Disc, Tile, tiles
+from ..parts._disc import Disc
+from ..parts._layer_filter import AroundTypicalValue, DiscFilter
 
 _FEW = 4
 """Largest reach of a small disc, in cells."""
@@ -26,23 +27,22 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
         disc = Disc(self.radius, resolution, layer.shape)
         # For a few values, sums in single precision are as exact as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
-        mean = np.empty_like(layer, order="F")
-        for tile in tiles(disc):
-            mean[tile.rows, tile.columns] = _mean(layer, tile, offset, dtype)
+        mean, too_large = _mean(disc, layer, offset, dtype)
+        # Only these cells, so that the others are the same in any block.
+        if dtype == np.float32 and too_large.any():
+            exact, _ = _mean(disc, layer, offset, np.float64)
+            mean[too_large] = exact[too_large]
         return mean
 
 
-def _mean(layer: Layer, tile: Tile, offset: float, dtype: type[np.floating[Any]]) -> Layer:
-    """Return the means of the cells of a tile, from differences to `offset`."""
+def _mean(
+    disc: Disc, layer: Layer, offset: float, dtype: type[np.floating[Any]]
+) -> tuple[npt.NDArray[Any], Mask]:
+    """Return the means, and where their sums overflow."""
     with np.errstate(invalid="ignore", over="ignore"):
-        known, values = tile.finite(layer, offset, dtype)
-        total = tile.sums(values)
+        known, values = disc.padded(layer, offset, dtype)
+        total = disc.sums(values)
         too_large = ~np.isfinite(total)
-        total /= tile.counts(known).astype(dtype)
+        total /= disc.counts(known).astype(dtype)
     total += offset
-    mean = tile.cells(total)
-    # Only these cells, so that the others are the same in any tile.
-    if dtype == np.float32 and too_large.any():
-        exact = _mean(layer, tile, offset, np.float64).astype(np.float32)
-        np.copyto(mean, exact, where=tile.cells(too_large))
-    return mean
+    return total, too_large

@@ -13,10 +13,10 @@ from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
 from .._filter import in_map_order
-from .._shared.layer_filter import check_radius
-from .._shared.medians import prepare_medians, put_window_medians
 from ..parts._blocks import blockwise
 from ..parts._disc import disc_reach
+from ..parts._layer_filter import check_radius
+from ..parts._medians import put_window_medians
 
 _BLOCK = np.ones((3, 3), np.uint8)
 _TOLERANCE = 1e-9
@@ -72,7 +72,6 @@ class MedianFill:
             )
         iterations = self.num_erode_dilation_iterations
         check(iterations >= 0, "num_erode_dilation_iterations", "an integer >= 0", iterations)
-        prepare_medians()
 
     def reach(self, resolution: float) -> float:
         radii = [self.fill_hole_radius, self._existing_value_radius or 0.0]

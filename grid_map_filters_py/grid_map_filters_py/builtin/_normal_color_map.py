@@ -8,8 +8,8 @@ import numpy as np
 from grid_map_core_py import GridMap
 
 from .._filter import CellFilter
-from .._shared.colors import or_none, pack
 from ..parts._cell_function import Value, cell_function
+from ..parts._colors import or_none, pack
 
 _ONE, _HALF = np.float32(1), np.float32(127.5)
 

@@ -6,13 +6,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py import GridMap
+from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
 from .._filter import in_map_order
-from .._shared.normals import area_normals, prepare_normals, raster_normals
+from ..parts._blocks import blocks_of, fill_blocks
 from ..parts._disc import disc_reach, typical_value
+from ..parts._normals import SIDE, area_normals, raster_normals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +43,6 @@ class NormalVectors:
 
     def __post_init__(self) -> None:
         check(math.isfinite(self.radius), "radius", "a finite length [m]", self.radius)
-        if not self._is_raster:
-            prepare_normals()
 
     def reach(self, resolution: float) -> float:
         return 1 if self._is_raster else disc_reach(self.radius, resolution)
@@ -49,10 +50,18 @@ class NormalVectors:
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights, resolution = grid_map[self.input_layer], grid_map.resolution
-        if self._is_raster:
-            normals = raster_normals(heights, resolution)
-        else:
-            normals = area_normals(heights, typical_value(heights), self.radius, resolution)
+        offset = 0.0 if self._is_raster else typical_value(heights)
+
+        def normals_of(block: Layer) -> tuple[npt.NDArray[np.float64], ...]:
+            if self._is_raster:
+                return raster_normals(block, resolution)
+            return area_normals(block, offset, self.radius, resolution)
+
+        normals = [np.empty(grid_map.size, np.float32, order="F") for _ in "xyz"]
+        blocks = blocks_of(grid_map.size, self.reach(resolution), SIDE)
+        # Differences of very large floats may overflow.
+        with np.errstate(over="ignore"):
+            fill_blocks(normals, normals_of, [heights], blocks)
         away = normals["xyz".index(self.normal_vector_positive_axis)] < 0
         if away.any():
             for component in normals:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from grid_map_core_py._arrays import Layer
 
-from .._shared.layer_filter import AroundTypicalValue, DiscFilter
-from .._shared.normals import plane_deviations, prepare_normals
+from ..parts._layer_filter import AroundTypicalValue, DiscFilter, Values
+from ..parts._normals import SIDE, plane_deviations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,9 +23,7 @@ class Roughness(AroundTypicalValue, DiscFilter):
         input_layer: heights [m].
     """
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        prepare_normals()
+    _side = SIDE
 
-    def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Layer:
+    def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Values:
         return plane_deviations(layer, offset, self.radius, resolution)

@@ -8,9 +8,8 @@ from typing import Literal
 from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._shared.layer_filter import LayerFilter
 from ..expression import Expression
-from ..expression._window_loops import sum_squares
+from ..parts._layer_filter import LayerFilter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +45,6 @@ class SlidingWindowMathExpression(LayerFilter):
         expected = f"no layer but the input layer {self.input_layer!r}"
         check(known, "expression", expected, self.expression)
         object.__setattr__(self, "_parsed", parsed)
-        sum_squares.compiled()
 
     def reach(self, resolution: float) -> float:
         return self._cells(resolution) // 2

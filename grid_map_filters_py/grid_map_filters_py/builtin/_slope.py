@@ -2,18 +2,20 @@
 """`gridMapFilters/SlopeFilter`"""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
 from grid_map_core_py.errors import ConfigError
 
 from .._filter import in_map_order
-from .._shared.layer_filter import check_radius
-from .._shared.normals import area_normals, prepare_normals, raster_normals
 from ..parts._blocks import blockwise
 from ..parts._disc import disc_reach, typical_value
+from ..parts._layer_filter import check_radius
+from ..parts._normals import SIDE, area_normals, raster_normals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +45,6 @@ class Slope:
         if self.input_layers_prefix is not None and self.radius:
             raise ConfigError("expected no 'radius' beside 'input_layers_prefix'")
         check_radius(self.radius)
-        if self.radius:
-            prepare_normals()
 
     def reach(self, resolution: float) -> float:
         if self.input_layer is None:
@@ -54,24 +54,23 @@ class Slope:
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         if self.input_layers_prefix is None:
-            slope = self._of_heights(grid_map[self.input_layer or ""], grid_map.resolution)
+            heights, resolution = grid_map[self.input_layer or ""], grid_map.resolution
+            offset = typical_value(heights) if self.radius else 0.0
+
+            def of_block(block: Layer) -> Layer:
+                if self.radius:
+                    return _slope(*area_normals(block, offset, self.radius, resolution))
+                return _slope(*raster_normals(block, resolution))
+
+            slope = blockwise(of_block, heights, reach=self.reach(resolution), side=SIDE)
         else:
             normals = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
             slope = blockwise(_slope, *normals)
         return grid_map.with_layers({self.output_layer: slope})
 
-    def _of_heights(self, layer: Layer, resolution: float) -> Layer:
-        offset = typical_value(layer) if self.radius else 0.0
 
-        def of_block(heights: Layer) -> Layer:
-            if self.radius:
-                return _slope(*area_normals(heights, offset, self.radius, resolution))
-            return _slope(*raster_normals(heights, resolution))
-
-        return blockwise(of_block, layer, reach=self.reach(resolution))
-
-
-def _slope(x: Layer, y: Layer, z: Layer) -> Layer:
+def _slope(*normal: npt.NDArray[np.floating[Any]]) -> Layer:
+    x, y, z = (component.astype(np.float32, copy=False) for component in normal)
     with np.errstate(invalid="ignore", over="ignore"):
         slope: Layer = np.arctan2(np.hypot(x, y), np.abs(z))
     return slope

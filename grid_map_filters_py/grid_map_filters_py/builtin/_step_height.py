@@ -10,8 +10,8 @@ from grid_map_core_py._arrays import Layer
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
-from .._shared.layer_filter import DiscFilter, check_radius, highest_in_disc, lowest_in_disc
-from ..parts._disc import Disc, disc_reach, tiles
+from ..parts._disc import Disc, disc_reach
+from ..parts._layer_filter import DiscFilter, check_radius, highest_in_disc, lowest_in_disc
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +63,7 @@ class StepHeight(DiscFilter):
             return step
         critical = np.where(step > np.float32(self.critical_value or 0.0), step, np.float32(np.nan))
         result = highest_in_disc(step, self.second_window_radius, resolution)
-        for tile in tiles(Disc(self.second_window_radius, resolution, layer.shape)):
-            found, _ = tile.finite(critical, 0.0)
-            share = np.minimum(tile.counts(found) / self.critical_cell_number, 1.0)
-            result[tile.rows, tile.columns] *= tile.cells(share)
+        window = Disc(self.second_window_radius, resolution, layer.shape)
+        found, _ = window.padded(critical)
+        result *= np.minimum(window.counts(found) / self.critical_cell_number, 1.0)
         return result

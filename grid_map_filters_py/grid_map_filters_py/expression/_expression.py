@@ -139,9 +139,14 @@ class Expression:
             ExpressionError: a layer is missing, or shapes or indices do not fit.
         """
         if isinstance(layers, GridMap) and layers.start_index != (0, 0):
-            return self._of_moved_map(layers)
+            result = self({name: layers.unwrapped(name) for name in layers})
+            if isinstance(result, float) or result.shape != layers.size:
+                return result
+            stored = layers.without_layers(layers)
+            stored.set_unwrapped("result", result)
+            return stored["result"]
         with _faults_as_errors(self.text):
-            result: NDArray[np.float32] | float = self._interpreter(layers)(self._root)
+            result = self._interpreter(layers)(self._root)
         is_shared = isinstance(result, np.ndarray) and not result.flags.writeable
         return np.copy(result, order="K") if is_shared else result
 
@@ -162,14 +167,6 @@ class Expression:
             result = Interpreter(Matrices(out), values, "")(self._root)
         if result is not out:
             out[...] = result
-
-    def _of_moved_map(self, grid_map: GridMap) -> NDArray[np.float32] | float:
-        result = self({name: grid_map.unwrapped(name) for name in grid_map})
-        if isinstance(result, float) or result.shape != grid_map.size:
-            return result
-        stored = grid_map.without_layers(grid_map)
-        stored.set_unwrapped("result", result)
-        return stored["result"]
 
     def over_windows(
         self,
@@ -232,12 +229,12 @@ class _PartsOfTile:
         """Return what the folds of each reduction give."""
         with _faults_as_errors(self.expression.text):
             interpreter = self.expression._interpreter(layers)
-            return [self._parts(interpreter, node).parts for node in self.nodes]
-
-    def _parts(self, interpreter: Interpreter, node: Node) -> Partial:
-        partial, (function, arguments) = Partial(), node.parts
-        FUNCTIONS[function].apply(partial, *map(interpreter, arguments))
-        return partial
+            partials = []
+            for node in self.nodes:
+                partials.append(partial := Partial())
+                function, arguments = node.parts
+                FUNCTIONS[function].apply(partial, *map(interpreter, arguments))
+        return [partial.parts for partial in partials]
 
     def combined(self, of_tiles: Sequence[list[list[float]]], size: Size) -> list[float]:
         """Return the reductions of a map.
@@ -248,18 +245,14 @@ class _PartsOfTile:
         """
         # Only its shape is used.
         whole = np.broadcast_to(np.float32(0), size)
-        of_nodes = zip(self.nodes, zip(*of_tiles, strict=True), strict=True)
+        results = []
         with _faults_as_errors(self.expression.text):
-            return [_combined(node, whole, parts) for node, parts in of_nodes]
-
-
-def _combined(node: Node, whole: NDArray[Any], parts: Sequence[list[float]]) -> float:
-    """Return a reduction of a map from what its folds give in each tile."""
-    function, (_, *others) = node.parts
-    algebra = Combined(zip(*parts, strict=True))
-    numbers = map(Interpreter(Matrices(), {}, ""), others)
-    result: float = FUNCTIONS[function].apply(algebra, whole, *numbers)
-    return result
+            for node, parts in zip(self.nodes, zip(*of_tiles, strict=True), strict=True):
+                function, (_, *others) = node.parts
+                numbers = map(Interpreter(Matrices(), {}, ""), others)
+                algebra = Combined(zip(*parts, strict=True))
+                results.append(FUNCTIONS[function].apply(algebra, whole, *numbers))
+        return results
 
 
 def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:

@@ -84,15 +84,11 @@ def operate(algebra: Matrices, operator: str, left: Value, right: Value) -> Valu
 _WRONG_AXIS = "the axis must be 0 (per column) or 1 (per row)"
 
 
-def _same(values: Any) -> Any:
-    return values
-
-
-SUM = Fold(_same, np.add)
+SUM = Fold(np.asarray, np.add)
 SQUARES = Fold(np.square, np.add)
-PRODUCT = Fold(_same, np.multiply)
-MINIMUM = Fold(_same, np.minimum)
-MAXIMUM = Fold(_same, np.maximum)
+PRODUCT = Fold(np.asarray, np.multiply)
+MINIMUM = Fold(np.asarray, np.minimum)
+MAXIMUM = Fold(np.asarray, np.maximum)
 FINITE_COUNT = Fold(np.isfinite, np.add, statistics.number_of_finites)
 FINITE_SUM = Fold(_finite_or(0.0), np.add, statistics.sum_of_finites)
 FINITE_MINIMUM = Fold(_finite_or(np.inf), np.minimum, statistics.min_of_finites)
@@ -137,10 +133,6 @@ def _absmax(algebra: Matrices, value: Value, axis: Value | None = None) -> Value
     return algebra.elementwise(
         lambda one, other: np.where(np.abs(one) >= np.abs(other), one, other), high, low
     )
-
-
-def _norm(algebra: Matrices, value: Value) -> Value:
-    return algebra.elementwise(np.sqrt, algebra.fold(value, None, SQUARES)[0])
 
 
 def _trace(algebra: Matrices, value: Value) -> Value:
@@ -284,7 +276,10 @@ FUNCTIONS = {
     "sum": Function(_folding(SUM), most=2, axis=True, reduces=1),
     "prod": Function(_folding(PRODUCT), most=2, axis=True, reduces=1),
     "size": Function(_size, most=2, axis=True, reduces=2),
-    "norm": Function(_norm, reduces=1),
+    "norm": Function(
+        lambda algebra, value: algebra.elementwise(np.sqrt, algebra.fold(value, None, SQUARES)[0]),
+        reduces=1,
+    ),
     "trace": Function(_trace),
     "transpose": Function(lambda algebra, value: algebra.transpose(value)),
     "adjoint": Function(lambda algebra, value: algebra.transpose(value)),

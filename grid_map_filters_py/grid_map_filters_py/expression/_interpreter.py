@@ -239,10 +239,9 @@ def _is_constant(node: Node) -> bool:
 def may_be_index(call: Node) -> bool:
     """Return True if the arguments could be places in a layer that hides the function."""
     _, arguments = call.parts
-    return len(arguments) <= 2 and all(map(_may_be_place, arguments))
-
-
-def _may_be_place(node: Node) -> bool:
-    if node.kind == "number":
-        return float(node.parts[0]).is_integer()
-    return node.kind == "range" or any(part.kind in ("end", "all") for part in node.descendants())
+    return len(arguments) <= 2 and all(
+        float(node.parts[0]).is_integer()
+        if node.kind == "number"
+        else node.kind == "range" or any(part.kind in ("end", "all") for part in node.descendants())
+        for node in arguments
+    )

@@ -131,19 +131,16 @@ def apply(
         A new array or a used-up temporary, or a float if all values are numbers.
     """
     if isinstance(function, np.ufunc):
-        used_up = _temporary(values, dtype)
-        result = function(*values, out=spare if used_up is None else used_up)
+        # A temporary of the evaluation may be overwritten; a 1 x 1 one may be smaller than the
+        # result.
+        for value in values:
+            if isinstance(value, np.ndarray) and value.flags.writeable and value.size > 1:
+                spare = value if value.dtype == dtype else spare
+                break
+        result = function(*values, out=spare)
     else:
         result = function(*values)
     return float(result) if np.ndim(result) == 0 else result.astype(dtype, copy=False)
-
-
-def _temporary(values: Sequence[Any], dtype: type[np.floating[Any]]) -> NDArray[Any] | None:
-    """Return a temporary of the evaluation to write into; 1 x 1 may be smaller than the result."""
-    for value in values:
-        if isinstance(value, np.ndarray) and value.flags.writeable and value.size > 1:
-            return value if value.dtype == dtype else None
-    return None
 
 
 def _reduce(matrix: NDArray[np.float32], axis: int | None, fold: Fold) -> Value:

@@ -9,22 +9,17 @@ rounded to float32 as in C++.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_core_py._loops import Compiled
-
 from ._functions import FINITE_COUNT, FINITE_SUM
 from ._matrices import SCALAR, Fold, Matrices, Shape, Value, apply, common_shape, shape_of
-from ._window_loops import sum_squares
 
 Field = NDArray[np.float64]
 Element = float | Field
-
-_SMALL = 9
-"""Side of a window up to which folding the windows of border cells beats folding those of all."""
 
 
 class WindowMatrix:
@@ -78,19 +73,12 @@ class WeightedWindow(WindowMatrix):
         """Fold; the sum of finite values is a correlation with the cleaned source."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
-        return [
-            self._correlate() if fold is FINITE_SUM else self._window.reduce([fold])[0]
-            for fold in folds
-        ]
-
-    def _correlate(self) -> Element:
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
         total = np.zeros_like(cleaned.at(0, 0))
-        product = np.empty_like(total)
-        for row, column in np.argwhere(self._kernel):
-            np.multiply(cleaned.at(row, column), float(self._kernel[row, column]), out=product)
-            np.add(total, product, out=total)
-        return total
+        if FINITE_SUM in folds:
+            for row, column in np.argwhere(self._kernel):
+                total += cleaned.at(row, column) * float(self._kernel[row, column])
+        return [total if fold is FINITE_SUM else self._window.reduce([fold])[0] for fold in folds]
 
 
 class DeviatingWindow(WindowMatrix):
@@ -136,38 +124,7 @@ class SquaredDeviations(WindowMatrix):
 
         This avoids cancellation: no subtrahend is much larger than the result.
         """
-        if (run := sum_squares.compiled()) and self._source.flags.f_contiguous:
-            return self._sum_by(run)
-        count, mean, squares = self._columns()
-        finite = np.isfinite(self._number)
-        number = np.where(finite, self._number, 0.0)
-        width = self.shape[1]
-        cells = mean.shape[1] - width + 1
-        total = np.zeros((mean.shape[0], cells), order="F")
-        for place in range(width):
-            columns = slice(place, place + cells)
-            deviation = mean[:, columns] - number
-            deviation *= deviation
-            deviation *= count[:, columns]
-            total += deviation
-            total += squares[:, columns]
-        return np.asarray(total * finite)
-
-    def _sum_by(self, run: Compiled) -> Element:
-        """Return what `_sum` returns, to the bit, by the compiled loop."""
-        height, columns = (
-            side - part + 1 for side, part in zip(self._source.shape, self.shape, strict=True)
-        )
-        numbers = np.asfortranarray(np.broadcast_to(self._number, (height, columns)))
-        work = np.empty((3, height * self._source.shape[1]))
-        totals = np.empty_like(numbers)
-        if totals.size:
-            run(self._source, self.shape, numbers.shape, numbers, *work, totals)
-        return totals
-
-    def _columns(self) -> tuple[Field, Field, Field]:
-        """Return count, mean and squared deviations of the finite values of each column."""
-        height = self.shape[0]
+        height, width = self.shape
         count, mean = (
             np.asarray(_fold_box(fold, self._source, (height, 1)))
             for fold in (FINITE_COUNT, FINITE_SUM)
@@ -181,50 +138,45 @@ class SquaredDeviations(WindowMatrix):
             deviation *= deviation
             np.copyto(deviation, 0.0, where=missing[rows])
             squares += deviation
-        return count, mean, squares
+        finite = np.isfinite(self._number)
+        number = np.where(finite, self._number, 0.0)
+        cells = mean.shape[1] - width + 1
+        total = np.zeros((mean.shape[0], cells), order="F")
+        for place in range(width):
+            columns = slice(place, place + cells)
+            deviation = mean[:, columns] - number
+            deviation *= deviation
+            deviation *= count[:, columns]
+            total += deviation
+            total += squares[:, columns]
+        return np.asarray(total * finite)
 
 
-class MeanPaddedWindow(WindowMatrix):
-    """The windows of some cells, with their mean in the elements outside of the map.
+def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
+    """Return the windows of some cells, with their mean in the elements outside of the map.
 
-    Its fields are (N,), in the order of `cells.ravel("F")`.
+    Fields are (N,), in the order of `cells.ravel("F")`.
 
     Args:
         layer: (rows, columns) of the map.
         cells: mask of the cells.
         size: rows and columns of a window; an odd number.
     """
+    margin, shape = size // 2, (size, size)
+    source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)
+    outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
+    # The place of the first element of every window, and the step to the next column.
+    first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(source)
+    flat = source.ravel("F")
+    count, total = (
+        np.asarray(_fold_box(fold, source, shape)).T[cells.T] for fold in (FINITE_COUNT, FINITE_SUM)
+    )
+    mean = np.divide(total, count)
 
-    def __init__(self, layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> None:
-        margin, shape = size // 2, (size, size)
-        source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)
-        outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
-        # The place of the first element of every window, and the step to the next column.
-        first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(source)
-        flat, folds = source.ravel("F"), (FINITE_COUNT, FINITE_SUM)
-        if size <= _SMALL:
-            known = WindowMatrix(shape, lambda i, j: flat[first + (i + j * step)]).reduce(folds)
-        else:
-            boxes = (np.asarray(_fold_box(fold, source, shape)) for fold in folds)
-            known = [box.T[cells.T] for box in boxes]
-        self._count, self._total = known
-        self._mean = mean = np.divide(self._total, self._count)
-        near = (np.minimum(np.arange(length), margin) for length in layer.shape)
-        rows, columns = (1 + inner + inner[::-1] for inner in near)
-        self._missing = size**2 - rows[first % step] * columns[first // step]
-        super().__init__(
-            shape,
-            lambda i, j: np.where(
-                outside[first + (i + j * step)], mean, flat[first + (i + j * step)]
-            ),
-        )
+    def at(i: int, j: int) -> Element:
+        return np.where(outside[first + (i + j * step)], mean, flat[first + (i + j * step)])
 
-    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold; the mean is counted as often as it occurs."""
-        if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
-            return super().reduce(folds)
-        parts = {FINITE_COUNT: self._count, FINITE_SUM: self._total}
-        return [parts[fold] + self._missing * fold.map(self._mean) for fold in folds]
+    return WindowMatrix(shape, at)
 
 
 class WindowMatrices(Matrices):
@@ -311,10 +263,17 @@ def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMa
 def _accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -> list[Element]:
     """Fold at most `count` elements; each is computed once."""
     totals: list[Any] = []
+    counter = np.min_scalar_type(count)
     for element in elements:
         mapped = [fold.map(element) for fold in folds]
         if not totals:
-            totals = [_own(values, count) for values in mapped]
+            totals = [
+                # Truth values are counted in the smallest sufficient integer type.
+                np.array(values, counter if np.asarray(values).dtype == np.bool_ else np.float64)
+                if np.ndim(values)
+                else float(values)
+                for values in mapped
+            ]
             continue
         for place, (fold, values) in enumerate(zip(folds, mapped, strict=True)):
             out = totals[place] if isinstance(totals[place], np.ndarray) else None
@@ -331,14 +290,14 @@ def _reduce(value: WindowMatrix, axis: int | None, folds: Sequence[Fold]) -> lis
     else:
         lines = [[(i, j) for j in range(columns)] for i in range(rows)]
     totals = [_accumulate((value.at(*place) for place in line), folds, len(line)) for line in lines]
-    return [_line([total[k] for total in totals], axis) for k in range(len(folds))]
-
-
-def _line(elements: list[Element], axis: int) -> Value:
-    for element in elements:
+    for element in chain.from_iterable(totals):
         _protect(element)
-    shape = (1, len(elements)) if axis == 0 else (len(elements), 1)
-    return _matrix(shape, lambda row, column: elements[row + column])
+    shape = (1, columns) if axis == 0 else (rows, 1)
+
+    def line(elements: Sequence[Element]) -> Value:
+        return _matrix(shape, lambda row, column: elements[row + column])
+
+    return [line(elements) for elements in zip(*totals, strict=True)]
 
 
 def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
@@ -353,13 +312,6 @@ def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
         for line in lines[2:]:
             fold.combine(values, line, out=values)
     return _as_element(values)
-
-
-def _own(values: Any, count: int) -> Any:
-    """Return a copy to accumulate in; bool is counted in the smallest sufficient integer type."""
-    if np.ndim(values) == 0:
-        return float(values)
-    return np.array(values, np.min_scalar_type(count) if values.dtype == np.bool_ else np.float64)
 
 
 def _as_element(total: Any) -> Element:

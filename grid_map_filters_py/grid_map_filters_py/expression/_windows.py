@@ -14,7 +14,7 @@ from ._functions import COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
 from ._interpreter import Interpreter
 from ._matrices import SCALAR, describe, shape_of
 from ._nodes import Fault, Node
-from ._window_matrices import MeanPaddedWindow, SlidingWindow, WindowMatrices, WindowMatrix
+from ._window_matrices import SlidingWindow, WindowMatrices, WindowMatrix, mean_padded_window
 
 EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 
@@ -44,7 +44,7 @@ def evaluate_over_windows(
         result = evaluate_over_windows(root, name, layer, size, "inside")
         border = np.ones(layer.shape, np.bool_)
         border[tuple(slice(margin, max(margin, length - margin)) for length in layer.shape)] = False
-        result.T[border.T] = number(MeanPaddedWindow(layer, border, size))
+        result.T[border.T] = number(mean_padded_window(layer, border, size))
         return result
     if edge_handling == "inside":
         # Without cells, so that a wrong expression fails even if no window fits.

@@ -17,9 +17,7 @@ from ._cell_function import (
 )
 from ._disc import (
     Disc as Disc,
-    Tile as Tile,
     disc_reach as disc_reach,
-    tiles as tiles,
     typical_value as typical_value,
 )
 from ._side_by_side import side_by_side as side_by_side

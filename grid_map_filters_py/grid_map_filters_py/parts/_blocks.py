@@ -6,9 +6,9 @@ depend on the size of the map and on the reach, not on the number of threads.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,37 +17,25 @@ from grid_map_core_py._arrays import Layer, Size, slices
 
 from ._side_by_side import CELLS, side_by_side
 
+Block = tuple[tuple[slice, slice], tuple[slice, slice]]
+"""Rows and columns of some cells, and those of the cells that a filter looks at for them."""
+
 _SIDE = 512
 """Largest side of a block with a border, unless the border is wide; half of it on small maps."""
 
 _SMALL = 2**20
 """Cells of a map that is not small. On smaller ones the C library gives back large temporaries."""
 
-_SHARE = 32
+_SHARE = 16
 """Least side of a block in widths of its border, which is computed twice."""
 
 
-class _Block(NamedTuple):
-    """A rectangle of cells, with the border that a filter looks at.
-
-    Args:
-        cells: rows and columns.
-        around: the same with the border, as far as the map goes.
-    """
-
-    cells: tuple[slice, slice]
-    around: tuple[slice, slice]
-
-    @property
-    def inner(self) -> tuple[slice, ...]:
-        """The cells within those of `around`."""
-        return tuple(
-            slice(cells.start - around.start, cells.stop - around.start)
-            for cells, around in zip(self.cells, self.around, strict=True)
-        )
-
-
-def blockwise(function: Callable[..., npt.NDArray[Any]], *layers: Layer, reach: float = 0) -> Layer:
+def blockwise(
+    function: Callable[..., npt.NDArray[Any]],
+    *layers: Layer,
+    reach: float = 0,
+    side: int | None = None,
+) -> Layer:
     """Return the layer `function(*layers)`, computed block by block in the threads of the chain.
 
     Args:
@@ -56,40 +44,65 @@ def blockwise(function: Callable[..., npt.NDArray[Any]], *layers: Layer, reach: 
             columns away.
         layers: (rows, cols) in map order, of one shape.
         reach: whole number of cells; `WHOLE_MAP` calls the function once, with the layers.
+        side: largest side of a block [cells], without the border; about 500 by default. Blocks are
+            larger if `reach` is large.
 
     Returns:
         (rows, cols) float32 in Fortran order.
     """
     size = layers[0].shape
-    blocks = list(_blocks((size[0], size[1]), reach))
+    blocks = blocks_of((size[0], size[1]), reach, side)
     if len(blocks) < 2:
         return np.asarray(function(*layers), np.float32, order="F")
     result = np.empty(size, np.float32, order="F")
-
-    def compute(block: _Block) -> None:
-        values = function(*(layer[block.around] for layer in layers))
-        result[block.cells] = values[block.inner]
-
-    side_by_side(compute, blocks)
+    fill_blocks((result,), lambda *parts: (function(*parts),), layers, blocks)
     return result
 
 
-def _blocks(size: Size, reach: float) -> Iterator[_Block]:
-    """Yield blocks of about equal size; one block if `reach` is most of the map."""
-    border = int(min(reach, max(size)))
-    # Whole columns are one piece of memory.
-    side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2
-    longest = max(side, _SHARE * border) if border else size[0]
-    rows = _evenly(size[0], longest)
-    columns = _evenly(size[1], longest if border else CELLS // rows)
-    for cells in product(slices(size[0], rows), slices(size[1], columns)):
-        around = tuple(
-            slice(max(part.start - border, 0), min(part.stop + border, length))
-            for part, length in zip(cells, size, strict=True)
+def fill_blocks(
+    results: Sequence[Layer],
+    function: Callable[..., Sequence[npt.NDArray[Any]]],
+    layers: Sequence[Layer],
+    blocks: Sequence[Block],
+) -> None:
+    """Write the layers that `function(*layers)` returns into `results`, block by block."""
+
+    def compute(block: Block) -> None:
+        cells, around = block
+        inner = tuple(
+            slice(own.start - wide.start, own.stop - wide.start)
+            for own, wide in zip(cells, around, strict=True)
         )
-        yield _Block(cells, (around[0], around[1]))
+        values = function(*(layer[around] for layer in layers))
+        for result, found in zip(results, values, strict=True):
+            result[cells] = found[inner]
+
+    side_by_side(compute, blocks)
 
 
-def _evenly(length: int, longest: int) -> int:
-    """Return the length of equal parts that are not longer than `longest`."""
-    return math.ceil(length / math.ceil(length / max(longest, 1)))
+def blocks_of(size: Size, reach: float, side: int | None) -> list[Block]:
+    """Return blocks of about equal size; one block if `reach` is most of the map.
+
+    Args:
+        size: rows and columns of the map.
+        reach: width of the border [cells].
+        side: largest side of a block [cells], or None.
+    """
+    border = int(min(reach, max(size)))
+    if side is None:
+        side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2
+    # Without a border, whole columns are one piece of memory.
+    longest = max(side, _SHARE * border)
+    limits = (longest, longest) if border else (size[0], CELLS // size[0])
+    sides = [
+        math.ceil(length / math.ceil(length / max(limit, 1)))
+        for length, limit in zip(size, limits, strict=True)
+    ]
+
+    def widened(cells: slice, length: int) -> slice:
+        return slice(max(cells.start - border, 0), min(cells.stop + border, length))
+
+    return [
+        ((rows, columns), (widened(rows, size[0]), widened(columns, size[1])))
+        for rows, columns in product(slices(size[0], sides[0]), slices(size[1], sides[1]))
+    ]

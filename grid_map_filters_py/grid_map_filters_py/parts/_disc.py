@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sums over the disc around every cell at once.
+"""Sums over the disc around every cell.
 
-The disc is closed: a cell center within 1e-9 m of the rim is inside. Beyond the border of the map
-there is no data.
+The disc is closed: a cell center within 1e-9 m of the rim is inside. Cells outside of the map have
+no data.
 
 Sums are never differences of running sums (as in an integral image), so that a huge value spoils
 only the discs that contain it.
@@ -12,20 +12,17 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py._arrays import Layer, Size, slices
+from grid_map_core_py._arrays import Layer, Size
 from grid_map_core_py.regions import BORDER_TOLERANCE, half_chords
 
 from .._filter import WHOLE_MAP
 
-Kernel = npt.NDArray[np.float64]
-Flat = npt.NDArray[Any]
-Lines = tuple[int, Flat, Flat]
+Field = npt.NDArray[Any]
 
 _LARGEST = 2**31
 """Cells along a side that no map has."""
@@ -47,12 +44,19 @@ def disc_reach(radius: float, resolution: float) -> float:
 
 @dataclass(frozen=True)
 class Disc:
-    """The cells within `radius` of a cell.
+    """The cells within `radius` of a cell, and sums over the disc around every cell of a layer.
 
     Args:
         radius: [m].
         resolution: side of a cell [m].
-        size: rows and columns of the map; the disc has no cells further apart than the map's.
+        size: rows and columns of the layer; the disc has no cells further apart than the layer's.
+
+    Example:
+        >>> layer = np.eye(5, dtype=np.float32)
+        >>> disc = Disc(0.1, 0.1, layer.shape)
+        >>> known, values = disc.padded(layer)
+        >>> disc.sums(values)[2]
+        array([0., 2., 1., 2., 0.])
     """
 
     radius: float
@@ -66,13 +70,13 @@ class Disc:
         return rows, columns
 
     @property
-    def offsets(self) -> tuple[Kernel, Kernel]:
+    def offsets(self) -> tuple[Field, Field]:
         """(n, 1) and (1, m) distances of rows and columns from the center, in cells."""
         rows, columns = (np.arange(-reach, reach + 1.0) for reach in self.reach)
         return rows[:, None], columns[None, :]
 
     @cached_property
-    def half_widths(self) -> tuple[Flat, Flat]:
+    def half_widths(self) -> tuple[Field, Field]:
         """Cells from the middle to the end of lines along rows, and of lines along columns.
 
         The index is the distance of the line from the center, in cells.
@@ -84,154 +88,96 @@ class Disc:
         return rows, columns
 
     @cached_property
-    def kernel(self) -> Kernel:
+    def kernel(self) -> Field:
         """(n, m) with 1 in the cells of the disc and 0 elsewhere; n and m are odd."""
         rows, columns = (np.abs(offsets) for offsets in self.offsets)
-        kernel: Kernel = (rows <= self.half_widths[0][columns.astype(int)]).astype(np.float64)
-        return kernel
+        return np.asarray(rows <= self.half_widths[0][columns.astype(int)], np.float64)
 
     @property
     def _limit(self) -> float:
         return (self.radius + BORDER_TOLERANCE) / self.resolution
 
-
-@dataclass(frozen=True)
-class Tile:
-    """A rectangle of cells with the margin that the discs around them cover.
-
-    The values of a tile are in a flat array, column after column. There the neighbors of all cells
-    at one distance are a single slice, so that no loop over rows is needed.
-
-    Args:
-        disc: around every cell.
-        rows, columns: the rectangle.
-    """
-
-    disc: Disc
-    rows: slice
-    columns: slice
-
-    @cached_property
-    def strides(self) -> Size:
-        """Steps in the flat array from one row to the next, and from one column to the next."""
-        return 1, self.rows.stop - self.rows.start + 2 * self.disc.reach[0]
-
-    @cached_property
-    def count(self) -> int:
-        """Length of a flat array of sums."""
-        return int(self.columns.stop - self.columns.start) * self.strides[1]
-
-    def finite(
-        self, layer: Layer, offset: float, dtype: npt.DTypeLike = np.float64
-    ) -> tuple[Flat, Flat]:
+    def padded(
+        self, layer: Layer, offset: float = 0.0, dtype: npt.DTypeLike = np.float64
+    ) -> tuple[Field, Field]:
         """Return a mask of the finite cells, and their differences to `offset`.
 
         Args:
-            layer: (rows, cols) of the whole map.
+            layer: (rows, columns), of the size of the disc's layer.
             offset: see `typical_value`.
             dtype: type of the differences.
 
         Returns:
-            finite: flat bool.
-            differences: flat `dtype`, 0 in cells that are not finite.
+            known: bool, with a margin of the disc's reach.
+            values: `dtype`, with the same margin; 0 in cells that are not finite.
         """
-        values = self.cut(layer, dtype)
-        known = np.isfinite(values)
-        values -= offset
-        np.copyto(values, 0.0, where=~known)
+        rows, columns = self.reach
+        values = np.zeros(np.add(self.size, (2 * rows, 2 * columns)), dtype, order="F")
+        known = np.zeros(values.shape, np.bool_, order="F")
+        known[self.inner] = np.isfinite(layer)
+        np.subtract(layer, offset, out=values[self.inner], where=known[self.inner], dtype=dtype)
         return known, values
 
-    def cut(self, layer: Layer, dtype: npt.DTypeLike) -> Flat:
-        """Return the flat values of a layer; NaN outside of the map."""
-        on_map, on_tile = [], []
-        for cells, reach, length in zip(
-            (self.rows, self.columns), self.disc.reach, layer.shape, strict=True
-        ):
-            first, last = max(cells.start - reach, 0), min(cells.stop + reach, length)
-            on_map.append(slice(first, last))
-            on_tile.append(slice(first - cells.start + reach, last - cells.start + reach))
-        (row_reach, column_reach), (_, stride) = self.disc.reach, self.strides
-        flat = np.full(self.count + 2 * (column_reach * stride + row_reach), np.nan, dtype)
-        lines = flat[: flat.size // stride * stride].reshape(-1, stride)
-        lines.T[tuple(on_tile)] = layer[tuple(on_map)]
-        return flat
+    @property
+    def inner(self) -> tuple[slice, slice]:
+        """The cells of the layer in a padded array."""
+        (rows, columns), (height, width) = self.reach, self.size
+        return slice(rows, rows + height), slice(columns, columns + width)
 
-    def neighbors(self, values: Flat, rows: int = 0, columns: int = 0) -> Flat:
-        """Return a flat view of the neighbors of all cells at a distance.
-
-        Args:
-            values: flat, with the margin of the tile.
-            rows, columns: distance, within the reach of the disc; 0 gives the cells themselves.
-        """
-        (row_reach, column_reach), (_, stride) = self.disc.reach, self.strides
-        first = row_reach + rows + (column_reach + columns) * stride
-        return values[first : first + self.count]
-
-    def cells(self, sums: Flat) -> npt.NDArray[Any]:
-        """Return the sums of the cells of the tile, a (rows, cols) view of flat sums."""
-        return sums.reshape(-1, self.strides[1]).T[: self.rows.stop - self.rows.start]
-
-    def lines(self, values: Flat, axis: int, *, moments: bool = False) -> Iterator[Lines]:
+    def lines(
+        self, values: Field, axis: int, *, moments: bool = False
+    ) -> Iterator[tuple[int, Field, Field]]:
         """Yield sums over the lines of the discs, from the rim to the center.
 
         Args:
-            values: flat, with the margin of the tile.
+            values: padded as by `padded`.
             axis: direction of the lines, 0 for rows.
             moments: sum up the values times their distance from the middle of the line instead.
 
         Yields:
             distance: distance of the line from the center [cells].
-            ahead, behind: flat sums over the lines at this distance on both sides of the center;
-                the same for distance 0. The next step overwrites them.
+            ahead, behind: (rows, columns) sums over the lines at this distance on both sides of the
+                center; the same for distance 0. The next step overwrites them.
         """
-        along, across = self.strides[axis], self.strides[1 - axis]
-        widths = self.disc.half_widths[axis]
-        margin, first = along * self.disc.reach[axis], across * (len(widths) - 1)
-        inner = values[margin : values.size - margin]
-        line = np.zeros_like(inner) if moments else inner.copy()
+        widths, margin, across = self.half_widths[axis], self.reach[axis], self.reach[1 - axis]
+
+        def moved(field: Field, axis: int, start: int) -> Field:
+            part = slice(start, start + self.size[axis])
+            return field[part] if axis == 0 else field[:, part]
+
+        middle = moved(values, axis, margin)
+        line = np.zeros_like(middle) if moments else middle.copy("K")
         width = 0
         for distance in reversed(range(len(widths))):
             # Lines get longer towards the center, so only their new ends are added.
             for width in range(width + 1, widths[distance] + 1):  # noqa: B020
-                ahead = values[margin + width * along :][: line.size]
-                behind = values[margin - width * along :][: line.size]
+                ahead = moved(values, axis, margin + width)
+                behind = moved(values, axis, margin - width)
                 if moments:
                     line += width * (ahead - behind)
                 else:
                     line += ahead
                     line += behind
-            shift = distance * across
-            yield distance, line[first + shift :][: self.count], line[first - shift :][: self.count]
+            yield (
+                distance,
+                moved(line, 1 - axis, across + distance),
+                moved(line, 1 - axis, across - distance),
+            )
 
-    def sums(self, values: Flat) -> Flat:
-        """Return the flat sums of flat values over the discs."""
-        total = np.zeros(self.count, values.dtype)
+    def sums(self, values: Field) -> Field:
+        """Return the (rows, columns) sums of padded values over the discs."""
+        total = np.zeros(self.size, values.dtype, order="F")
         for distance, ahead, behind in self.lines(values, 0):
             total += ahead
             if distance:
                 total += behind
         return total
 
-    def counts(self, known: Flat) -> Flat:
-        """Return the number of True values in the disc around every cell, as flat integers."""
+    def counts(self, known: Field) -> Field:
+        """Return the number of True values in the disc around every cell, as integers."""
         # The smallest integer type is by far the fastest.
-        smallest = np.min_scalar_type(np.count_nonzero(self.disc.kernel))
+        smallest = np.min_scalar_type(np.count_nonzero(self.kernel))
         return self.sums(known.view(np.uint8).astype(smallest, copy=False))
-
-
-def tiles(disc: Disc, side: int = 512) -> Iterator[Tile]:
-    """Yield the tiles of a map.
-
-    Args:
-        disc: around every cell.
-        side: maximum side of a tile [cells]. The arrays of a tile should fit the cache of one core;
-            the margins of larger tiles overlap less.
-    """
-    # With large discs, margins of small tiles would dominate the computation time.
-    side = max(side, 8 * max(disc.reach))
-    lengths = [math.ceil(length / math.ceil(length / side)) for length in disc.size]
-    for rows, columns in product(*map(slices, disc.size, lengths)):
-        yield Tile(disc, rows, columns)
 
 
 def typical_value(layer: Layer) -> float:

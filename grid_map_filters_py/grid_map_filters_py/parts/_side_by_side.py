@@ -5,12 +5,12 @@ NumPy, OpenCV and compiled loops release Python's lock, so that threads compute 
 The parts are the same for any number of threads, and so are the results.
 """
 
-import _thread
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
-from threading import Lock
-from typing import Generic, TypeVar
+from threading import Event, Lock
+from typing import TypeVar
 
 import numpy as np
 
@@ -52,72 +52,32 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     Raises:
         Exception: a call has failed. Further parts are not begun.
     """
-    if thread_count() == 1:
+    helpers = thread_count() - 1
+    if helpers == 0:
         for part in parts:
             function(part)
         return
-    shared, settings = _Shared(parts), np.geterr()
+    rest, taking, ended, settings = iter(parts), Lock(), Event(), np.geterr()
 
     def work() -> None:
         try:
             # A part has no parts of its own, which would take more threads.
             with use_threads(1), np.errstate(**settings):
-                for part in shared:
+                while not ended.is_set():
+                    with taking:
+                        try:
+                            part = next(rest)
+                        except StopIteration:
+                            return
                     function(part)
         finally:
-            shared.ended = True
+            ended.set()
 
-    _run_in_threads(work, shared)
-
-
-def _run_in_threads(work: Callable[[], None], shared: "_Shared[T]") -> None:
-    """Call `work`, which takes the shared parts, in all threads; raise the first error."""
-    count = thread_count() - 1
-    busy = [Lock() for _ in range(count)]
-    # Recording an error must not take memory, which may be out.
-    errors: list[BaseException | None] = [None] * count
-
-    def help_with(index: int) -> None:
-        with busy[index]:
-            try:
-                work()
-            except BaseException as error:
-                errors[index] = error
-
-    try:
-        for index in range(count):
-            # `Thread.start` would wait for ever for a thread without the memory to begin.
-            _thread.start_new_thread(copy_context().run, (help_with, index))
-        work()
-    finally:
-        shared.ended = True
+    with ThreadPoolExecutor(helpers) as pool:
         try:
-            _wait_for(busy)
+            working = [pool.submit(copy_context().run, work) for _ in range(helpers)]
+            work()
         finally:
-            # An interrupt may have ended the first wait.
-            _wait_for(busy)
-    for error in filter(None, errors):
-        raise error
-
-
-def _wait_for(busy: Iterable[Lock]) -> None:
-    """Wait for the threads that work; one that begins later finds no more parts."""
-    for lock in busy:
-        with lock:
-            pass
-
-
-class _Shared(Generic[T]):
-    """Parts that several threads take one after the other, until `ended` is set."""
-
-    def __init__(self, parts: Iterable[T]) -> None:
-        self._rest, self._lock, self.ended = iter(parts), Lock(), False
-
-    def __iter__(self) -> Iterator[T]:
-        while not self.ended:
-            with self._lock:
-                try:
-                    part = next(self._rest)
-                except StopIteration:
-                    return
-            yield part
+            ended.set()
+    for helper in working:
+        helper.result()

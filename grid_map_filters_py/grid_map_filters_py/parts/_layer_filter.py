@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import cv2
 import numpy as np
@@ -17,8 +17,8 @@ from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, CellFilter, in_map_order
-from ..parts._blocks import blockwise
-from ..parts._disc import Disc, disc_reach, typical_value
+from ._blocks import blockwise
+from ._disc import Disc, disc_reach, typical_value
 
 Values: TypeAlias = npt.NDArray[np.floating[Any]]
 
@@ -35,13 +35,18 @@ class LayerFilter(ABC):
     input_layer: str
     output_layer: str
 
+    _side: ClassVar[int | None] = None
+    """Largest side of a block [cells]; None for that of `blockwise`."""
+
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer, resolution = grid_map[self.input_layer], grid_map.resolution
         function = self._for_blocks_of(layer)
         # Filters of single cells take parts by themselves, and write them only once.
         reach = WHOLE_MAP if isinstance(self, CellFilter) else self.reach(resolution)
-        result = blockwise(lambda block: function(block, resolution), layer, reach=reach)
+        result = blockwise(
+            lambda block: function(block, resolution), layer, reach=reach, side=self._side
+        )
         return grid_map.with_layers({self.output_layer: result})
 
     @abstractmethod

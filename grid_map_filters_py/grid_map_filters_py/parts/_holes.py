@@ -55,45 +55,14 @@ def find_holes(missing: Mask) -> tuple[Integers, Holes]:
     Args:
         missing: (rows, cols); cells that are not have the number 0.
     """
-    labels, count = number_holes(missing)
-    return labels, measured(cells_of(labels, missing), count)
-
-
-def number_holes(missing: Mask) -> tuple[Integers, int]:
-    """Return the number of the hole of each cell, and how many numbers there are, with 0."""
     # Rows of the map are along x of the image.
-    count, labels = cv2.connectedComponents(np.ascontiguousarray(missing.T).view(np.uint8))
-    return np.asarray(labels.T, np.int32), count
-
-
-class HoleCells(NamedTuple):
-    """Cells of holes: rows, columns and the numbers of their holes, each (n,)."""
-
-    rows: Integers
-    columns: Integers
-    numbers: Integers
-
-
-def cells_of(labels: Integers, missing: Mask) -> HoleCells:
-    """Return the cells of the holes that `number_holes` has numbered."""
-    cells = np.flatnonzero(missing.T)
-    columns, rows = np.divmod(cells, len(missing))
-    return HoleCells(rows, columns, labels.ravel("F")[cells])
-
-
-def measured(cells: HoleCells, count: int) -> Holes:
-    """Return the holes of `number_holes`; OpenCV's boxes would take longer."""
-    boxes = [_extents(places, cells.numbers, count) for places in cells[:2]]
-    starts, ends = (np.stack(sides, axis=1)[1:] for sides in zip(*boxes, strict=True))
-    return Holes(starts, ends, np.bincount(cells.numbers, minlength=count)[1:])
-
-
-def _extents(places: npt.NDArray[Any], groups: Integers, count: int) -> tuple[Integers, Integers]:
-    """Return the first place of each group, and the end behind the last one."""
-    first, last = np.full(count, np.iinfo(np.int64).max), np.zeros(count, np.int64)
-    np.minimum.at(first, groups, places)
-    np.maximum.at(last, groups, places)
-    return first, last + 1
+    image = np.ascontiguousarray(missing.T).view(np.uint8)
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(image, connectivity=8)
+    found = np.asarray(boxes[1:], np.int64)
+    starts = found[:, [cv2.CC_STAT_LEFT, cv2.CC_STAT_TOP]]
+    lengths = found[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
+    holes = Holes(starts, starts + lengths, found[:, cv2.CC_STAT_AREA])
+    return np.asarray(labels.T, np.int32), holes
 
 
 def place_of(tile: GridMap, whole: GridGeometry) -> Size:

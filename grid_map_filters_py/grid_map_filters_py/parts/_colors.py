@@ -9,7 +9,7 @@ import numpy as np
 from grid_map_core_py.conversions import NO_COLOR, join_channels, split_channels
 from grid_map_core_py.plugins import check
 
-from ..parts._cell_function import Value, choose, clamp
+from ._cell_function import Value, choose, clamp
 
 FULL = np.float32(255)
 """Brightness of a channel whose share is 1."""

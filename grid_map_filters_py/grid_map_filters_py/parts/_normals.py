@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Surface normals of a layer, and deviations from planes.
+
+A layer is (rows, cols) heights [m] in map order, not finite where unknown; `offset` is its typical
+value. The radius of the discs and the resolution, which is the side of a cell, are in m. Normals
+are the x, y and z components (rows, cols) of unit vectors.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py._arrays import Layer
+
+from ._disc import Disc
+
+Field = npt.NDArray[np.float64]
+Fields = tuple[Field, ...]
+
+_SMALLEST_SPREAD = 1e-8
+"""Variance [m^2] of points across a line; below this they define no plane."""
+
+_SMALLEST_GAP = 0.03
+"""Product of the relative gaps between eigenvalues; below this the formula loses digits."""
+
+_SMALLEST_Z = 0.01
+"""z component of a normal; below this the formula loses digits."""
+
+SIDE = 256
+"""Largest side of a block: about thirty arrays of it are in the cache."""
+
+
+def area_normals(layer: Layer, offset: float, radius: float, resolution: float) -> Fields:
+    """Return the normals of least-squares planes through the points in a disc around each cell.
+
+    The normal is the eigenvector of the smallest eigenvalue of the covariance of the points. Where
+    fewer than three points are finite, or they are on a line, it is the z axis. It is NaN where the
+    layer is not finite.
+    """
+    return _planes(layer, offset, Disc(radius, resolution, layer.shape))[0]
+
+
+def raster_normals(layer: Layer, resolution: float) -> Fields:
+    """Return the normals from the slopes between neighboring cells.
+
+    Slopes are central differences, also across an unknown cell, and one-sided beside one. Normals
+    are NaN at the border of the layer, and where a slope has no two finite cells.
+    """
+    heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
+    # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
+    minus_x = _slope(heights[:, 1:-1], resolution)
+    minus_y = _slope(heights[1:-1].T, resolution).T
+    z = 1.0 / np.sqrt(minus_x * minus_x + minus_y * minus_y + 1.0)
+    normals = tuple(np.full(layer.shape, np.nan, order="F") for _ in "xyz")
+    for normal, values in zip(normals, (minus_x * z, minus_y * z, z), strict=True):
+        normal[1:-1, 1:-1] = values
+    return normals
+
+
+def _slope(heights: Field, resolution: float) -> Field:
+    """Return the slope along rows, without the first and the last row."""
+    behind, center, ahead = heights[:-2], heights[1:-1], heights[2:]
+    slope = (ahead - behind) * (0.5 / resolution)
+    one_sided = np.where(np.isnan(ahead), center - behind, ahead - center) / resolution
+    return np.where(np.isnan(slope), one_sided, slope)
+
+
+def plane_deviations(layer: Layer, offset: float, radius: float, resolution: float) -> Field:
+    """Return the standard deviation [m] of the points in a disc from the plane of `area_normals`.
+
+    It is that of a sample (n - 1 in the denominator); NaN where the layer is not finite, and where
+    the disc has one point.
+    """
+    disc = Disc(radius, resolution, layer.shape)
+    (x, y, z), (xx, xy, xz, yy, yz, zz), count = _planes(layer, offset, disc)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mixed = x * y * xy + x * z * xz + y * z * yz
+        variance = x * x * xx + y * y * yy + z * z * zz + 2.0 * mixed
+        return resolution * np.sqrt(np.maximum(variance / (count * (count - 1.0)), 0.0))
+
+
+def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Field]:
+    """Return least-squares planes through the points in the discs.
+
+    Returns:
+        normals: unit vectors, NaN where the layer is not finite.
+        covariances: elements xx, xy, xz, yy, yz, zz of the covariances of the points, times the
+            square of their number [cells^2].
+        count: number of points.
+    """
+    known, heights = disc.padded(layer, offset)
+    # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
+    # towards -y: with negative heights all signs are right.
+    heights *= -1.0 / disc.resolution
+    sum_z, xz = _moments(disc, heights, 1, (0, 1))
+    (yz,) = _moments(disc, heights, 1, (0,), along=True)
+    (zz,) = _moments(disc, heights * heights, 1, (0,))
+    count, sum_x, sum_y, xx, xy, yy = _point_moments(disc, known)
+    sums, known = (sum_x, sum_y, sum_z), known[disc.inner]
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+        covariances = tuple(
+            moment * count - sums[i] * sums[j]
+            for moment, (i, j) in zip((xx, xy, xz, yy, yz, zz), pairs, strict=True)
+        )
+        *normals, is_exact = _smallest_eigenvectors(*covariances)
+        xx, xy, _, yy, _, _ = covariances
+        spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
+        # The second eigenvalue is at least the smaller one of the horizontal 2 x 2 part. That
+        # exceeds the spread where diagonal and determinant of xx - spread, xy, yy - spread are
+        # positive.
+        is_exact &= (xx > spread) & ((xx - spread) * (yy - spread) > xy * xy)
+    # Calling LAPACK is slow even for an empty array.
+    if (doubtful := known & (count >= 3) & ~is_exact).any():
+        xx, xy, xz, yy, yz, zz = (field[doubtful] for field in covariances)
+        full = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+        values, vectors = np.linalg.eigh(full)
+        upwards = vectors[:, :, 0] * np.copysign(1.0, vectors[:, 2, :1])
+        spans_plane = values[:, 1] > spread[doubtful]
+        exact = np.where(spans_plane[:, None], upwards, (0.0, 0.0, 1.0))
+        for normal, components in zip(normals, exact.T, strict=True):
+            normal[doubtful] = components
+    for normal, upright in zip(normals, (0.0, 0.0, 1.0), strict=True):
+        normal[count < 3] = upright
+        normal[~known] = np.nan
+    return tuple(normals), covariances, count
+
+
+def _point_moments(disc: Disc, known: npt.NDArray[np.bool_]) -> Fields:
+    """Return the number of points, the sums of rows and columns, and of their products."""
+    # The smallest integer type that holds the moments of a whole disc is the fastest.
+    largest = np.count_nonzero(disc.kernel) * max(disc.reach) ** 2
+    one = known.astype(np.min_scalar_type(-largest - 1))
+    sum_x, xx = _moments(disc, one, 1, (1, 2))
+    sum_y, yy = _moments(disc, one, 0, (1, 2))
+    (xy,) = _moments(disc, one, 0, (1,), along=True)
+    fields = disc.counts(known), sum_x, sum_y, xx, xy, yy
+    return tuple(field.astype(np.float64) for field in fields)
+
+
+def _moments(
+    disc: Disc,
+    values: npt.NDArray[Any],
+    axis: int,
+    orders: Sequence[int],
+    *,
+    along: bool = False,
+) -> list[npt.NDArray[Any]]:
+    """Return the moments of values about the lines along `axis`: sums times powers of the distance.
+
+    Args:
+        disc: around every cell.
+        values: padded.
+        axis: direction of the lines; the distance is along the other axis.
+        orders: the powers, from 0 to 2.
+        along: sum up the values times their distance along the lines.
+    """
+    totals = [np.zeros(disc.size, values.dtype, order="F") for _ in orders]
+    for distance, ahead, behind in disc.lines(values, axis, moments=along):
+        for total, order in zip(totals, orders, strict=True):
+            if distance:
+                both = ahead - behind if order == 1 else ahead + behind
+                if distance**order != 1:
+                    both *= distance**order
+                total += both
+            elif order == 0:
+                total += ahead
+    return totals
+
+
+def _smallest_eigenvectors(
+    xx: Field, xy: Field, xz: Field, yy: Field, yz: Field, zz: Field
+) -> tuple[Field, Field, Field, npt.NDArray[np.bool_]]:
+    """Return unit eigenvectors of the smallest eigenvalue of symmetric 3 x 3 matrices.
+
+    Eigenvalues are the trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
+    The adjugate of a matrix minus its smallest eigenvalue is the eigenvector times itself, up to a
+    factor. Its last column is taken.
+
+    Returns:
+        x, y, z, and a mask of the exact ones. The others, of vertical walls and close eigenvalues,
+        have lost digits.
+    """
+    mean = (xx + yy + zz) * (1.0 / 3.0)
+    a, b, c = xx - mean, yy - mean, zz - mean
+    xy2, xz2, yz2 = xy * xy, xz * xz, yz * yz
+    # The diagonal a, b, c adds up to 0, hence its squares to twice b * b - a * c.
+    square = (b * b - a * c + xy2 + xz2 + yz2) * (1.0 / 3.0)
+    radius = np.sqrt(square)
+    determinant = (b * c - yz2) * a - xz2 * b - xy2 * c + xy * xz * yz * 2.0
+    cosine = determinant / (square * radius * 2.0)
+    # The smallest t with 4 t^3 - 3 t = cosine. One step of Newton's method refines a root in single
+    # precision, unless the next root is close; cosines in double precision take longer.
+    angle = np.arccos(np.clip(cosine.astype(np.float32), -1.0, 1.0))
+    root = np.cos((angle + np.float32(2.0 * np.pi)) * np.float32(1.0 / 3.0)).astype(np.float64)
+    squared = root * root
+    gap = squared * 12.0 - 3.0
+    smallest = (squared * root * 8.0 + cosine) / gap * radius * 2.0 + mean
+    a, b, c = xx - smallest, yy - smallest, zz - smallest
+    x, y, z = xy * yz - xz * b, xy * xz - yz * a, a * b - xy2
+    # The factor is the trace of the adjugate. Columns of rounding errors are short compared to it.
+    factor = (a + b) * c - xz2 - yz2 + z
+    length = np.sqrt(x * x + y * y + z * z)
+    is_exact = (gap > _SMALLEST_GAP) & (length > _SMALLEST_Z * factor)
+    for component in (x, y, z):
+        component /= length
+    return x, y, z, is_exact
