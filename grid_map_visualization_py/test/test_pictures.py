@@ -530,7 +530,7 @@ def test_ending_of_the_name_decides_the_kind_of_picture(corner_map, tmp_path, en
 
 @pytest.mark.parametrize("name", ["map.bmp", "map", "map.png.old", ".png"])
 def test_name_with_another_ending_is_refused(corner_map, tmp_path, name):
-    expected = "'path': expected a name that ends in .jpeg, .jpg, .pdf, .png, .svg, got"
+    expected = "'path': expected a name that ends in .jpeg, .jpg, .pdf, .png or .svg, got"
     with pytest.raises(ConfigError, match=expected):
         save_picture(corner_map, "a", tmp_path / name)
     assert [*tmp_path.iterdir()] == []

@@ -23,7 +23,7 @@ from grid_map_core_py.commands import (
     tiled_source,
 )
 
-from .._kinds import usual_layer as usual_layer
+from .._layers import usual_layer as usual_layer
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap

@@ -105,8 +105,6 @@ class WebViewerNode(ConfiguredNode):
         problem = health_of(self).problem = self._viewer.update()
         if problem:
             self._log.error(problem)
-        for refusal in self._page.take_refusals():
-            self._log.warning(refusal)
 
     def _follow_choice(self) -> None:
         """Offer the topics of maps, and subscribe to the chosen one."""

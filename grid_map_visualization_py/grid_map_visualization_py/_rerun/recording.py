@@ -1,25 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Recordings of Rerun in files, and bags in recordings."""
 
-import os
-import shutil
-import threading
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
-from pathlib import Path
-from typing import Any, Self
 
 from grid_map_core_py.errors import GridMapError, LimitError
 from grid_map_core_py.files import new_file
-from grid_map_ros_py import BagError, BagMessage, MessageError, bag_messages
+from grid_map_ros_py import BagError, MessageError, bag_messages
 
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
-
-_BLOCK = 1 << 20
-"""Bytes that are read from the pipe at once."""
 
 
 @contextmanager
@@ -35,72 +27,30 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
         GridMapError: the file cannot be written.
     """
     try:
-        with new_file(path) as temporary, _Writer(temporary) as writer:
+        with new_file(path) as temporary:
             recording = rerun().RecordingStream("grid_map")
-            recording.save(writer.path)
             try:
-                scene = _SceneInFile(recording, style, writer)
+                recording.save(temporary)
+                scene = _SceneInFile(recording, style)
                 yield scene
                 scene.send_layout()
+                scene.check()
+            except RuntimeError as error:  # Rerun has no tree of errors.
+                raise OSError(str(error)) from error
             finally:
                 recording.disconnect()
     except OSError as error:
         raise GridMapError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-class _Writer:
-    """A thread that writes to a file what comes through a pipe.
-
-    Rerun waits forever for a file that it cannot write, such as on a full disk; this thread reads
-    on in that case, and keeps the error.
-    """
-
-    def __init__(self, target: Path) -> None:
-        self._target = target
-        self._error: OSError | None = None
-        self._source, self._sink = os.pipe()
-        self._thread = threading.Thread(target=self._write, daemon=True)
-
-    @property
-    def path(self) -> str:
-        """The end of the pipe that Rerun opens as its file."""
-        return f"/dev/fd/{self._sink}"
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, kind: object, *_: object) -> None:
-        os.close(self._sink)
-        self._thread.join()
-        if kind is None:
-            self.check()
-
-    def check(self) -> None:
-        """Raise the error of the file, if there is one."""
-        if self._error is not None:
-            raise self._error
-
-    def _write(self) -> None:
-        with os.fdopen(self._source, "rb", buffering=0) as source:
-            try:
-                with self._target.open("wb") as target:
-                    shutil.copyfileobj(source, target, _BLOCK)
-            except OSError as error:
-                self._error = error
-            while source.read(_BLOCK):
-                pass
-
-
 class _SceneInFile(Scene):
     """A scene that ends with the first error of its file."""
 
-    def __init__(self, recording: Any, style: Style | None, writer: _Writer) -> None:
-        super().__init__(recording, style)
-        self._writer = writer
+    def check(self) -> None:
+        self._recording.flush()
 
     def _set_times(self, ros_time: int, log_time: int | None) -> None:
-        self._writer.check()
+        self.check()
         super()._set_times(ros_time, log_time)
 
 
@@ -121,7 +71,7 @@ def log_bag(
         scene: where they go.
         path: the bag.
         topic: only this topic of maps, and all other messages; None means all.
-        recover: read what is there of a damaged bag, and leave out damaged maps.
+        recover: read the undamaged part of a bag, and leave out damaged maps.
         goes_on: is called after each message with its time [ns]; False ends.
 
     Returns:
@@ -132,12 +82,18 @@ def log_bag(
         LimitError: a map has too many cells.
     """
     count, left_out = 0, Counter[str]()
-    for message in _chosen(path, topic, recover):
+    for message in bag_messages(path, SHOWN_TYPES, recover=recover):
+        is_map = message.type == GRID_MAP_TYPE
+        if is_map and topic not in (None, message.topic):
+            continue
         try:
             scene.log_message(message.topic, message.type, message.data, log_time=message.time)
         except (MessageError, LimitError) as error:
-            if message.type == GRID_MAP_TYPE and not recover:
-                raise _named(message.place, error) from error
+            if is_map and not recover:
+                if isinstance(error, LimitError):
+                    raise LimitError(f"{message.place}: {error}") from error
+                hint = "recover=True (--recover) leaves out such maps"
+                raise BagError(message.place, f"{error}; {hint}") from error
             left_out[message.topic] += 1
             if left_out[message.topic] == 1:
                 warnings.warn(f"left out: {message.place}: {error}", stacklevel=2)
@@ -149,17 +105,3 @@ def log_bag(
         if number > 1:
             warnings.warn(f"left out: {number - 1} more messages on {name}", stacklevel=2)
     return count
-
-
-def _chosen(path: str | PathLike[str], topic: str | None, recover: bool) -> Iterator[BagMessage]:
-    """Yield the messages of a bag that are shown; of the maps, those on a topic."""
-    for message in bag_messages(path, SHOWN_TYPES, recover=recover):
-        if message.type != GRID_MAP_TYPE or topic in (None, message.topic):
-            yield message
-
-
-def _named(place: str, error: GridMapError) -> GridMapError:
-    """Return an error that names the map."""
-    if isinstance(error, LimitError):
-        return LimitError(f"{place}: {error}")
-    return BagError(place, f"{error}; recover=True (--recover) leaves out such maps")

@@ -36,7 +36,7 @@ from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, from_serialized_message
 from grid_map_ros_py.messages import view
 
-from .._kinds import titled
+from .._layers import titled
 from ..colors import DEFAULT_COLOR_MAP, Coloring
 from ..surface import Mesh, Surface, check_max_drawn_cells
 from ._messages import POSES, SHOWN, Placed

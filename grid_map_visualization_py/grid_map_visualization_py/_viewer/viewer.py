@@ -13,7 +13,7 @@ from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import DROPPED, reason
 
 from .page import Page
-from .scene import Scene, Settings, hit, make_scene
+from .scene import SurfaceScene, ViewSettings, hit, make_scene
 from .texts import as_note, readout, status
 
 RATE_WINDOW = 3.0
@@ -51,8 +51,8 @@ class Viewer:
         self._arrivals: deque[float] = deque(maxlen=200)
         self._latest: ReceivedMap | None = None
         self._shown: ReceivedMap | None = None
-        self._settings: Settings | None = None
-        self._drawn: tuple[ReceivedMap, GridMap, Scene] | None = None
+        self._settings: ViewSettings | None = None
+        self._drawn: tuple[ReceivedMap, GridMap, SurfaceScene] | None = None
         self._selected: Positions | None = None
         self._problem = self._refusal = ""
 
