@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Recordings of Rerun in files, and bags in recordings."""
 
+import os
+import shutil
+import threading
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
+from pathlib import Path
+from typing import Any
 
 from grid_map_core_py.errors import GridMapError, LimitError
 from grid_map_core_py.files import new_file
 from grid_map_ros_py import BagError, MessageError, bag_messages
 
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
+
+_BLOCK = 1 << 20
+"""Bytes that are read from the pipe at once."""
 
 
 @contextmanager
@@ -27,30 +35,59 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
         GridMapError: the file cannot be written.
     """
     try:
-        with new_file(path) as temporary:
+        with new_file(path) as temporary, _pipe_into(temporary) as (pipe, errors):
             recording = rerun().RecordingStream("grid_map")
+            recording.save(pipe)
             try:
-                recording.save(temporary)
-                scene = _SceneInFile(recording, style)
+                scene = _SceneInFile(recording, style, errors)
                 yield scene
                 scene.send_layout()
-                scene.check()
-            except RuntimeError as error:  # Rerun has no tree of errors.
-                raise OSError(str(error)) from error
             finally:
                 recording.disconnect()
     except OSError as error:
         raise GridMapError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
+@contextmanager
+def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
+    """Yield the name of a pipe whose content a thread writes to a file, and the errors so far.
+
+    Rerun waits forever for a file that it cannot write, such as on a full disk.
+    """
+    source, sink = os.pipe()
+    errors: list[OSError] = []
+
+    def write() -> None:
+        with os.fdopen(source, "rb", buffering=0) as pipe:
+            try:
+                with target.open("wb") as file:
+                    shutil.copyfileobj(pipe, file, _BLOCK)
+            except OSError as error:
+                errors.append(error)
+            while pipe.read(_BLOCK):
+                pass
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    try:
+        yield f"/dev/fd/{sink}", errors
+    finally:
+        os.close(sink)
+        thread.join()
+    if errors:
+        raise errors[0]
+
+
 class _SceneInFile(Scene):
     """A scene that ends with the first error of its file."""
 
-    def check(self) -> None:
-        self._recording.flush()
+    def __init__(self, recording: Any, style: Style | None, errors: list[OSError]) -> None:
+        super().__init__(recording, style)
+        self._errors = errors
 
     def _set_times(self, ros_time: int, log_time: int | None) -> None:
-        self.check()
+        if self._errors:
+            raise self._errors[0]
         super()._set_times(ros_time, log_time)
 
 
