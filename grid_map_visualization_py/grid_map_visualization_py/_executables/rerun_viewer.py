@@ -45,22 +45,6 @@ class RerunViewerNode(ConfiguredNode):
         self._chosen = {
             self.resolve_topic_name(check_topic(self, "topics", topic)) for topic in topics
         }
-        style = self._read_style()
-        about = "largest rate at which a topic is shown [Hz]; of faster ones, the newest message is"
-        max_rate = self.read_positive("max_rate", 5.0, about)
-        self._log = LogThrottle(self.get_logger())
-        self._has_shown = False
-        self._followed: dict[str, LatchedSubscription | None] = {}
-        self._server = self._serve()
-        self._live = LiveScene(self._server.recording, style)
-        health = health_of(self)
-        health.inputs, health.details = "messages", self._details
-        steady_timer(self, 1 / max_rate, self._write)
-        steady_timer(self, PERIOD, self._look)
-        # The address stands alone on its line, so that it is easy to find and to copy.
-        self.get_logger().info(f"shows messages in the browser at\n{self._server.page_url}")
-
-    def _read_style(self) -> Style:
         about = "layer of the heights; empty: `elevation`, or the first layer of the map"
         height_layer = self.read("height_layer", "", about)
         about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
@@ -74,7 +58,7 @@ class RerunViewerNode(ConfiguredNode):
             "out; 0 for no limit"
         )
         max_drawn_cells = self.read("max_drawn_cells", 50_000, about)
-        return Style(
+        style = Style(
             height_layer=height_layer,
             color_layer=color_layer,
             color_map=color_map,
@@ -82,6 +66,19 @@ class RerunViewerNode(ConfiguredNode):
             max_drawn_cells=max_drawn_cells,
             max_image_cells=max_drawn_cells,
         )
+        about = "largest rate at which a topic is shown [Hz]; of faster ones, the newest message is"
+        max_rate = self.read_positive("max_rate", 5.0, about)
+        self._log = LogThrottle(self.get_logger())
+        self._has_shown = False
+        self._followed: dict[str, LatchedSubscription | None] = {}
+        self._server = self._serve()
+        self._live = LiveScene(self._server.recording, style)
+        health = health_of(self)
+        health.inputs, health.details = "messages", self._details
+        steady_timer(self, 1 / max_rate, self._write)
+        steady_timer(self, PERIOD, self._look)
+        # The address stands alone on its line, so that it is easy to find and to copy.
+        self.get_logger().info(f"shows messages in the browser at\n{self._server.page_url}")
 
     def _serve(self) -> Server:
         about = "address of the page; `127.0.0.1` is reachable from this machine only"

@@ -101,7 +101,16 @@ class WebViewerNode(ConfiguredNode):
     def _update(self) -> None:
         if self._page.is_watched:
             self._follow_choice()
-            self._draw_robot()
+            frame_id = self._viewer.frame_id
+            if self._poses is not None and frame_id:
+                to_robot = None
+                try:
+                    # The frame of the map may change, that of the robot does not.
+                    to_robot = self._poses.frame_at(frame_id, 0)
+                except GridMapError as error:
+                    self._log.warning(f"no pose of the robot: {error}")
+                pose = None if to_robot is None else np.linalg.inv(to_robot)
+                self._page.draw_frame("robot", self._robot_frame, pose)
         problem = health_of(self).problem = self._viewer.update()
         if problem:
             self._log.error(problem)
@@ -116,19 +125,6 @@ class WebViewerNode(ConfiguredNode):
             self._maps.destroy()
             self._viewer.clear()
             self._subscribe(self._page.topic)
-
-    def _draw_robot(self) -> None:
-        frame_id = self._viewer.frame_id
-        if self._poses is None or not frame_id:
-            return
-        try:
-            # The frame of the map may change, that of the robot does not.
-            to_robot = self._poses.frame_at(frame_id, 0)
-        except GridMapError as error:
-            self._log.warning(f"no pose of the robot: {error}")
-            to_robot = None
-        pose = None if to_robot is None else np.linalg.inv(to_robot)
-        self._page.draw_frame("robot", self._robot_frame, pose)
 
 
 if __name__ == "__main__":

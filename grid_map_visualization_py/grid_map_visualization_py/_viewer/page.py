@@ -107,7 +107,13 @@ class Page:
         self._scene: SurfaceScene | None = None
         self._view: View | None = None
         self._aim: View | None = None
-        self._prepare_scene()
+        scene = self._server.scene
+        scene.configure_default_lights(enabled=False)
+        scene.configure_environment_map(None)
+        # On level ground both lights sum to pi, because viser divides light by pi.
+        scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
+        sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
+        scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
         self._make_controls(ViewSettings(height_layer=height_layer, coloring=coloring), topic)
 
     @property
@@ -317,13 +323,6 @@ class Page:
             self._move(client, view, offset)
         self._aim = view
 
-    def _look_from_above(self, event: Any) -> None:
-        """Move the view of a browser above the map, with x to the right and y upwards."""
-        if self._view is not None:
-            # The direction upwards on the screen is undefined exactly above.
-            offset = self._view.reach * np.array([0.0, -1e-3, 1.0])
-            self._move(event.client, self._view, offset)
-
     def _move(self, client: Any, view: View, offset: Positions) -> None:
         """Move the view of a browser to an offset from its target."""
         camera = client.camera
@@ -332,38 +331,6 @@ class Page:
             # Setting the position also moves the target.
             camera.position = view.target + offset
             camera.look_at = view.target
-
-    def _take_screenshot(self, event: Any) -> None:
-        """Send the browser a picture of its current view."""
-        client = event.client
-        camera = client.camera
-        size = camera.image_height, camera.image_width
-        with suppress(Exception):  # The browser may close meanwhile.
-            picture = client.get_render(*size, transport_format="png", timeout=60.0)
-            # From RGBA to OpenCV's BGR, on white.
-            opacity = picture[..., 3:] / 255
-            on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
-            _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
-            client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)
-
-    def _prepare_scene(self) -> None:
-        scene = self._server.scene
-        scene.configure_default_lights(enabled=False)
-        scene.configure_environment_map(None)
-        # On level ground both lights sum to pi, because viser divides light by pi.
-        scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
-        sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
-        scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
-        scene.on_click()(self._remember_click)
-
-    def _remember_click(self, event: Any) -> None:
-        self._clicks.append((np.array(event.ray_origin), np.array(event.ray_direction)))
-        self._cell.expand()
-
-    def _use_bounds(self, _: Any) -> None:
-        # A browser sends the last change within 50 ms only, and so loses that automatic bounds
-        # were switched off if a bound is typed at once.
-        self._automatic.value = False
 
     def _use_theme(self, _: Any = None) -> None:
         dark: Any = {"dark_mode": self._dark.value}
@@ -381,14 +348,26 @@ class Page:
         self._legend = gui.add_html("")
         self._factor = gui.add_slider("Exaggeration", 1.0, MOST_EXAGGERATED, 0.5, 1.0)
         self._paused = gui.add_checkbox("Pause", False)
-        above, screenshot = gui.add_button("Top view"), gui.add_button("Screenshot")
-        above.on_click(self._look_from_above)
-        screenshot.on_click(self._take_screenshot)
+
+        def look_from_above(event: Any) -> None:
+            if self._view is not None:
+                # The direction upwards on the screen is undefined exactly above.
+                offset = self._view.reach * np.array([0.0, -1e-3, 1.0])
+                self._move(event.client, self._view, offset)
+
+        gui.add_button("Top view").on_click(look_from_above)
+        gui.add_button("Screenshot").on_click(_send_screenshot)
         self._cell = gui.add_panel()
         with self._cell.add_tab("Cell"):
             self._readout = gui.add_html(as_note("Click on the map."))
         self._cell.float(x=15, y=-15, width=240)
         self._cell.minimize()
+
+        def remember_click(event: Any) -> None:
+            self._clicks.append((np.array(event.ray_origin), np.array(event.ray_direction)))
+            self._cell.expand()
+
+        self._server.scene.on_click()(remember_click)
         with gui.add_folder("Surface", expand_by_default=False):
             # By the names of the fields of `ViewSettings`.
             self._style = {
@@ -417,8 +396,14 @@ class Page:
                 "upper": number("Upper bound", 1.0, LARGEST_VALUE),
                 "color": gui.add_rgb("One color", (192, 192, 192)),
             }
+
+            def use_bounds(_: Any) -> None:
+                # A browser sends the last change within 50 ms only, and so loses that automatic
+                # bounds were switched off if a bound is typed at once.
+                self._automatic.value = False
+
             for name in ("lower", "upper"):
-                self._colors[name].on_update(self._use_bounds)
+                self._colors[name].on_update(use_bounds)
         with gui.add_folder("Overlays", expand_by_default=False):
             self._has_axes = gui.add_checkbox("Axes", True)
             self._has_frames = gui.add_checkbox("Frames", True)
@@ -483,6 +468,19 @@ def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
     if dropdown.options != options:
         dropdown.options = options
     dropdown.value = chosen
+
+
+def _send_screenshot(event: Any) -> None:
+    """Send a browser a picture of its current view."""
+    client, camera = event.client, event.client.camera
+    size = camera.image_height, camera.image_width
+    with suppress(Exception):  # The browser may close meanwhile.
+        picture = client.get_render(*size, transport_format="png", timeout=60.0)
+        # From RGBA to OpenCV's BGR, on white.
+        opacity = picture[..., 3:] / 255
+        on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
+        _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
+        client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)
 
 
 def _set_clipping(camera: Any, view: View) -> None:
