@@ -491,34 +491,3 @@ def test_map_that_contradicts_itself_is_refused_on_arrival(page, hill, monkeypat
     viewer.receive(ReceivedMap(good))
     assert viewer.update() == ""
     assert ["hidden" in note for note in notes] == [False, True, False] * is_watched
-
-
-def test_map_without_memory_to_draw_it_is_dropped_once(page, hill, monkeypatch):
-    monkeypatch.setattr(Page, "is_watched", True)
-    limits = iter([2**62, 1, 1, 2**62, 1])
-    load = Page.load
-
-    def load_within_limits(*args: object, **options: object) -> None:
-        bytearray(next(limits))
-        load(*args, **options)
-
-    monkeypatch.setattr(Page, "load", load_within_limits)
-    drops: list[str] = []
-    viewer = Viewer(page, 0, drops.append)
-    message = serialize(to_message(hill))
-
-    def problems(*values: bool) -> list[str]:
-        """Receive a map, and draw it in several styles."""
-        viewer.receive(ReceivedMap(message))
-        found = []
-        for value in values:
-            page._style["flat"].value = value
-            found.append(viewer.update())
-        return found
-
-    assert problems(True, True) == ["out of memory"] * 2
-    assert drops == ["out of memory"]
-    # The next one can be drawn, but not in another style.
-    assert problems(True, False, True) == ["", "", "out of memory"]
-    assert drops == ["out of memory"]
-    assert problems(True) == [""]

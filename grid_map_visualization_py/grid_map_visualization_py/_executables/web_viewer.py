@@ -50,7 +50,7 @@ class WebViewerNode(ConfiguredNode):
             raise MissingPackageError("tf2_ros", "robot_frame", remedy)
         self._page = self._serve_page(topic)
         clock = lambda: self.get_clock().now().nanoseconds  # noqa: E731
-        self._viewer = Viewer(self._page, max_drawn_cells, health_of(self).drop_used, clock)
+        self._viewer = Viewer(self._page, max_drawn_cells, clock)
         self._log = LogThrottle(self.get_logger())
         self._poses = TfPoses(self, self._robot_frame) if self._robot_frame else None
         self._next_look = 0.0
