@@ -4,11 +4,11 @@
 import numpy as np
 from terrain import terrain
 
-from grid_map_visualization_py._viewer.scene import Settings, hit, make_scene
+from grid_map_visualization_py._viewer.scene import ViewSettings, hit, make_scene
 
 
 def test_scene(measure, cells):
-    grid_map, settings = terrain(cells), Settings(height_layer="elevation")
+    grid_map, settings = terrain(cells), ViewSettings(height_layer="elevation")
     scene = measure("scene of the web viewer", cells, lambda: make_scene(grid_map, settings))
     vertices, faces = len(scene.mesh.vertices), len(scene.mesh.faces)
     assert vertices == np.isfinite(grid_map["elevation"]).sum()
@@ -18,7 +18,7 @@ def test_scene(measure, cells):
 
 def test_hit(measure, cells):
     grid_map = terrain(cells)
-    mesh = make_scene(grid_map, Settings(height_layer="elevation")).mesh
+    mesh = make_scene(grid_map, ViewSettings(height_layer="elevation")).mesh
     start, downwards = np.array([*grid_map.position, 100.0]), np.array([0.0, 0.0, -1.0])
     point = measure("click in the web viewer", cells, lambda: hit(mesh, start, downwards))
     np.testing.assert_allclose(point[:2], grid_map.position)

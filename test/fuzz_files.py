@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Input for `fuzz.py`: bags, maps, images, clouds, chains, command lines, messages of a page."""
+"""Input for `fuzz.py`: bags, maps, images, clouds, chains, command lines."""
 
 import contextlib
 import io
-import json
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -16,8 +15,6 @@ import octomap_stand_in
 import pypcd4
 import trimesh
 from bags import DATA, TOPIC, numbered_map, write_bag, write_mcap
-from msgspec import msgpack
-from viser._messages import Message
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
@@ -43,7 +40,6 @@ from grid_map_filters_py import FilterChain
 from grid_map_filters_py.expression import Expression
 from grid_map_ros_py import bag_maps, load_octomap, save_to_bag
 from grid_map_visualization_py import create
-from grid_map_visualization_py._viewer.page import Page
 
 ROOT = Path(__file__).parents[1]
 PARAMETERS = ROOT / "grid_map_visualization_py/config/grid_map_visualization.yaml"
@@ -125,44 +121,7 @@ def targets(folder: Path) -> list[tuple[str, Sequence[bytes], Callable[[bytes], 
     return [
         *((name, seeds, _naming(folder / damaged, read)) for name, seeds, damaged, read in found),
         *((name, seeds, _through(folder / "damaged", read)) for name, seeds, read in texts),
-        ("messages of a page", *_page()),
     ]
-
-
-def _page() -> tuple[list[bytes], Callable[[bytes], Any]]:
-    """Return messages as the page of the web viewer sends them, and a function that checks them."""
-    page = Page("127.0.0.1", 0, "elevation")
-    page.close()
-    # Without the random identifiers of the controls, so that an input can be repeated.
-    gate, controls = page._gate, {one.label: one for one in page._gate.controls.values()}
-    gate.controls = controls
-
-    def read(data: bytes) -> Any:
-        if data.startswith(b"{"):  # Damaged text gives more messages that can be decoded.
-            try:
-                data = msgpack.encode(json.loads(data))
-            except (ValueError, OverflowError, RecursionError) as error:
-                raise GridMapError(str(error)) from error
-        if not gate.accepts(data):
-            raise GridMapError(gate.refusals.pop())
-        with contextlib.suppress(KeyError):  # A superfluous field closes the connection.
-            return Message.deserialize(data)
-
-    ray = {"ray_origin": (0, 0, 9.0), "ray_direction": (0, 0.1, -1), "screen_pos": [(0.5, 0.5)]}
-    camera = {"wxyz": (1.0, 0, 0, 0), "fov": 1.0, "near": 0.1, "far": 9.0}
-    camera |= {"position": (0, 0, 9.0), "look_at": (1.0, 2, 0), "up_direction": (0, 1.0, 0)}
-    head = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\1\0\0\0\1\0"
-    picture = {"type": "GetRenderResponseMessage", "render_uuid": "none", "payload": head}
-    messages = [
-        {"type": "ViewerCameraMessage", **camera, "image_height": 400, "image_width": 300},
-        {"type": "ScenePointerMessage", "event_type": "click", "modifier": None, **ray},
-        *(
-            {"type": "GuiUpdateMessage", "uuid": label, "updates": {"value": control.value}}
-            for label, control in controls.items()
-        ),
-    ]
-    texts = [json.dumps(message).encode() for message in messages]
-    return [*map(msgpack.encode, [picture, *messages]), *texts], read
 
 
 def _write(folder: Path) -> None:

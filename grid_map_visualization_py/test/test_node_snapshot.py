@@ -4,12 +4,10 @@
 import matplotlib.image
 import numpy as np
 import pytest
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import testing, to_message
-from grid_map_ros_py.testing import Process, running_node, start_node
+from grid_map_ros_py.testing import Process, start_node
 from grid_map_visualization_py._executables.snapshot import main, parsed
 
 MODULE = "grid_map_visualization_py._executables.snapshot"
@@ -69,14 +67,3 @@ def test_conflicting_options_are_refused(capsys):
     with pytest.raises(SystemExit, match="2"):
         parsed(["--color-layer", "a"])
     assert "--color-layer goes with --3d or --relief only" in capsys.readouterr().err
-
-
-def test_jump_of_the_clock_does_not_end_the_wait():
-    with running_node(MODULE, "--topic", "/silent", "--timeout", "1000"), testing.peer() as other:
-        client = other.node.create_client(SetParameters, "/grid_map_snapshot/set_parameters")
-        other.wait_until(client.service_is_ready, "the service")
-        # Without /clock the simulated time is 0.
-        for is_simulated in (True, False, True):
-            parameter = Parameter("use_sim_time", value=is_simulated).to_parameter_msg()
-            answer = client.call_async(SetParameters.Request(parameters=[parameter]))
-            other.wait_until(answer.done, "the answer")

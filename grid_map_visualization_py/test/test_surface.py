@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps as surfaces of triangles, against loops over the cells."""
 
-import tracemalloc
 from itertools import pairwise
 
 import messages
@@ -13,7 +12,6 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, color_vector_to_value
 from grid_map_core_py.testing import grid_maps
-from grid_map_visualization_py import create
 from grid_map_visualization_py.colors import MISSING, Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
@@ -244,16 +242,3 @@ def test_thinned_out_map_that_moves_keeps_the_cells_inside():
     grid_map.move((1.0, 1.0))
     assert len(before) > 50
     assert shown() == before
-
-
-def test_surface_of_a_large_map_takes_little_memory():
-    grid_map = GridMap((300, 300), 1.0, layers={"elevation": 0.0})
-    visualization = create("surface", {"type": "surface"})
-    visualization(grid_map)
-    tracemalloc.start()
-    try:
-        data = visualization(grid_map)
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert peak < 3 * len(data)

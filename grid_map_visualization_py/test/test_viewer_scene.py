@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scenes of the web viewer, without a browser."""
 
-import gc
 import json
 import math
 import re
 import socket
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
@@ -19,23 +18,13 @@ from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, ReceivedMap, to_message
 from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
-from grid_map_visualization_py._viewer.gate import (
-    LARGEST_PICTURE,
-    MOST_CONNECTIONS,
-    Pace,
-    is_allowed,
-)
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
-from grid_map_visualization_py._viewer.page import (
-    Page,
-    is_loopback,
-    url_of,
-    vector_prefixes,
-)
-from grid_map_visualization_py._viewer.scene import Settings, View, hit, make_scene
+from grid_map_visualization_py._viewer.page import LARGEST_MESSAGE, Page, vector_prefixes
+from grid_map_visualization_py._viewer.scene import View, ViewSettings, hit, make_scene
 from grid_map_visualization_py._viewer.surroundings import axes_around
 from grid_map_visualization_py._viewer.texts import legend, readout, status
 from grid_map_visualization_py._viewer.viewer import Viewer, rate_of
+from grid_map_visualization_py._web import PageError, is_allowed, is_loopback, url_of
 from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
@@ -81,19 +70,19 @@ def test_layers_ending_in_x_y_and_z_are_vectors():
 
 
 def test_only_the_layers_that_are_shown_are_needed():
-    assert Settings(height_layer="a").layers == {"a"}
+    assert ViewSettings(height_layer="a").layers == {"a"}
     coloring = Coloring("intensity", layer="b")
-    assert Settings(height_layer="a", coloring=coloring, vectors="n_").layers == {
+    assert ViewSettings(height_layer="a", coloring=coloring, vectors="n_").layers == {
         *("a", "b", "n_x", "n_y", "n_z")
     }
-    assert Settings(height_layer="a", coloring=Coloring("flat", layer="b")).layers == {"a"}
+    assert ViewSettings(height_layer="a", coloring=Coloring("flat", layer="b")).layers == {"a"}
 
 
 # --- surface --------------------------------------------------------------------------------------
 
 
 def test_surface_reaches_the_browser_unchanged(hill):
-    scene = make_scene(hill, Settings(height_layer="elevation", opacity=0.5, shaded=False))
+    scene = make_scene(hill, ViewSettings(height_layer="elevation", opacity=0.5, shaded=False))
     document, (vertices, colors, faces) = read_glb(scene.glb)
     mesh = Surface(hill, "elevation").mesh(Coloring())
     np.testing.assert_array_equal(vertices, mesh.vertices)
@@ -107,7 +96,7 @@ def test_surface_reaches_the_browser_unchanged(hill):
     assert material["pbrMetallicRoughness"]["baseColorFactor"] == [1, 1, 1, 0.5]
     assert document["extensionsUsed"] == [*material["extensions"]] == ["KHR_materials_unlit"]
     # An opaque shaded surface needs neither.
-    document, _ = read_glb(make_scene(hill, Settings(height_layer="elevation")).glb)
+    document, _ = read_glb(make_scene(hill, ViewSettings(height_layer="elevation")).glb)
     assert {"alphaMode", "extensions"}.isdisjoint(*document["materials"])
     assert "extensionsUsed" not in document
 
@@ -130,7 +119,7 @@ def test_colors_are_converted_to_linear_light():
 @given(grid_maps(allow_moved=False))
 def test_any_map_gives_a_scene_and_moved_maps_the_same(grid_map):
     layer = "elevation"
-    settings = Settings(height_layer=layer, grid_lines=True)
+    settings = ViewSettings(height_layer=layer, grid_lines=True)
     scene = make_scene(grid_map, settings)
     assert (scene.glb is None) == (len(scene.mesh.faces) == 0)
     rows, columns = grid_map.size
@@ -141,7 +130,7 @@ def test_any_map_gives_a_scene_and_moved_maps_the_same(grid_map):
 
 def test_a_map_without_a_surface_is_no_error():
     grid_map = GridMap((0.1, 0.3), 0.1, layers={"elevation": 2.0})
-    settings = Settings(height_layer="elevation", grid_lines=True)
+    settings = ViewSettings(height_layer="elevation", grid_lines=True)
     scene = make_scene(grid_map, settings)
     assert (scene.glb, len(scene.mesh.vertices), len(scene.grid_lines)) == (None, 3, 2)
     empty = GridMap((0.2, 0.3), 0.1, layers={"elevation": np.nan})
@@ -152,14 +141,14 @@ def test_a_map_without_a_surface_is_no_error():
 
 def test_error_names_missing_layer(hill):
     with pytest.raises(LayerNotFoundError, match="no layer 'height'"):
-        make_scene(hill, Settings(height_layer="height"))
+        make_scene(hill, ViewSettings(height_layer="height"))
     with pytest.raises(LayerNotFoundError, match="no layer 'n_x'"):
-        make_scene(hill, Settings(height_layer="elevation", vectors="n_"))
+        make_scene(hill, ViewSettings(height_layer="elevation", vectors="n_"))
 
 
 def test_scene_knows_the_cells_that_are_shown():
     grid_map = GridMap((4.0, 2.0), 0.1, layers={"elevation": 0.0})
-    scene = make_scene(grid_map, Settings(height_layer="elevation"), max_drawn_cells=300)
+    scene = make_scene(grid_map, ViewSettings(height_layer="elevation"), max_drawn_cells=300)
     assert len(scene.mesh.vertices) == np.prod(scene.size) <= 300
     assert 0.15 < scene.spacing < 0.3
 
@@ -168,7 +157,7 @@ def test_scene_knows_the_cells_that_are_shown():
 
 
 def test_grid_lines_lie_between_neighbors_with_heights(hill):
-    scene = make_scene(hill, Settings(height_layer="elevation", grid_lines=True))
+    scene = make_scene(hill, ViewSettings(height_layer="elevation", grid_lines=True))
     # 4 x 3 along x and 5 x 2 along y, minus two at the hole.
     assert len(scene.grid_lines) == 4 * 3 + 5 * 2 - 2
     lengths = np.linalg.norm(np.diff(scene.grid_lines[..., :2], axis=1), axis=-1)
@@ -181,7 +170,7 @@ def test_grid_lines_lie_between_neighbors_with_heights(hill):
 def test_vectors_start_on_the_surface_where_all_is_finite(hill):
     hill["n_x"], hill["n_y"], hill["n_z"] = 1.0, 2.0, 3.0
     hill["n_y"][4, 2] = np.nan
-    scene = make_scene(hill, Settings(height_layer="elevation", vectors="n_", vector_scale=0.5))
+    scene = make_scene(hill, ViewSettings(height_layer="elevation", vectors="n_", vector_scale=0.5))
     assert len(scene.vectors) == 15 - 2
     arrows = np.diff(scene.vectors, axis=1)[:, 0]
     np.testing.assert_allclose(arrows, np.tile([0.5, 1.0, 1.5], (13, 1)), rtol=1e-5)
@@ -191,7 +180,7 @@ def test_vectors_start_on_the_surface_where_all_is_finite(hill):
 
 def test_the_legend_has_the_values_of_the_colors(hill):
     coloring = Coloring("intensity", "elevation", "gray", upper=3.0)
-    scene = make_scene(hill, Settings(height_layer="elevation", coloring=coloring))
+    scene = make_scene(hill, ViewSettings(height_layer="elevation", coloring=coloring))
     assert scene.bounds == (pytest.approx(0.1), 3.0)
     text = legend(coloring, scene.bounds, "<b> [m]")
     assert ">&lt;b&gt; [m]<" in text
@@ -202,7 +191,7 @@ def test_the_legend_has_the_values_of_the_colors(hill):
     inverted = legend(Coloring(color_map="gray", invert=True), scene.bounds, "")
     assert legend_colors(inverted) == legend_colors(text)[::-1]
     # A layer that was selected before has no effect.
-    flat = Settings(height_layer="elevation", coloring=Coloring("flat", layer="gone"))
+    flat = ViewSettings(height_layer="elevation", coloring=Coloring("flat", layer="gone"))
     assert make_scene(hill, flat).bounds is None
 
 
@@ -217,7 +206,7 @@ def test_screen_colors_equal_those_recorded_in_chromium():
 
 
 def test_view_aims_at_the_center_of_the_map(hill):
-    seen = make_scene(hill, Settings(height_layer="elevation")).view
+    seen = make_scene(hill, ViewSettings(height_layer="elevation")).view
     np.testing.assert_allclose(seen.target, [10.0, -4.0, 0.75])
     reach = math.hypot(0.5, 0.3)
     np.testing.assert_allclose(seen.start - seen.target, np.multiply(reach, [-0.5, -0.5, 0.6]))
@@ -415,90 +404,9 @@ def connected(page: Page) -> Iterator[Callable[[dict[str, object]], None]]:
         yield send
 
 
-def test_closed_connections_are_forgotten(page):
-    def visit():
-        with connected(page):
-            pass
-        wait_until(lambda: not page.is_watched, "its end")
-
-    def connections():
-        return sum(type(known).__name__ == "WebsockClientConnection" for known in gc.get_objects())
-
-    gc.disable()
-    try:
-        for _ in range(5):
-            visit()
-        # The last ones may still be alive while they are ending.
-        wait_until(lambda: connections() <= 2, "the end of the connections")
-    finally:
-        gc.enable()
-
-
-def test_flood_of_messages_waits_and_user_does_not():
-    clock = [0.0]
-
-    def longest_wait(rate: float) -> float:
-        """Send for 20 s; return the longest wait."""
-        pace, waits = Pace(lambda: clock[0]), [0.0]
-        end = clock[0] + 20
-        while clock[0] < end:
-            waits.append(pace.wait())
-            clock[0] += max(waits[-1], 1 / rate)
-        assert len(waits) < 20 * 200 + 205
-        return max(waits)
-
-    # Camera, clicks and three controls at once.
-    assert longest_wait(50 + 50 + 3 * 20) == 0
-    assert longest_wait(1e5) == pytest.approx(1 / 200)
-    # After an idle time, a browser that comes back may send what it has held back.
-    pace = Pace(lambda: clock[0])
-    clock[0] += 100
-    assert [pace.wait() for _ in range(190)] == [0.0] * 190
-
-
-def test_flood_of_a_page_is_slowed_and_loses_no_message(page):
-    (history,) = (one for one in page._gate.controls.values() if one.label == "History")
-    with connected(page) as send:
-        for value in [*[3, 4] * 150, 7]:
-            updates = {"value": value}
-            send({"type": "GuiUpdateMessage", "uuid": history._impl.uuid, "updates": updates})
-        wait_until(lambda: page.settings().history == 7, "the last message")
-    assert page.take_refusals()[0] == "a browser has to wait: more than 200 messages per second"
-
-
-def test_only_pictures_may_be_large_messages(page):
-    encode = pytest.importorskip("msgspec.msgpack").encode
-    head = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + struct.pack(">II", 400, 400)
-    picture = {"type": "GetRenderResponseMessage", "render_uuid": "a", "payload": head}
-    assert page._gate.accepts(encode(picture | {"payload": head + bytes(2**20)}))
-    assert page._gate.accepts(encode(picture | {"more": 100 * [{}]}))
-    assert not page._gate.accepts(encode(picture | {"more": 10_000 * [{}]}))
-    assert not page._gate.accepts(encode(picture | {"payload": 10_000 * [{}]}))
-
-
-def test_connections_beyond_the_limit_are_refused(page):
-    refused = pytest.importorskip("websockets.exceptions").InvalidStatus
-    pages = [ExitStack() for _ in range(MOST_CONNECTIONS)]
-    with ExitStack() as all_pages:
-        for one in pages:
-            all_pages.enter_context(one).enter_context(connected(page))
-        with pytest.raises(refused, match="503"), connected(page):
-            pass
-        limit = f"more than {MOST_CONNECTIONS} pages are open"
-        assert page.take_refusals() == [f"a connection was refused: {limit}"]
-        pages.pop().close()
-
-        def connects():
-            with suppress(refused), connected(page):
-                return True
-            return False
-
-        wait_until(connects, "a connection after one has ended")
-
-
 def test_larger_messages_than_pictures_end_their_connection(page):
     closed = pytest.importorskip("websockets.exceptions").ConnectionClosed
-    picture = {"type": "GetRenderResponseMessage", "payload": bytes(LARGEST_PICTURE)}
+    picture = {"type": "GetRenderResponseMessage", "payload": bytes(LARGEST_MESSAGE)}
     with connected(page) as send:
         with suppress(closed):
             send(picture)
@@ -508,40 +416,10 @@ def test_larger_messages_than_pictures_end_their_connection(page):
             send(picture)
 
 
-def test_connection_that_is_not_read_holds_few_messages(page):
-    host, port = page.url.removeprefix("http://").split(":")
-    head = f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-    head += "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
-    message = b"\x82\xff" + struct.pack(">Q4x", LARGEST_PICTURE) + bytes(LARGEST_PICTURE)
-    sent = 0
-    with socket.create_connection((host, port), timeout=1.0) as program:
-        # Without the protocol of the page, the server asks it to close the connection.
-        program.sendall(head.encode())
-        with suppress(OSError):
-            for _ in range(20):
-                program.sendall(message)
-                sent += 1
-    assert sent <= 4
-
-
-def test_programs_that_are_no_page_write_no_output(page, capfd):
-    websockets = pytest.importorskip("websockets.sync.client")
-    closed = pytest.importorskip("websockets.exceptions").ConnectionClosed
-    address = page.url.replace("http", "ws")
-    with socket.create_connection(page.url.removeprefix("http://").split(":")) as program:
-        program.sendall(b"no HTTP\r\n\r\n")
-        assert program.recv(1) == b""
-    for protocol in ("viser-v0", "viser-v" + "x" * 4000):
-        with (
-            websockets.connect(address, subprotocols=[protocol]) as program,
-            pytest.raises(closed, match="1002"),
-        ):
-            program.recv()
-    junk, *others = page.take_refusals()
-    assert junk.startswith("opening handshake failed: InvalidMessage(")
-    assert len(others) == 2
-    assert all(re.match(r"a connection was closed: expected .* viser-v\d", text) for text in others)
-    assert capfd.readouterr() == ("", "")
+def test_taken_port_is_one_error(page):
+    port = int(page.url.rpartition(":")[2])
+    with pytest.raises(PageError, match=rf"served at 127.0.0.1:{port}: .*in use.*; choose another"):
+        Page("127.0.0.1", port, "z")
 
 
 def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):
@@ -560,7 +438,7 @@ def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):
 
 def test_map_is_hidden_while_it_is_loaded(page, hill):
     def load(*, replaces: bool) -> None:
-        settings = Settings(height_layer="elevation", points=True, grid_lines=True)
+        settings = ViewSettings(height_layer="elevation", points=True, grid_lines=True)
         page.load(make_scene(hill, settings), settings, replaces=replaces)
 
     def visible() -> list[int]:
@@ -613,34 +491,3 @@ def test_map_that_contradicts_itself_is_refused_on_arrival(page, hill, monkeypat
     viewer.receive(ReceivedMap(good))
     assert viewer.update() == ""
     assert ["hidden" in note for note in notes] == [False, True, False] * is_watched
-
-
-def test_map_without_memory_to_draw_it_is_dropped_once(page, hill, monkeypatch):
-    monkeypatch.setattr(Page, "is_watched", True)
-    limits = iter([2**62, 1, 1, 2**62, 1])
-    load = Page.load
-
-    def load_within_limits(*args: object, **options: object) -> None:
-        bytearray(next(limits))
-        load(*args, **options)
-
-    monkeypatch.setattr(Page, "load", load_within_limits)
-    drops: list[str] = []
-    viewer = Viewer(page, 0, drops.append)
-    message = serialize(to_message(hill))
-
-    def problems(*values: bool) -> list[str]:
-        """Receive a map, and draw it in several styles."""
-        viewer.receive(ReceivedMap(message))
-        found = []
-        for value in values:
-            page._style["flat"].value = value
-            found.append(viewer.update())
-        return found
-
-    assert problems(True, True) == ["out of memory"] * 2
-    assert drops == ["out of memory"]
-    # The next one can be drawn, but not in another style.
-    assert problems(True, False, True) == ["", "", "out of memory"]
-    assert drops == ["out of memory"]
-    assert problems(True) == [""]

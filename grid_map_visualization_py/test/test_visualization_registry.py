@@ -147,14 +147,6 @@ def test_example_file_has_every_built_in_type():
     assert made == {*registry.BUILT_IN.values()}
 
 
-def test_file_for_every_built_in_type_is_named_after_it():
-    folder = Path(registry.__file__).parent / "builtin"
-    files = {file.stem for file in folder.glob("*.py")} - {"__init__"}
-    assert files == {f"_{name}" for name in registry.BUILT_IN}
-    for name, cls in registry.BUILT_IN.items():
-        assert cls.__module__.endswith(f"._{name}")
-
-
 def test_other_packages_add_types_by_entry_point(tmp_path, monkeypatch):
     code = """
 from dataclasses import dataclass

@@ -4,7 +4,7 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import partial
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from grid_map_core_py._commands import (
     tiled_source,
 )
 
-from .._kinds import usual_layer as usual_layer
+from .._layers import usual_layer as usual_layer
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
@@ -129,24 +129,17 @@ def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
 def _animate(options: argparse.Namespace) -> None:
     from ..pictures import save_animation
 
-    with open_recording(options) as records, _Progress() as bar, _telling(options.picture):
+    with ExitStack() as stack, open_recording(options) as records, _telling(options.picture):
+        # The progress bar begins with the first map, not above an error before it.
+        start = cache(lambda: stack.enter_context(ProgressBar()))
+        progress = lambda done, total: start()(done, total)  # noqa: E731
         if not len(records):
             raise CommandError(f"{options.source}: holds no maps")
         first = records[0].grid_map()
         layer = options.layer or usual_layer(first)
         style = _options_of(first, layer, options)
         speed = {} if options.speed is None else {"speed": options.speed}
-        save_animation(records, layer, options.picture, progress=bar, **speed, **style)
-
-
-class _Progress(ExitStack):
-    """Shows a progress bar from the first map on, not above an error before it."""
-
-    _bar: ProgressBar | None = None
-
-    def __call__(self, done: int, total: int) -> None:
-        self._bar = self._bar or self.enter_context(ProgressBar())
-        self._bar(done, total)
+        save_animation(records, layer, options.picture, progress=progress, **speed, **style)
 
 
 def check_style(

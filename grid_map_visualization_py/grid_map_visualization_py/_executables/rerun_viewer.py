@@ -18,7 +18,7 @@ from grid_map_ros_py.nodes import (
     steady_timer,
 )
 
-from .._rerun.feeder import QUEUES, Feeder
+from .._rerun.live import QUEUES, LiveScene
 from .._rerun.scene import SHOWN_TYPES, Style
 from .._rerun.server import Server
 from ..colors import DEFAULT_COLOR_MAP
@@ -27,7 +27,7 @@ TF = frozenset({"/tf", "/tf_static"})
 """Topics that are shown in any case, since places of other messages depend on them."""
 
 PERIOD = 0.5
-"""Time between two looks for new topics, and for problems [s]."""
+"""Time between two looks for new topics, and for the end of Rerun [s]."""
 
 
 class RerunViewerNode(ConfiguredNode):
@@ -43,21 +43,6 @@ class RerunViewerNode(ConfiguredNode):
         self._chosen = {
             self.resolve_topic_name(check_topic(self, "topics", topic)) for topic in topics
         }
-        style = self._read_style()
-        about = "largest rate at which a topic is shown [Hz]; of faster ones, the newest message is"
-        max_rate = self.read_positive("max_rate", 5.0, about)
-        self._log = LogThrottle(self.get_logger())
-        self._has_shown = False
-        self._followed: dict[str, LatchedSubscription | None] = {}
-        self._server = self._serve()
-        self._feeder = Feeder(self._server, style, max_rate)
-        health = health_of(self)
-        health.inputs, health.details = "messages", self._details
-        steady_timer(self, PERIOD, self._look)
-        # The address stands alone on its line, so that it is easy to find and to copy.
-        self.get_logger().info(f"shows messages in the browser at\n{self._server.page_url}")
-
-    def _read_style(self) -> Style:
         about = "layer of the heights; empty: `elevation`, or the first layer of the map"
         height_layer = self.read("height_layer", "", about)
         about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
@@ -71,7 +56,7 @@ class RerunViewerNode(ConfiguredNode):
             "out; 0 for no limit"
         )
         max_drawn_cells = self.read("max_drawn_cells", 50_000, about)
-        return Style(
+        style = Style(
             height_layer=height_layer,
             color_layer=color_layer,
             color_map=color_map,
@@ -79,6 +64,19 @@ class RerunViewerNode(ConfiguredNode):
             max_drawn_cells=max_drawn_cells,
             max_image_cells=max_drawn_cells,
         )
+        about = "largest rate at which a topic is shown [Hz]; of faster ones, the newest message is"
+        max_rate = self.read_positive("max_rate", 5.0, about)
+        self._log = LogThrottle(self.get_logger())
+        self._has_shown = False
+        self._followed: dict[str, LatchedSubscription | None] = {}
+        self._server = self._serve()
+        self._live = LiveScene(self._server.recording, style)
+        health = health_of(self)
+        health.inputs, health.details = "messages", self._details
+        steady_timer(self, 1 / max_rate, self._write)
+        steady_timer(self, PERIOD, self._look)
+        # The address stands alone on its line, so that it is easy to find and to copy.
+        self.get_logger().info(f"shows messages in the browser at\n{self._server.page_url}")
 
     def _serve(self) -> Server:
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
@@ -101,28 +99,30 @@ class RerunViewerNode(ConfiguredNode):
 
     def destroy_node(self) -> None:
         """Destroy the node and end Rerun."""
-        self._feeder.close()
         self._server.close()
         Node.destroy_node(self)
 
+    def _write(self) -> None:
+        """Show the newest messages, and report those that cannot be shown."""
+        health = health_of(self)
+        for refusal in self._live.write():
+            health.drop_used(refusal)
+            self._log.error(f"dropped a message of {refusal}")
+        health.problem = self._live.problem
+        if health.problem:
+            self._log.warning(health.problem)
+
     def _look(self) -> None:
-        """Subscribe to new topics, and report problems."""
+        """Subscribe to new topics, and end with Rerun."""
         if self._server.problem:
             raise NodeFailedError(self._server.problem)
         for topic, types in self.get_topic_names_and_types():
             if topic not in self._followed:
                 self._follow(topic, types)
-        if self._feeder.shown and not self._has_shown:
+        if self._live.shown and not self._has_shown:
             self._has_shown = True
             # By now all nodes have started, and the address stands at the end of what they log.
             self.get_logger().info(f"the first message is shown; see\n{self._server.page_url}")
-        health = health_of(self)
-        for refusal in self._feeder.take_refusals():
-            health.drop_used(refusal)
-            self._log.error(f"dropped a message of {refusal}")
-        health.problem = self._feeder.problem
-        if health.problem:
-            self._log.warning(health.problem)
 
     def _follow(self, topic: str, types: list[str]) -> None:
         kind = next((kind for kind in types if kind in SHOWN_TYPES), None)
@@ -143,7 +143,7 @@ class RerunViewerNode(ConfiguredNode):
             self,
             message_type,
             topic,
-            partial(self._feeder.put, topic, kind),
+            partial(self._live.put, topic, kind),
             raw=True,
             hears_best_effort=True,
             depth=QUEUES.get(kind, 1),
@@ -151,8 +151,7 @@ class RerunViewerNode(ConfiguredNode):
         self.get_logger().info(f"shows {topic} ({kind})")
 
     def _details(self) -> dict[str, object]:
-        feeder = self._feeder
-        return {"messages shown": feeder.shown, "messages replaced": feeder.replaced}
+        return {"messages shown": self._live.shown, "messages replaced": self._live.replaced}
 
 
 if __name__ == "__main__":

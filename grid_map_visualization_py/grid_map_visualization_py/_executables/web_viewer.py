@@ -48,7 +48,7 @@ class WebViewerNode(ConfiguredNode):
             raise MissingPackageError("tf2_ros", "robot_frame", remedy)
         self._page = self._serve_page(topic)
         clock = lambda: self.get_clock().now().nanoseconds  # noqa: E731
-        self._viewer = Viewer(self._page, max_drawn_cells, health_of(self).drop_used, clock)
+        self._viewer = Viewer(self._page, max_drawn_cells, clock)
         self._log = LogThrottle(self.get_logger())
         self._poses = TfPoses(self, self._robot_frame) if self._robot_frame else None
         self._next_look = 0.0
@@ -99,12 +99,19 @@ class WebViewerNode(ConfiguredNode):
     def _update(self) -> None:
         if self._page.is_watched:
             self._follow_choice()
-            self._draw_robot()
+            frame_id = self._viewer.frame_id
+            if self._poses is not None and frame_id:
+                to_robot = None
+                try:
+                    # The frame of the map may change, that of the robot does not.
+                    to_robot = self._poses.frame_at(frame_id, 0)
+                except GridMapError as error:
+                    self._log.warning(f"no pose of the robot: {error}")
+                pose = None if to_robot is None else np.linalg.inv(to_robot)
+                self._page.draw_frame("robot", self._robot_frame, pose)
         problem = health_of(self).problem = self._viewer.update()
         if problem:
             self._log.error(problem)
-        for refusal in self._page.take_refusals():
-            self._log.warning(refusal)
 
     def _follow_choice(self) -> None:
         """Offer the topics of maps, and subscribe to the chosen one."""
@@ -116,19 +123,6 @@ class WebViewerNode(ConfiguredNode):
             self._maps.destroy()
             self._viewer.clear()
             self._subscribe(self._page.topic)
-
-    def _draw_robot(self) -> None:
-        frame_id = self._viewer.frame_id
-        if self._poses is None or not frame_id:
-            return
-        try:
-            # The frame of the map may change, that of the robot does not.
-            to_robot = self._poses.frame_at(frame_id, 0)
-        except GridMapError as error:
-            self._log.warning(f"no pose of the robot: {error}")
-            to_robot = None
-        pose = None if to_robot is None else np.linalg.inv(to_robot)
-        self._page.draw_frame("robot", self._robot_frame, pose)
 
 
 if __name__ == "__main__":

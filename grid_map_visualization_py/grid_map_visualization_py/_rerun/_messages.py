@@ -3,7 +3,9 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import partial
+from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -35,9 +37,20 @@ class Placed:
     is_global: bool = False
 
 
-def stamp_of(header: Any) -> int:
-    """Return the time of a header [ns]."""
-    return from_stamp(header.stamp)
+class Shape(IntEnum):
+    """Types of markers that are shown."""
+
+    ARROW = 0
+    CUBE = 1
+    SPHERE = 2
+    CYLINDER = 3
+    LINE_STRIP = 4
+    LINE_LIST = 5
+    CUBE_LIST = 6
+    SPHERE_LIST = 7
+    POINTS = 8
+    TEXT_VIEW_FACING = 9
+    TRIANGLE_LIST = 11
 
 
 def _always(archetype: Any) -> Callable[[Origin], list[Any]]:
@@ -46,14 +59,13 @@ def _always(archetype: Any) -> Callable[[Origin], list[Any]]:
 
 def _transforms(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     for one in message.transforms:
-        path = ("tf", one.child_frame_id)
-        yield Placed(stamp_of(one.header), path, None, partial(_transform, rr, one), True)
 
+        def moved(_: Origin, one: Any = one) -> list[Any]:
+            matrix = from_transform(one.transform)
+            frames = {"parent_frame": one.header.frame_id, "child_frame": one.child_frame_id}
+            return [rr.Transform3D(translation=matrix[:3, 3], mat3x3=matrix[:3, :3], **frames)]
 
-def _transform(rr: Any, one: Any, _: Origin) -> list[Any]:
-    matrix = from_transform(one.transform)
-    frames = {"parent_frame": one.header.frame_id, "child_frame": one.child_frame_id}
-    return [rr.Transform3D(translation=matrix[:3, 3], mat3x3=matrix[:3, :3], **frames)]
+        yield Placed(from_stamp(one.header.stamp), ("tf", one.child_frame_id), None, moved, True)
 
 
 def _pose(rr: Any, message: Any, _: int) -> Iterator[Placed]:
@@ -67,8 +79,8 @@ def _pose(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     def point(origin: Origin) -> list[Any]:
         return [rr.Points3D([matrix[:3, 3] - origin], radii=rr.Radius.ui_points(2.0))]
 
-    yield Placed(stamp_of(message.header), ("pose",), message.header.frame_id, arrows)
-    yield Placed(stamp_of(message.header), ("trail",), message.header.frame_id, point)
+    yield Placed(from_stamp(message.header.stamp), ("pose",), message.header.frame_id, arrows)
+    yield Placed(from_stamp(message.header.stamp), ("trail",), message.header.frame_id, point)
 
 
 def _path(rr: Any, message: Any, _: int) -> Iterator[Placed]:
@@ -79,7 +91,7 @@ def _path(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     def strip(origin: Origin) -> list[Any]:
         return [rr.LineStrips3D([points - origin], radii=rr.Radius.ui_points(2.0))]
 
-    yield Placed(stamp_of(message.header), (), message.header.frame_id, strip)
+    yield Placed(from_stamp(message.header.stamp), (), message.header.frame_id, strip)
 
 
 def _cloud(rr: Any, message: Any, most: int) -> Iterator[Placed]:
@@ -98,7 +110,7 @@ def _cloud(rr: Any, message: Any, most: int) -> Iterator[Placed]:
         radii = rr.Radius.ui_points(1.5)
         return [rr.Points3D(points[shown] - origin, radii=radii, colors=colors)]
 
-    yield Placed(stamp_of(message.header), (), message.header.frame_id, cloud)
+    yield Placed(from_stamp(message.header.stamp), (), message.header.frame_id, cloud)
 
 
 def _occupancy_grid(rr: Any, message: Any, _: int) -> Iterator[Placed]:
@@ -124,12 +136,12 @@ def _occupancy_grid(rr: Any, message: Any, _: int) -> Iterator[Placed]:
         )
         return [archetype]
 
-    yield Placed(stamp_of(message.header), (), message.header.frame_id, grid)
+    yield Placed(from_stamp(message.header.stamp), (), message.header.frame_id, grid)
 
 
 def _markers(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     for marker in message.markers if hasattr(message, "markers") else [message]:
-        time, path = stamp_of(marker.header), (marker.ns or "markers", str(marker.id))
+        time, path = from_stamp(marker.header.stamp), (marker.ns or "markers", str(marker.id))
         if marker.action == 0:
             yield Placed(time, path, marker.header.frame_id, partial(_marker, rr, marker))
         else:
@@ -138,102 +150,46 @@ def _markers(rr: Any, message: Any, _: int) -> Iterator[Placed]:
 
 
 def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
-    matrix = _marker_pose(marker.pose)
+    q = marker.pose.orientation
+    xyzw = [q.x, q.y, q.z, q.w] if any((q.x, q.y, q.z, q.w)) else [0.0, 0.0, 0.0, 1.0]
+    # As in RViz, a quaternion of zeros is no rotation.
+    turn = SimpleNamespace(**dict(zip("xyzw", xyzw, strict=True)))
+    matrix = from_pose(SimpleNamespace(position=marker.pose.position, orientation=turn))
+    center = matrix[:3, 3] - origin
     points = np.array([(p.x, p.y, p.z) for p in marker.points], float).reshape(-1, 3)
-    points = points @ matrix[:3, :3].T + matrix[:3, 3]
+    points = points @ matrix[:3, :3].T + center
     scale = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
     colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
     rgba = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
-    near = points - origin
-    if marker.type in _SHAPES_OF_POINTS:
-        return [_SHAPES_OF_POINTS[marker.type](rr, near, scale, rgba)]
-    if marker.type in _SHAPES:
-        center = matrix[:3, 3] - origin
-        return [_SHAPES[marker.type](rr, marker, center, matrix[:3, :3], near, scale, rgba)]
-    return [rr.Clear(recursive=False)]
-
-
-def _line_list(rr: Any, points: Any, scale: Any, rgba: Any) -> Any:
-    strips = points[: len(points) // 2 * 2].reshape(-1, 2, 3)
-    return rr.LineStrips3D(strips, radii=scale[0] / 2, colors=rgba[::2])
-
-
-def _triangles(rr: Any, points: Any, _: Any, rgba: Any) -> Any:
-    # Colors are of one triangle, of all triangles, or of all corners.
-    repeated = np.repeat(rgba, -(-len(points) // len(rgba)), axis=0)[: len(points)]
-    return rr.Mesh3D(vertex_positions=points, vertex_colors=repeated)
-
-
-def _cubes(rr: Any, points: Any, scale: Any, rgba: Any) -> Any:
-    halves = np.tile(scale / 2, (len(points), 1))
-    return rr.Boxes3D(centers=points, half_sizes=halves, colors=rgba, fill_mode="solid")
-
-
-def _arrow(rr: Any, _: Any, center: Any, turn: Any, points: Any, scale: Any, rgba: Any) -> Any:
-    start, vector = center, turn[:, 0] * scale[0]
+    start, vector = center, matrix[:3, 0] * scale[0]
     if len(points) == 2:
         start, vector = points[0], points[1] - points[0]
-    return rr.Arrows3D(origins=[start], vectors=[vector], colors=rgba)
-
-
-def _cube(rr: Any, marker: Any, center: Any, _: Any, __: Any, scale: Any, rgba: Any) -> Any:
-    turn = rr.Quaternion(xyzw=_xyzw(marker.pose.orientation))
-    box = {"centers": [center], "half_sizes": [scale / 2], "quaternions": [turn]}
-    return rr.Boxes3D(**box, colors=rgba, fill_mode="solid")
-
-
-def _sphere(rr: Any, marker: Any, center: Any, _: Any, __: Any, scale: Any, rgba: Any) -> Any:
-    turn = rr.Quaternion(xyzw=_xyzw(marker.pose.orientation))
-    ball = {"centers": [center], "half_sizes": [scale / 2], "quaternions": [turn]}
-    return rr.Ellipsoids3D(**ball, colors=rgba, fill_mode="solid")
-
-
-def _cylinder(rr: Any, marker: Any, center: Any, _: Any, __: Any, scale: Any, rgba: Any) -> Any:
-    turn = rr.Quaternion(xyzw=_xyzw(marker.pose.orientation))
-    # Those of Rerun are round.
-    shape = {"lengths": scale[2], "radii": scale[:2].mean() / 2}
-    place = {"centers": [center], "quaternions": [turn]}
-    return rr.Cylinders3D(**shape, **place, colors=rgba, fill_mode="solid")
-
-
-def _text(rr: Any, marker: Any, center: Any, _: Any, __: Any, ___: Any, rgba: Any) -> Any:
-    return rr.Points3D([center], labels=[marker.text], show_labels=True, colors=rgba)
-
-
-_SHAPES_OF_POINTS: dict[int, Callable[..., Any]] = {
-    4: lambda rr, points, scale, rgba: rr.LineStrips3D(
-        [points], radii=scale[0] / 2, colors=rgba[:1]
-    ),
-    5: _line_list,
-    6: _cubes,
-    7: lambda rr, points, scale, rgba: rr.Points3D(points, radii=scale[0] / 2, colors=rgba),
-    8: lambda rr, points, scale, rgba: rr.Points3D(points, radii=scale[0] / 2, colors=rgba),
-    11: _triangles,
-}
-"""Shapes by the type of the marker: strip, list of lines, cubes, spheres, points, triangles."""
-
-_SHAPES: dict[int, Callable[..., Any]] = {
-    0: _arrow,
-    1: _cube,
-    2: _sphere,
-    3: _cylinder,
-    9: _text,
-}
-"""Shapes at the pose of the marker: arrow, cube, sphere, cylinder, text."""
-
-
-def _xyzw(q: Any) -> list[float]:
-    return [q.x, q.y, q.z, q.w] if any((q.x, q.y, q.z, q.w)) else [0.0, 0.0, 0.0, 1.0]
-
-
-def _marker_pose(pose: Any) -> npt.NDArray[np.float64]:
-    """Return the pose of a marker; RViz takes a quaternion of zeros for no rotation, too."""
-    q = pose.orientation
-    if any((q.x, q.y, q.z, q.w)):
-        return from_pose(pose)
-    matrix = np.eye(4)
-    matrix[:3, 3] = pose.position.x, pose.position.y, pose.position.z
-    return matrix
+    wide = {"radii": scale[0] / 2}
+    solid = {"colors": rgba, "fill_mode": "solid"}
+    posed = {"centers": [center], "quaternions": [rr.Quaternion(xyzw=xyzw)], **solid}
+    # Colors of triangles are those of one, of all triangles, or of all corners.
+    of_corners = np.repeat(rgba, -(-len(points) // len(rgba)), axis=0)[: len(points)]
+    pairs = points[: len(points) // 2 * 2].reshape(-1, 2, 3)
+    halves = np.tile(scale / 2, (len(points), 1))
+    shapes: dict[int, Callable[[], Any]] = {
+        Shape.ARROW: lambda: rr.Arrows3D(origins=[start], vectors=[vector], colors=rgba),
+        Shape.CUBE: lambda: rr.Boxes3D(half_sizes=[scale / 2], **posed),
+        Shape.SPHERE: lambda: rr.Ellipsoids3D(half_sizes=[scale / 2], **posed),
+        # Those of Rerun are round.
+        Shape.CYLINDER: lambda: rr.Cylinders3D(
+            lengths=scale[2], radii=scale[:2].mean() / 2, **posed
+        ),
+        Shape.LINE_STRIP: lambda: rr.LineStrips3D([points], colors=rgba[:1], **wide),
+        Shape.LINE_LIST: lambda: rr.LineStrips3D(pairs, colors=rgba[::2], **wide),
+        Shape.CUBE_LIST: lambda: rr.Boxes3D(centers=points, half_sizes=halves, **solid),
+        Shape.SPHERE_LIST: lambda: rr.Points3D(points, colors=rgba, **wide),
+        Shape.POINTS: lambda: rr.Points3D(points, colors=rgba, **wide),
+        Shape.TEXT_VIEW_FACING: lambda: rr.Points3D(
+            [center], labels=[marker.text], show_labels=True, colors=rgba
+        ),
+        Shape.TRIANGLE_LIST: lambda: rr.Mesh3D(vertex_positions=points, vertex_colors=of_corners),
+    }
+    return [shapes[marker.type]() if marker.type in shapes else rr.Clear(recursive=False)]
 
 
 def _diagnostics(rr: Any, message: Any, _: int) -> Iterator[Placed]:
@@ -248,7 +204,9 @@ def _diagnostics(rr: Any, message: Any, _: int) -> Iterator[Placed]:
             except ValueError:
                 continue
             path = ("milliseconds", status.name, part or "all")
-            yield Placed(stamp_of(message.header), path, None, _always(scalar), is_global=True)
+            yield Placed(
+                from_stamp(message.header.stamp), path, None, _always(scalar), is_global=True
+            )
 
 
 SHOWN: dict[str, Callable[[Any, Any, int], Iterator[Placed]]] = {

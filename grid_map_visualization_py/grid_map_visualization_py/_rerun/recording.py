@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from grid_map_core_py.errors import GridMapError, LimitError
 from grid_map_core_py.files import new_file
-from grid_map_ros_py import BagError, BagMessage, MessageError, bag_messages
+from grid_map_ros_py import BagError, MessageError, bag_messages
 
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
 
@@ -35,11 +35,11 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
         GridMapError: the file cannot be written.
     """
     try:
-        with new_file(path) as temporary, _Writer(temporary) as writer:
+        with new_file(path) as temporary, _pipe_into(temporary) as (pipe, errors):
             recording = rerun().RecordingStream("grid_map")
-            recording.save(writer.path)
+            recording.save(pipe)
             try:
-                scene = _SceneInFile(recording, style, writer)
+                scene = _SceneInFile(recording, style, errors)
                 yield scene
                 scene.send_layout()
             finally:
@@ -48,59 +48,46 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
         raise GridMapError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-class _Writer:
-    """A thread that writes to a file what comes through a pipe.
+@contextmanager
+def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
+    """Yield the name of a pipe whose content a thread writes to a file, and the errors so far.
 
-    Rerun waits forever for a file that it cannot write, such as on a full disk; this thread reads
-    on in that case, and keeps the error.
+    Rerun waits forever for a file that it cannot write, such as on a full disk.
     """
+    source, sink = os.pipe()
+    errors: list[OSError] = []
 
-    def __init__(self, target: Path) -> None:
-        self._target = target
-        self._error: OSError | None = None
-        self._source, self._sink = os.pipe()
-        self._thread = threading.Thread(target=self._write, daemon=True)
-
-    @property
-    def path(self) -> str:
-        """The end of the pipe that Rerun opens as its file."""
-        return f"/dev/fd/{self._sink}"
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, kind: object, *_: object) -> None:
-        os.close(self._sink)
-        self._thread.join()
-        if kind is None:
-            self.check()
-
-    def check(self) -> None:
-        """Raise the error of the file, if there is one."""
-        if self._error is not None:
-            raise self._error
-
-    def _write(self) -> None:
-        with os.fdopen(self._source, "rb", buffering=0) as source:
+    def write() -> None:
+        with os.fdopen(source, "rb", buffering=0) as pipe:
             try:
-                with self._target.open("wb") as target:
-                    shutil.copyfileobj(source, target, _BLOCK)
+                with target.open("wb") as file:
+                    shutil.copyfileobj(pipe, file, _BLOCK)
             except OSError as error:
-                self._error = error
-            while source.read(_BLOCK):
+                errors.append(error)
+            while pipe.read(_BLOCK):
                 pass
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    try:
+        yield f"/dev/fd/{sink}", errors
+    finally:
+        os.close(sink)
+        thread.join()
+    if errors:
+        raise errors[0]
 
 
 class _SceneInFile(Scene):
     """A scene that ends with the first error of its file."""
 
-    def __init__(self, recording: Any, style: Style | None, writer: _Writer) -> None:
+    def __init__(self, recording: Any, style: Style | None, errors: list[OSError]) -> None:
         super().__init__(recording, style)
-        self._writer = writer
+        self._errors = errors
 
     def _set_times(self, ros_time: int, log_time: int | None) -> None:
-        self._writer.check()
+        if self._errors:
+            raise self._errors[0]
         super()._set_times(ros_time, log_time)
 
 
@@ -121,7 +108,7 @@ def log_bag(
         scene: where they go.
         path: the bag.
         topic: only this topic of maps, and all other messages; None means all.
-        recover: read what is there of a damaged bag, and leave out damaged maps.
+        recover: read the undamaged part of a bag, and leave out damaged maps.
         goes_on: is called after each message with its time [ns]; False ends.
 
     Returns:
@@ -132,12 +119,18 @@ def log_bag(
         LimitError: a map has too many cells.
     """
     count, left_out = 0, Counter[str]()
-    for message in _chosen(path, topic, recover):
+    for message in bag_messages(path, SHOWN_TYPES, recover=recover):
+        is_map = message.type == GRID_MAP_TYPE
+        if is_map and topic not in (None, message.topic):
+            continue
         try:
             scene.log_message(message.topic, message.type, message.data, log_time=message.time)
         except (MessageError, LimitError) as error:
-            if message.type == GRID_MAP_TYPE and not recover:
-                raise _named(message.place, error) from error
+            if is_map and not recover:
+                if isinstance(error, LimitError):
+                    raise LimitError(f"{message.place}: {error}") from error
+                hint = "recover=True (--recover) leaves out such maps"
+                raise BagError(message.place, f"{error}; {hint}") from error
             left_out[message.topic] += 1
             if left_out[message.topic] == 1:
                 warnings.warn(f"left out: {message.place}: {error}", stacklevel=2)
@@ -149,17 +142,3 @@ def log_bag(
         if number > 1:
             warnings.warn(f"left out: {number - 1} more messages on {name}", stacklevel=2)
     return count
-
-
-def _chosen(path: str | PathLike[str], topic: str | None, recover: bool) -> Iterator[BagMessage]:
-    """Yield the messages of a bag that are shown; of the maps, those on a topic."""
-    for message in bag_messages(path, SHOWN_TYPES, recover=recover):
-        if message.type != GRID_MAP_TYPE or topic in (None, message.topic):
-            yield message
-
-
-def _named(place: str, error: GridMapError) -> GridMapError:
-    """Return an error that names the map."""
-    if isinstance(error, LimitError):
-        return LimitError(f"{place}: {error}")
-    return BagError(place, f"{error}; recover=True (--recover) leaves out such maps")

@@ -36,10 +36,10 @@ from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, from_serialized_message
 from grid_map_ros_py.messages import view
 
-from .._kinds import titled
+from .._layers import titled
 from ..colors import DEFAULT_COLOR_MAP, Coloring
 from ..surface import Mesh, Surface, check_max_drawn_cells
-from ._messages import POSES, SHOWN, Placed
+from ._messages import POSES, SHOWN
 
 GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
@@ -52,7 +52,7 @@ _FAR = 1000.0
 _LARGEST_IMAGE = 4096
 """Rows and columns of an image that graphics can hold everywhere."""
 
-_VIEW = "view"
+_VIEW, _NO_FRAME = "view", "(no frame)"
 
 _CURVES = (
     *((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40)),
@@ -132,9 +132,9 @@ class Scene:
         self._maps: dict[str, list[str]] = {}
         self._present: dict[str, set[str]] = {}
         self._messages: dict[str, str] = {}
-        self._curves: set[str] = set()
+        self._has_milliseconds = False
         self._origins: dict[str, npt.NDArray[np.float64]] = {}
-        self._first: tuple[str, npt.NDArray[np.float64], float] | None = None
+        self._first: tuple[npt.NDArray[np.float64], float] | None = None
         self._is_repeated = False
         self._laid_out: object = None
         # Times are those of the messages, not of these calls.
@@ -198,11 +198,18 @@ class Scene:
         message = view(data, kind.replace("/msg/", "/"))
         parts = _parts(topic)
         self._messages.setdefault("/".join(parts), kind)
+        is_static = topic.endswith("tf_static")
         problem: MessageError | None = None
         for item in SHOWN[kind](self._rr, message, self._style.max_drawn_cells):
             self._set_times(item.time, log_time)
+            path = [*([] if item.is_global else parts), *item.path]
             try:
-                self._log_placed(parts, item, is_static=topic.endswith("tf_static"))
+                if item.frame is None:
+                    self._log(path, *item.archetypes(np.zeros(3)), static=is_static)
+                    self._has_milliseconds |= path[0] == "milliseconds"
+                else:
+                    frame, origin = self._place(item.frame)
+                    self._log(path, self._rr.CoordinateFrame(frame), *item.archetypes(origin))
             except MessageError as error:
                 problem = problem or error
         if problem is not None:
@@ -214,16 +221,33 @@ class Scene:
         self._laid_out = self._content()
         rrb = self._rrb
         images = [
-            rrb.Spatial2DView(origin=_path(*parts, "layers", layer), name=layer)
+            rrb.Spatial2DView(origin=_path(name, "layers", layer), name=layer)
             for name, layers in self._maps.items()
-            for parts in [_parts(name)]
             for layer in layers
         ]
         # Narrower images would cut their titles.
         is_crowded = len(images) > 6
         columns = 3 if is_crowded else None
         beside = [rrb.Grid(*images, grid_columns=columns, name="layers")] if images else []
-        curves = self._curve_views()
+        curves = []
+        if self._is_repeated:
+            ranges = [
+                _path(name, "range", layer)
+                for name, layers in self._maps.items()
+                for heights in [self._style.heights_of(layers)]
+                for layer in dict.fromkeys([heights, self._style.color_layer or heights])
+            ]
+            missing = [
+                _path(name, "missing", layer)
+                for name, layers in self._maps.items()
+                for layer in layers
+            ]
+            curves += [
+                rrb.TimeSeriesView(origin="/", contents=ranges, name="range and mean"),
+                rrb.TimeSeriesView(origin="/", contents=missing, name="missing values [%]"),
+            ]
+        if self._has_milliseconds:
+            curves.append(rrb.TimeSeriesView(origin="/milliseconds", name="milliseconds"))
         if curves:
             beside.append(rrb.Tabs(*curves))
         parts = [self._surface_views()]
@@ -243,8 +267,6 @@ class Scene:
         if self.changed:
             self._recording.send_blueprint(self.layout())
 
-    # --- parts of the recording -------------------------------------------------------------------
-
     def _set_times(self, ros_time: int, log_time: int | None) -> None:
         arrival = ros_time if log_time is None else log_time
         for name, time in (("ros_time", ros_time or arrival), ("log_time", arrival)):
@@ -253,7 +275,8 @@ class Scene:
     def _log(self, parts: list[str], *archetypes: Any, static: bool = False) -> None:
         batches = [batch for one in archetypes for batch in one.as_component_batches()]
         self.size += sum(batch.as_arrow_array().nbytes for batch in batches)
-        self._recording.log(_path(*parts), batches, static=static)
+        path = self._rr.new_entity_path(parts)
+        self._recording.log(path, batches, static=static)
 
     def _log_surface(
         self,
@@ -274,7 +297,7 @@ class Scene:
             reach = float(np.hypot(*grid_map.length))
             level = mean_of_finites(mesh.vertices[:, 2]) if len(mesh.vertices) else 0.0
             center = mesh.origin - origin + [0.0, 0.0, self._style.exaggeration * level]
-            self._first = grid_map.frame_id, center, reach
+            self._first = center, reach
             scale = [1.0, 1.0, 1.0 / self._style.exaggeration]
             between = rr.Transform3D(scale=scale, parent_frame=frame, child_frame=_VIEW)
             self._log(["tf", _VIEW], between, static=True)
@@ -350,71 +373,55 @@ class Scene:
             self._log([*parts, "range", layer], rr.Scalars(three), lines)
         else:
             self._log([*parts, "range", layer], rr.Clear(recursive=False))
-        self._log_legend([*parts, "legend", layer], layer, coloring, coloring.bounds(values))
-
-    def _log_legend(
-        self, path: list[str], layer: str, coloring: Coloring, bounds: tuple[float, float]
-    ) -> None:
-        rr = self._rr
-        bar = coloring(np.linspace(*_distinct(bounds), 256, dtype=np.float32))
-        self._log([*path, "bar"], rr.Image(np.tile(bar, (10, 1, 1)), "RGB"))
+        lower, upper = bounds = coloring.bounds(values)
+        steps = np.linspace(lower, upper if upper > lower else lower + 1.0, 256, dtype=np.float32)
+        bar = np.tile(coloring(steps), (10, 1, 1))
+        self._log([*parts, "legend", layer, "bar"], rr.Image(bar, "RGB"))
         labels = [f"{bounds[0]:.4g}", titled(layer), f"{bounds[1]:.4g}"]
         places = [(0.0, 10.0), (128.0, 10.0), (256.0, 10.0)]
-        self._log(
-            path,
-            rr.Points2D(places, labels=labels, radii=0.5, colors=(128, 128, 128), show_labels=True),
-        )
-
-    def _log_placed(self, parts: list[str], item: Placed, *, is_static: bool) -> None:
-        if item.frame is None:
-            root = [] if item.is_global else parts
-            self._curves |= {"milliseconds"} if item.is_global and item.path[0] != "tf" else set()
-            self._log([*root, *item.path], *item.archetypes(np.zeros(3)), static=is_static)
-            return
-        frame, origin = self._place(item.frame)
-        archetypes = item.archetypes(origin)
-        self._log([*parts, *item.path], self._rr.CoordinateFrame(frame), *archetypes)
+        look = {"radii": 0.5, "colors": (128, 128, 128), "show_labels": True}
+        self._log([*parts, "legend", layer], rr.Points2D(places, labels=labels, **look))
 
     def _place(
         self, frame: str, position: npt.NDArray[np.float64] | None = None
     ) -> tuple[str, npt.NDArray[np.float64]]:
-        """Return a frame near a ROS frame's maps, and its origin (3,) in the ROS frame [m]."""
-        if frame not in self._origins:
-            if position is None:
-                return frame or _NO_FRAME, np.zeros(3)
-            near = _FAR * np.round(position / _FAR)
-            self._origins[frame] = near
-            if near.any():
-                between = self._rr.Transform3D(
-                    translation=near,
-                    parent_frame=frame or _NO_FRAME,
-                    child_frame=_near(frame, near),
-                )
-                self._log(["tf", _near(frame, near)], between, static=True)
+        """Return a frame near the maps of a ROS frame, and its origin (3,) in the ROS frame [m]."""
+        name = frame or _NO_FRAME
+        is_new = frame not in self._origins
+        if is_new and position is None:
+            return name, np.zeros(3)
+        if is_new and position is not None:
+            self._origins[frame] = _FAR * np.round(position / _FAR)
         origin = self._origins[frame]
-        return _near(frame, origin) if origin.any() else frame or _NO_FRAME, origin
-
-    # --- parts of the layout ----------------------------------------------------------------------
+        if not origin.any():
+            return name, origin
+        near = f"{name} at {origin[0]:.0f}, {origin[1]:.0f}"
+        if is_new:
+            frames = {"parent_frame": name, "child_frame": near}
+            self._log(["tf", near], self._rr.Transform3D(translation=origin, **frames), static=True)
+        return near, origin
 
     def _content(self) -> object:
+        """Return all that the layout depends on."""
         maps = {name: tuple(layers) for name, layers in self._maps.items()}
-        return maps, {**self._messages}, {*self._curves}, self._first is None, self._is_repeated
+        flags = self._has_milliseconds, self._first is None, self._is_repeated
+        return maps, {**self._messages}, flags
 
     def _surface_views(self) -> Any:
+        """Return a view for each layer that colors surfaces, with the legends below."""
         rrb = self._rrb
         chosen = [
             self._style.color_layer or self._style.heights_of(layers)
             for layers in self._maps.values()
         ]
-        layers = [*dict.fromkeys([*chosen, *(one for some in self._maps.values() for one in some)])]
+        layers = dict.fromkeys([*chosen, *(one for some in self._maps.values() for one in some)])
         if not layers:
-            return self._surface_view("3-D", {})
+            return self._surface_view("3-D", "")
         tabs = []
         for layer in layers:
-            shown = self._surface_view(layer, self._colored_by(layer))
             legends = [
                 rrb.Spatial2DView(
-                    origin=_path(*_parts(name), "legend", layer),
+                    origin=_path(name, "legend", layer),
                     name=f"legend of {layer}",
                     visual_bounds=rrb.VisualBounds2D(x_range=[-40, 296], y_range=[-6, 36]),
                 )
@@ -422,90 +429,55 @@ class Scene:
                 if layer in some and not layer.endswith("color")
             ]
             row = [rrb.Horizontal(*legends)] if legends else []
-            tabs.append(rrb.Vertical(shown, *row, row_shares=[8, 1][: 1 + len(row)], name=layer))
+            views = self._surface_view(layer, layer), *row
+            tabs.append(rrb.Vertical(*views, row_shares=[8, 1][: len(views)], name=layer))
         return rrb.Tabs(*tabs, active_tab=0) if len(tabs) > 1 else tabs[0]
 
-    def _surface_view(self, name: str, overrides: dict[str, Any]) -> Any:
+    def _surface_view(self, name: str, color_layer: str) -> Any:
         rrb = self._rrb
-        surfaces = [_path(*_parts(one), "surface") for one in self._maps]
-        others = [f"{_path(*_parts(topic))}/**" for topic in self._messages]
-        eye = {}
-        target = _VIEW
-        if self._first is None:
-            target = next(iter(self._origins), _NO_FRAME)
-        else:
-            _, center, reach = self._first
+        surfaces = {_path(one, "surface"): layers for one, layers in self._maps.items()}
+        encodings, past = rerun("rerun.blueprint.encodings"), rerun("rerun.encodings")
+        mapping = encodings.VisualizerComponentMapping(
+            "Mesh3D:vertex_colors",
+            encodings.ComponentSourceKind.SourceComponent,
+            source_component=f"{color_layer}:colors",
+        )
+        overrides = {
+            path: self._rr.Mesh3D.from_fields().visualizer(mappings=[mapping])
+            for path, layers in surfaces.items()
+            if color_layer in layers
+        }
+        # Trails show where poses were until now.
+        until_now = past.VisibleTimeRange(
+            "ros_time",
+            start=past.TimeRangeBoundary.infinite(),
+            end=past.TimeRangeBoundary.cursor_relative(),
+        )
+        overrides |= {
+            _path(topic, "trail"): rrb.VisibleTimeRanges(until_now)
+            for topic, kind in self._messages.items()
+            if kind in POSES
+        }
+        target, eye = next(iter(self._origins), _NO_FRAME), {}
+        if self._first is not None:
+            target = _VIEW
+            center, reach = self._first
             eye["eye_controls"] = rrb.EyeControls3D(
                 position=center + reach * np.array([-0.4, -0.7, 0.55]),
                 look_target=center,
                 eye_up=[0.0, 0.0, 1.0],
                 # Otherwise a map that moves with a robot leaves the view.
-                tracking_entity=surfaces[0],
+                tracking_entity=next(iter(surfaces)),
             )
         return rrb.Spatial3DView(
             origin="/",
             name=name,
-            contents=[*surfaces, *others],
-            overrides={**overrides, **self._trails()},
+            contents=[*surfaces, *(f"{_path(topic)}/**" for topic in self._messages)],
+            overrides=overrides,
             spatial_information=rrb.SpatialInformation(target, show_axes=True),
             line_grid=rrb.LineGrid3D(visible=True, spacing=1.0),
             **eye,
         )
-
-    def _trails(self) -> dict[str, Any]:
-        """Return overrides that show where poses were until now."""
-        rrb, datatypes = self._rrb, rerun("rerun.encodings")
-        past = datatypes.VisibleTimeRange(
-            "ros_time",
-            start=datatypes.TimeRangeBoundary.infinite(),
-            end=datatypes.TimeRangeBoundary.cursor_relative(),
-        )
-        return {
-            _path(*_parts(topic), "trail"): rrb.VisibleTimeRanges(past)
-            for topic, kind in self._messages.items()
-            if kind in POSES
-        }
-
-    def _colored_by(self, layer: str) -> dict[str, Any]:
-        """Return overrides that color the surfaces by a layer."""
-        encodings = rerun("rerun.blueprint.encodings")
-        mapping = encodings.VisualizerComponentMapping(
-            "Mesh3D:vertex_colors",
-            encodings.ComponentSourceKind.SourceComponent,
-            source_component=f"{layer}:colors",
-        )
-        return {
-            _path(*_parts(name), "surface"): self._rr.Mesh3D.from_fields().visualizer(
-                mappings=[mapping]
-            )
-            for name, layers in self._maps.items()
-            if layer in layers
-        }
-
-    def _curve_views(self) -> list[Any]:
-        rrb = self._rrb
-        views = []
-        if self._is_repeated:
-            ranges, missing = [], []
-            for name, layers in self._maps.items():
-                heights = self._style.heights_of(layers)
-                for layer in {heights: 0, self._style.color_layer or heights: 0}:
-                    ranges.append(_path(*_parts(name), "range", layer))
-                missing += [_path(*_parts(name), "missing", layer) for layer in layers]
-            views += [
-                rrb.TimeSeriesView(origin="/", contents=ranges, name="range and mean"),
-                rrb.TimeSeriesView(origin="/", contents=missing, name="missing values [%]"),
-            ]
-        if self._curves:
-            views.append(rrb.TimeSeriesView(origin="/milliseconds", name="milliseconds"))
-        return views
-
-
-_NO_FRAME = "(no frame)"
-
-
-def _near(frame: str, origin: npt.NDArray[np.float64]) -> str:
-    return f"{frame or _NO_FRAME} at {origin[0]:.0f}, {origin[1]:.0f}"
 
 
 def _parts(name: str) -> list[str]:
@@ -513,14 +485,9 @@ def _parts(name: str) -> list[str]:
     return [part for part in re.split("/+", name) if part] or ["map"]
 
 
-def _path(*parts: str) -> str:
-    path: str = rerun().new_entity_path(list(parts))
+def _path(name: str, *parts: str) -> str:
+    path: str = rerun().new_entity_path([*_parts(name), *parts])
     return path
-
-
-def _distinct(bounds: tuple[float, float]) -> tuple[float, float]:
-    lower, upper = bounds
-    return (lower, upper) if upper > lower else (lower, lower + 1.0)
 
 
 def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:

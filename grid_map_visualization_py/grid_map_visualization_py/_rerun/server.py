@@ -1,44 +1,51 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Serves a recording of Rerun to browsers."""
+"""Serves a recording of Rerun to browsers.
 
+The program `rerun` answers pages of all programs on this machine and of rerun.io, under any name of
+the host. It therefore listens at a random address of this machine, and a relay passes on only the
+requests of its own page.
+"""
+
+import asyncio
+import io
 import os
 import random
 import socket
 import subprocess
 import threading
 import time
-from collections.abc import Sequence
+from asyncio import StreamReader as Reader, StreamWriter as Writer
+from collections.abc import Container, Sequence
 from contextlib import suppress
+from http.client import parse_headers
 from pathlib import Path
-from typing import Any
+from urllib.parse import urlencode
 
 from grid_map_core_py._commands import die_with_parent
-from grid_map_core_py.errors import GridMapError
 
-from .._viewer.page import is_loopback, url_of
-from .front import Address, Front
+from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from .scene import rerun
 
 SETTINGS = Path(__file__).with_name("settings")
 """Folder of the settings of Rerun: its statistics of use are off, and nothing is written."""
 
-PATIENCE = 30.0
+START_TIME = 30.0
 """Maximum time for the program to start [s]."""
 
 FAREWELL = 0.3
 """Maximum time for the last data to reach the program [s]."""
 
+STALL = 10.0
+"""Maximum time for a page to take data [s]; Rerun would stop for all other pages."""
 
-class ServerError(GridMapError):
-    """The page cannot be served."""
+Address = tuple[str, int]
 
 
 class Server:
     """Serves a recording to browsers and to Rerun's own viewer.
 
-    The program `rerun` keeps the recording in a process of its own, which ends with this process.
-    It listens at a random address of this machine, where no page of a browser can guess it; `Front`
-    passes requests on to it. The thread that makes the server must not end before the server.
+    The program `rerun` keeps the recording, and ends with this process. The thread that makes the
+    server must not end before the server.
 
     Args:
         host: host name or IP address at which the page is served.
@@ -47,7 +54,6 @@ class Server:
             are dropped.
         allowed_hosts: names under which browsers may open the page, besides IP addresses,
             `localhost`, `host` and the name of this machine, with or without `.local`.
-        name: name of the recording.
 
     Attributes:
         recording: the recording, a `rerun.RecordingStream`. Calls of it may wait for the program.
@@ -56,7 +62,7 @@ class Server:
 
     Raises:
         MissingPackageError: Rerun is not installed.
-        ServerError: the page cannot be served at this address, or the program does not start.
+        PageError: the page cannot be served at this address, or the program does not start.
     """
 
     def __init__(
@@ -66,23 +72,19 @@ class Server:
         *,
         memory_limit: str = "512MB",
         allowed_hosts: Sequence[str] = (),
-        name: str = "grid_map",
     ) -> None:
         sdk, program = rerun(), rerun("rerun_cli")
-        listener = _listen(host, port)
-        machine = socket.gethostname()
-        names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
+        listener = listen(host, port)
         self.page_url = url_of(host, listener.getsockname()[1])
         self.is_public = not is_loopback(host)
         hidden = f"127.{random.randint(1, 254)}.{random.randint(1, 254)}.{random.randint(1, 254)}"
         data, page = ((hidden, number) for number in random.sample(range(10_000, 30_000), 2))
-        command = [
-            *(str(Path(program.__file__).with_name("rerun")), "--serve-web", "--bind", hidden),
-            *("--port", str(data[1]), "--web-viewer-port", str(page[1])),
-            *("--server-memory-limit", memory_limit),
-        ]
         self._process = subprocess.Popen(
-            command,
+            [
+                *(str(Path(program.__file__).with_name("rerun")), "--serve-web", "--bind", hidden),
+                *("--port", str(data[1]), "--web-viewer-port", str(page[1])),
+                *("--server-memory-limit", memory_limit),
+            ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             env={**os.environ, "XDG_CONFIG_HOME": str(SETTINGS), "RUST_LOG": "warn"},
@@ -90,17 +92,16 @@ class Server:
             start_new_session=True,
             preexec_fn=die_with_parent(),
         )
-        self._front: Front | None = None
-        self.recording: Any = None
         try:
-            self._wait_for(data, page)
-            self.recording = sdk.RecordingStream(name)
-            self.recording.connect_grpc(f"rerun+http://{hidden}:{data[1]}/proxy")
-            self._front = Front(listener, {each.lower() for each in names}, data, page)
+            for address in (data, page):
+                self._wait_for(address)
         except BaseException:
             listener.close()
-            self.close()
+            self._process.kill()
             raise
+        self.recording = sdk.RecordingStream("grid_map")
+        self.recording.connect_grpc(f"rerun+http://{hidden}:{data[1]}/proxy")
+        self._relay = _Relay(listener, names_of(host, allowed_hosts), data, page)
 
     def __enter__(self) -> "Server":
         return self
@@ -116,40 +117,116 @@ class Server:
 
     def close(self) -> None:
         """Stop serving, also if the program hangs."""
-        if self._front is not None:
-            self._front.close()
-        if self.recording is not None:
-            # Calls of the recording wait for a program that hangs.
-            last = threading.Timer(FAREWELL, self._process.kill)
-            last.start()
-            with suppress(Exception):  # Rerun raises errors of any kind.
-                self.recording.disconnect()
-            last.cancel()
+        self._relay.close()
+        with suppress(Exception):  # Rerun raises errors of any kind.
+            self.recording.flush(timeout_sec=FAREWELL)
         self._process.kill()
         self._process.wait()
-        self.recording = None
+        self.recording.disconnect()
 
-    def _wait_for(self, *addresses: Address) -> None:
-        deadline = time.monotonic() + PATIENCE
-        for address in addresses:
-            while not _is_open(address):
-                if self.problem:
-                    raise ServerError(f"{self.problem}; it says above why")
-                if time.monotonic() > deadline:
-                    raise ServerError(f"the program rerun has not started within {PATIENCE:g} s")
-                time.sleep(0.02)
+    def _wait_for(self, address: Address) -> None:
+        deadline = time.monotonic() + START_TIME
+        while True:
+            with suppress(OSError), socket.create_connection(address):
+                return
+            if self.problem:
+                raise PageError(f"{self.problem}; it says above why")
+            if time.monotonic() > deadline:
+                raise PageError(f"the program rerun has not started within {START_TIME:g} s")
+            time.sleep(0.02)
 
 
-def _listen(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+class _Relay:
+    """Passes requests on in a thread, the data to one address and all others to the page.
+
+    Args:
+        listener: the socket that listens.
+        names: names under which browsers may open the page; see `is_allowed`.
+        data: address of the data of Rerun.
+        page: address of its page.
+    """
+
+    def __init__(
+        self, listener: socket.socket, names: Container[str], data: Address, page: Address
+    ) -> None:
+        self._names, self._data, self._page = names, data, page
+        self._loop, self._end = asyncio.new_event_loop(), asyncio.Event()
+        self._thread = threading.Thread(target=self._run, args=[listener], daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._loop.call_soon_threadsafe(self._end.set)
+        self._thread.join()
+
+    def _run(self, listener: socket.socket) -> None:
+        async def serve() -> None:
+            server = await asyncio.start_server(self._accept, sock=listener)
+            await self._end.wait()
+            server.close()
+
+        # At the end, it cancels what is still open.
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(serve())
+
+    async def _accept(self, reader: Reader, writer: Writer) -> None:
+        # Requests may hold anything, and connections end at any time.
+        with suppress(Exception, asyncio.CancelledError):
+            await self._answer(reader, writer)
+        writer.close()
+
+    async def _answer(self, reader: Reader, writer: Writer) -> None:
+        head = await reader.readuntil(b"\r\n\r\n")
+        if head.startswith(b"PRI * HTTP/2.0\r\n"):
+            # A program such as Rerun's own viewer; no page of a browser can send this.
+            await _pass_on(head, reader, writer, self._data)
+            return
+        line, _, rest = head.partition(b"\r\n")
+        _, target, _ = line.decode("latin-1").split(" ")
+        headers = parse_headers(io.BytesIO(rest))
+        if not is_allowed(headers, self._names):
+            text = "The page is not served under this name, or to another page.\n"
+            writer.write(_reply("403 Forbidden", text))
+        elif target.startswith("/?url=") or (target != "/" and not target.startswith("/?")):
+            del headers["Connection"]
+            # The next request on this connection might come from another page.
+            lines = (f"{name}: {value}" for name, value in headers.items())
+            text = "\r\n".join((line.decode("latin-1"), *lines, "Connection: close", "", ""))
+            address = self._data if target.startswith("/rerun.") else self._page
+            await _pass_on(text.encode("latin-1"), reader, writer, address)
+        else:
+            # The page finds its data by this option.
+            where = {"url": f"rerun+http://{headers['Host']}/proxy", "hide_welcome_screen": 1}
+            rest_of_query = target[2:] and f"&{target[2:]}"
+            place = f"Location: /?{urlencode(where)}{rest_of_query}"
+            writer.write(_reply("302 Found", "", place))
+        await writer.drain()
+
+
+def _reply(status: str, text: str, *headers: str) -> bytes:
+    lines = f"HTTP/1.1 {status}", "Content-Type: text/plain", f"Content-Length: {len(text)}"
+    return "\r\n".join((*lines, *headers, "Connection: close", "", text)).encode("latin-1")
+
+
+async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address) -> None:
+    """Send the head and what follows to an address, and its answer back, until one side ends."""
+    answer, question = await asyncio.open_connection(*address)
+    question.write(head)
+    ways = [asyncio.ensure_future(_copy(*way)) for way in ((reader, question), (answer, writer))]
     try:
-        return socket.create_server((host, port), family=family)
-    except (OSError, OverflowError) as error:
-        text = f"the page cannot be served at {host}:{port}: {error}; choose another host or port"
-        raise ServerError(text) from error
+        await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for way in ways:
+            way.cancel()
+        await asyncio.gather(*ways, return_exceptions=True)
+        question.close()
 
 
-def _is_open(address: Address) -> bool:
-    with suppress(OSError), socket.create_connection(address):
-        return True
-    return False
+async def _copy(reader: Reader, writer: Writer) -> None:
+    while block := await reader.read(1 << 16):
+        writer.write(block)
+        try:
+            await asyncio.wait_for(writer.drain(), STALL)
+        except TimeoutError:
+            writer.transport.abort()
+            return

@@ -4,14 +4,11 @@
 All browsers share the controls; each has its own view.
 """
 
-import asyncio
-import gc
 import io
-import ipaddress
-import socket
 from collections import deque
-from collections.abc import Container, Iterable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout, suppress
+from collections.abc import Callable, Container, Iterable, Sequence
+from contextlib import redirect_stdout, suppress
+from http import HTTPStatus
 from itertools import count
 from typing import Any
 
@@ -20,14 +17,17 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py._arrays import Positions
-from grid_map_core_py.errors import GridMapError, required
+from grid_map_core_py.errors import required
 
-from .._kinds import titled
+from .._layers import titled
+from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
-from .gate import Gate
-from .scene import Scene, Settings, View
+from .scene import SurfaceScene, View, ViewSettings
 from .surroundings import Surroundings, axes_around
 from .texts import as_note, legend
+
+LARGEST_MESSAGE = 16_000_000
+"""Largest message of a browser, which is a screenshot [bytes]; a larger one ends its connection."""
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
 """Color maps at the top of the list."""
@@ -53,10 +53,6 @@ TO_SUN = (-1.0, 0.6, 1.2)
 """Direction to the directional light."""
 
 SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
-
-
-class PageError(GridMapError):
-    """The page cannot be served."""
 
 
 class Page:
@@ -95,12 +91,7 @@ class Page:
     ) -> None:
         mode: Any = "color" if color_layer.endswith("color") else "intensity"
         coloring = Coloring(mode, color_layer, color_map)
-        machine = socket.gethostname()
-        names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
-        self._server, self._gate = _serve(host, port, {name.lower() for name in names})
-        # A browser leaves cycles of references, which hold megabytes of messages.
-        self._server.on_client_disconnect(lambda _: gc.collect())
-        self._server._websock_server.get_message_buffer().message_event = _Wakeup()
+        self._server = _serve(host, port, names_of(host, allowed_hosts))
         self.url = url_of(host, self._server.get_port())
         self.is_public = not is_loopback(host)
         self._surroundings = Surroundings(self._server.scene)
@@ -111,14 +102,19 @@ class Page:
         self._loading: Any = None
         self._replaces = False
         self._clicks: deque[tuple[Positions, Positions]] = deque(maxlen=1)
-        self._photographed: set[int] = set()
         self._marker: Any = None
         self._marked: Positions | None = None
-        self._scene: Scene | None = None
+        self._scene: SurfaceScene | None = None
         self._view: View | None = None
         self._aim: View | None = None
-        self._prepare_scene()
-        self._make_controls(Settings(height_layer=height_layer, coloring=coloring), topic)
+        scene = self._server.scene
+        scene.configure_default_lights(enabled=False)
+        scene.configure_environment_map(None)
+        # On level ground both lights sum to pi, because viser divides light by pi.
+        scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
+        sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
+        scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
+        self._make_controls(ViewSettings(height_layer=height_layer, coloring=coloring), topic)
 
     @property
     def is_watched(self) -> bool:
@@ -133,12 +129,7 @@ class Page:
         """Topic that the user has chosen."""
         return str(self._topic.value)
 
-    def take_refusals(self) -> list[str]:
-        """Return why messages of browsers were refused since the last call."""
-        refusals = self._gate.refusals
-        return [refusals.popleft() for _ in range(len(refusals))]
-
-    def settings(self) -> Settings:
+    def settings(self) -> ViewSettings:
         """Return the settings that the user has chosen.
 
         Raises:
@@ -152,7 +143,7 @@ class Page:
         colors |= {"mode": MODES[colors["mode"]], "color": red << 16 | green << 8 | blue}
         if chosen["vectors"] == NO_VECTORS:
             chosen["vectors"] = ""
-        return Settings(coloring=Coloring(**colors), **chosen)
+        return ViewSettings(coloring=Coloring(**colors), **chosen)
 
     def offer_topics(self, topics: Iterable[str]) -> None:
         """Offer these topics in the list, besides the chosen one."""
@@ -165,7 +156,7 @@ class Page:
         _offer(self._colors["layer"], layers, heights.value)
         _offer(self._style["vectors"], (NO_VECTORS, *vector_prefixes(layers)), NO_VECTORS)
 
-    def load(self, scene: Scene, settings: Settings, *, replaces: bool) -> None:
+    def load(self, scene: SurfaceScene, settings: ViewSettings, *, replaces: bool) -> None:
         """Load a scene, which the next `turn` shows.
 
         A browser needs a moment to load a surface, which is hidden meanwhile, so that no gap is
@@ -255,7 +246,7 @@ class Page:
         with redirect_stdout(io.StringIO()):
             self._server.stop()
 
-    def _add(self, scene: Scene, settings: Settings) -> Any:
+    def _add(self, scene: SurfaceScene, settings: ViewSettings) -> Any:
         """Add a hidden node with the content of a scene."""
         # The server remembers every name for browsers to come, so names are used again.
         taken = {frame.name for frame in self._shown}
@@ -325,29 +316,12 @@ class Page:
         if not is_lost:
             return
         for client in self._server.get_clients().values():
-            with self._noting("a view stays"):
-                offset = view.offset
-                if self._aim is not None:
-                    factor = view.reach / self._aim.reach
-                    offset = factor * (client.camera.position - client.camera.look_at)
-                self._move(client, view, offset)
+            offset = view.offset
+            if self._aim is not None:
+                factor = view.reach / self._aim.reach
+                offset = factor * (client.camera.position - client.camera.look_at)
+            self._move(client, view, offset)
         self._aim = view
-
-    @contextmanager
-    def _noting(self, what: str) -> Iterator[None]:
-        """Note errors, because what a browser sends may be no view and no picture."""
-        try:
-            yield
-        except Exception as error:
-            self._gate.note(what, error)
-
-    def _look_from_above(self, event: Any) -> None:
-        """Move the view of a browser above the map, with x to the right and y upwards."""
-        if self._view is not None:
-            # The direction upwards on the screen is undefined exactly above.
-            offset = self._view.reach * np.array([0.0, -1e-3, 1.0])
-            with self._noting("a view stays"):
-                self._move(event.client, self._view, offset)
 
     def _move(self, client: Any, view: View, offset: Positions) -> None:
         """Move the view of a browser to an offset from its target."""
@@ -358,48 +332,11 @@ class Page:
             camera.position = view.target + offset
             camera.look_at = view.target
 
-    def _take_screenshot(self, event: Any) -> None:
-        """Send the browser a picture of its current view."""
-        client = event.client
-        # A browser that does not answer must not keep all threads waiting.
-        if client.client_id in self._photographed:
-            return
-        self._photographed.add(client.client_id)
-        with self._noting("no screenshot"):
-            camera = client.camera
-            size = camera.image_height, camera.image_width
-            picture = client.get_render(*size, transport_format="png", timeout=60.0)
-            # From RGBA to OpenCV's BGR, on white.
-            opacity = picture[..., 3:] / 255
-            on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
-            _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
-            client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)
-        self._photographed.discard(client.client_id)
-
-    def _prepare_scene(self) -> None:
-        scene = self._server.scene
-        scene.configure_default_lights(enabled=False)
-        scene.configure_environment_map(None)
-        # On level ground both lights sum to pi, because viser divides light by pi.
-        scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
-        sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
-        scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
-        scene.on_click()(self._remember_click)
-
-    def _remember_click(self, event: Any) -> None:
-        self._clicks.append((np.array(event.ray_origin), np.array(event.ray_direction)))
-        self._cell.expand()
-
-    def _use_bounds(self, _: Any) -> None:
-        # A browser sends the last change within 50 ms only, and so loses that automatic bounds
-        # were switched off if a bound is typed at once.
-        self._automatic.value = False
-
     def _use_theme(self, _: Any = None) -> None:
         dark: Any = {"dark_mode": self._dark.value}
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, **dark)
 
-    def _make_controls(self, first: Settings, topic: str) -> None:
+    def _make_controls(self, first: ViewSettings, topic: str) -> None:
         gui, coloring = self._server.gui, first.coloring
 
         def number(label: str, value: float, most: float) -> Any:
@@ -411,16 +348,28 @@ class Page:
         self._legend = gui.add_html("")
         self._factor = gui.add_slider("Exaggeration", 1.0, MOST_EXAGGERATED, 0.5, 1.0)
         self._paused = gui.add_checkbox("Pause", False)
-        above, screenshot = gui.add_button("Top view"), gui.add_button("Screenshot")
-        above.on_click(self._look_from_above)
-        screenshot.on_click(self._take_screenshot)
+
+        def look_from_above(event: Any) -> None:
+            if self._view is not None:
+                # The direction upwards on the screen is undefined exactly above.
+                offset = self._view.reach * np.array([0.0, -1e-3, 1.0])
+                self._move(event.client, self._view, offset)
+
+        gui.add_button("Top view").on_click(look_from_above)
+        gui.add_button("Screenshot").on_click(_send_screenshot)
         self._cell = gui.add_panel()
         with self._cell.add_tab("Cell"):
             self._readout = gui.add_html(as_note("Click on the map."))
         self._cell.float(x=15, y=-15, width=240)
         self._cell.minimize()
+
+        def remember_click(event: Any) -> None:
+            self._clicks.append((np.array(event.ray_origin), np.array(event.ray_direction)))
+            self._cell.expand()
+
+        self._server.scene.on_click()(remember_click)
         with gui.add_folder("Surface", expand_by_default=False):
-            # By the names of the fields of `Settings`.
+            # By the names of the fields of `ViewSettings`.
             self._style = {
                 "height_layer": gui.add_dropdown("Height", (first.height_layer or NO_LAYER,)),
                 "flat": gui.add_checkbox("Flat", first.flat),
@@ -447,8 +396,14 @@ class Page:
                 "upper": number("Upper bound", 1.0, LARGEST_VALUE),
                 "color": gui.add_rgb("One color", (192, 192, 192)),
             }
+
+            def use_bounds(_: Any) -> None:
+                # A browser sends the last change within 50 ms only, and so loses that automatic
+                # bounds were switched off if a bound is typed at once.
+                self._automatic.value = False
+
             for name in ("lower", "upper"):
-                self._colors[name].on_update(self._use_bounds)
+                self._colors[name].on_update(use_bounds)
         with gui.add_folder("Overlays", expand_by_default=False):
             self._has_axes = gui.add_checkbox("Axes", True)
             self._has_frames = gui.add_checkbox("Frames", True)
@@ -460,10 +415,6 @@ class Page:
                 "vector_scale": number("Vector length", first.vector_scale, LARGEST_SCALE),
             }
         self._use_theme()
-        controls = [*self._style.values(), *self._colors.values(), self._automatic, self._paused]
-        controls += [self._topic, self._factor, self._has_axes, self._has_frames, self._dark]
-        for control in (*controls, above, screenshot):
-            self._gate.controls[control._impl.uuid] = control
 
 
 def vector_prefixes(layers: Sequence[str]) -> list[str]:
@@ -473,77 +424,42 @@ def vector_prefixes(layers: Sequence[str]) -> list[str]:
     return [name for name in prefixes if name and name + "y" in layers and name + "z" in layers]
 
 
-def is_loopback(host: str) -> bool:
-    """Return True if an address is reachable from this machine only."""
-    with suppress(ValueError):
-        return ipaddress.ip_address(host).is_loopback
-    return host == "localhost"
-
-
-def url_of(host: str, port: int) -> str:
-    """Return the URL of a page; for wildcard addresses, with the name of this machine."""
-    name = socket.gethostname() if host in {"", "0.0.0.0", "::"} else host
-    return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
-
-
-def _serve(host: str, port: int, names: Container[str]) -> tuple[Any, Gate]:
-    viser, websockets, msgspec = (
+def _serve(host: str, port: int, names: Container[str]) -> Any:
+    """Return a server of viser that answers requests of its own page only."""
+    viser, websockets = (
         required(name, "web_viewer", "install viser (pip)")
-        for name in ("viser", "websockets.asyncio.server", "msgspec")
+        for name in ("viser", "websockets.asyncio.server")
     )
-    gate = Gate(websockets, msgspec, f"viser-v{viser.__version__}", names)
+    serve: Callable[..., Any] = websockets.serve
+    is_guarded = False
+
+    def serve_allowed(*args: Any, process_request: Any, **options: Any) -> Any:
+        nonlocal is_guarded
+        is_guarded = True
+
+        def check_first(connection: Any, request: Any) -> Any:
+            if is_allowed(request.headers, names):
+                return process_request(connection, request)
+            text = "The page is not served under this name, or to another page.\n"
+            return connection.respond(HTTPStatus.FORBIDDEN, text)
+
+        guards = {"process_request": check_first, "max_size": LARGEST_MESSAGE}
+        return serve(*args, **options | guards)
+
+    # viser would silently use the next free port.
+    listen(host, port).close()
+    websockets.serve = serve_allowed
     try:
-        # Without this check, viser would silently use the next free port.
-        for family, *_, address in socket.getaddrinfo(
-            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        ):
-            socket.create_server(address[:2], family=family).close()
-        websockets.serve = gate
         # viser prints, but nodes use the log.
         with redirect_stdout(io.StringIO()):
             server = viser.ViserServer(host, port, label="Grid map", verbose=False)
-            if port not in {0, server.get_port()} or not gate.is_used:
+            if not is_guarded or port not in {0, server.get_port()}:
                 server.stop()
-                raise OSError(
-                    "another program was faster"
-                    if gate.is_used
-                    else "this version of viser cannot be kept from serving foreign pages"
-                )
-    except (OSError, OverflowError) as error:
-        raise PageError(
-            f"the page cannot be served at {host}:{port}: {error}; "
-            "the parameters 'host' and 'port' choose another address"
-        ) from error
+                why = "another program was faster" if is_guarded else "this viser has no guard"
+                raise PageError(f"the page cannot be served at {host}:{port}: {why}")
     finally:
-        websockets.serve = gate.serve
-    return server, gate
-
-
-class _Wakeup(asyncio.Event):
-    """Event that other threads may set, if they ask its own thread to set it as well.
-
-    viser does both with each message, and would fail if a browser begins to wait meanwhile.
-    """
-
-    _is_asked = False
-
-    def set(self) -> None:
-        """Wake those who wait, or only change `is_set` in another thread."""
-        try:
-            asyncio.get_running_loop()
-        except RuntimeError:
-            self._is_asked = True
-        else:
-            super().set()
-
-    def is_set(self) -> bool:
-        """Return whether somebody has set the event."""
-        return self._is_asked or super().is_set()
-
-    def clear(self) -> None:
-        """Let those who come wait."""
-        self._is_asked = False
-        super().clear()
+        websockets.serve = serve
+    return server
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
@@ -552,6 +468,19 @@ def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
     if dropdown.options != options:
         dropdown.options = options
     dropdown.value = chosen
+
+
+def _send_screenshot(event: Any) -> None:
+    """Send a browser a picture of its current view."""
+    client, camera = event.client, event.client.camera
+    size = camera.image_height, camera.image_width
+    with suppress(Exception):  # The browser may close meanwhile.
+        picture = client.get_render(*size, transport_format="png", timeout=60.0)
+        # From RGBA to OpenCV's BGR, on white.
+        opacity = picture[..., 3:] / 255
+        on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
+        _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
+        client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)
 
 
 def _set_clipping(camera: Any, view: View) -> None:

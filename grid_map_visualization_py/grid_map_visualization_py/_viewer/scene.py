@@ -18,7 +18,7 @@ Points = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class ViewSettings:
     """Layers to show and their style.
 
     Attributes:
@@ -87,7 +87,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Scene:
+class SurfaceScene:
     """Map as the page shows it; positions are relative to `mesh.origin` [m].
 
     Attributes:
@@ -113,7 +113,7 @@ class Scene:
     view: View
 
 
-def make_scene(grid_map: GridMap, settings: Settings, max_drawn_cells: int = 0) -> Scene:
+def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int = 0) -> SurfaceScene:
     """Return the scene of a map.
 
     Args:
@@ -148,7 +148,9 @@ def make_scene(grid_map: GridMap, settings: Settings, max_drawn_cells: int = 0) 
     target = 0.5 * (low + high)
     offset = float(np.hypot(*grid_map.length)) * np.array([-0.5, -0.5, 0.6])
     view = View(target + offset, target)
-    return Scene(mesh, glb, lines, vectors, bounds, (low, high), (rows, columns), spacing, view)
+    return SurfaceScene(
+        mesh, glb, lines, vectors, bounds, (low, high), (rows, columns), spacing, view
+    )
 
 
 def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
@@ -164,7 +166,7 @@ def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
     return lines
 
 
-def _vectors(surface: Surface, mesh: Mesh, settings: Settings) -> Points:
+def _vectors(surface: Surface, mesh: Mesh, settings: ViewSettings) -> Points:
     """Return lines from the surface along the finite vectors."""
     layers = [surface.values(layer)[surface.valid] for layer in settings.vector_layers]
     vectors = np.stack(layers, axis=-1)

@@ -55,6 +55,7 @@ def status(
         is_paused: new maps are not shown.
     """
     stamp = grid_map.timestamp
+    age = 1e-9 * (now - stamp)
     cells = "{} x {}".format(*grid_map.size)
     thinned = "{} x {} of {}".format(*shown, cells)
     return as_table(
@@ -63,15 +64,11 @@ def status(
             ("Cells", cells if shown == grid_map.size else thinned),
             ("Resolution", f"{grid_map.resolution:g} m"),
             ("Time", _time(1e-9 * stamp) if stamp else "(none)"),
-            ("Age", _age(1e-9 * (now - stamp)) if stamp else "(unknown)"),
+            ("Age", f"{age:.{1 if abs(age) < 10 else 0}f} s" if stamp else "(unknown)"),
             ("Rate", f"{rate:.1f} Hz"),
             ("Last map", f"{silence:.0f} s ago{', paused' if is_paused else ''}"),
         ]
     )
-
-
-def _age(seconds: float) -> str:
-    return f"{seconds:.{1 if abs(seconds) < 10 else 0}f} s"
 
 
 def _time(seconds: float) -> str:

@@ -13,7 +13,7 @@ from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import DROPPED, reason
 
 from .page import Page
-from .scene import Scene, Settings, hit, make_scene
+from .scene import SurfaceScene, ViewSettings, hit, make_scene
 from .texts import as_note, readout, status
 
 RATE_WINDOW = 3.0
@@ -34,7 +34,6 @@ class Viewer:
     Args:
         page: the page.
         max_drawn_cells: limit of the cells, as for `Surface`.
-        drop: called with the reason if memory runs out while a new map is drawn.
         clock: returns the ROS time [ns].
     """
 
@@ -42,17 +41,16 @@ class Viewer:
         self,
         page: Page,
         max_drawn_cells: int,
-        drop: Callable[[str], object] = lambda _: None,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._page = page
         self._max_drawn_cells = max_drawn_cells
-        self._drop, self._clock = drop, clock
+        self._clock = clock
         self._arrivals: deque[float] = deque(maxlen=200)
         self._latest: ReceivedMap | None = None
         self._shown: ReceivedMap | None = None
-        self._settings: Settings | None = None
-        self._drawn: tuple[ReceivedMap, GridMap, Scene] | None = None
+        self._settings: ViewSettings | None = None
+        self._drawn: tuple[ReceivedMap, GridMap, SurfaceScene] | None = None
         self._selected: Positions | None = None
         self._problem = self._refusal = ""
 
@@ -98,7 +96,7 @@ class Viewer:
                 page.turn(self._settings.history if self._settings else 1)
                 self._draw_if_due()
                 self._answer_click()
-            except Exception as error:  # What a page sends must not end the node.
+            except Exception as error:  # A map that cannot be drawn must not end the node.
                 self._problem = reason(error) if isinstance(error, DROPPED) else repr(error)
             if self._problem or self._refusal:
                 page.tell(as_note(self._problem or self._refusal))
@@ -124,14 +122,9 @@ class Viewer:
         self._settings = settings = self._page.settings()
         if settings == before and not is_new:
             return
-        try:
-            grid_map = received.decode(settings.layers if self._selected is None else None)
-            scene = make_scene(grid_map, settings, self._max_drawn_cells)
-            self._page.load(scene, settings, replaces=not is_new)
-        except MemoryError as error:
-            if is_new:
-                self._drop(reason(error))
-            raise
+        grid_map = received.decode(settings.layers if self._selected is None else None)
+        scene = make_scene(grid_map, settings, self._max_drawn_cells)
+        self._page.load(scene, settings, replaces=not is_new)
         self._drawn, self._problem = (received, grid_map, scene), ""
         if self._selected is not None:
             self._page.tell_values(readout(grid_map, self._selected))

@@ -1,42 +1,36 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of maps, drawn by Matplotlib.
-
-`plot` shows a map from above as RViz does: x to the right and y upwards, in meters, in the frame of
-the map. `plot_3d` draws a surface, and `plot_relief` a block of terrain in perspective. They take a
-`GridMap`, a `TiledMap`, or a dataset or an array of xarray; of maps that are larger than the
-picture, they read and draw what it can show.
-
-The hillshading of `plot` and `plot_3d` has its light in the upper left, 45 degrees high. Level
-ground keeps its color, slopes that face the light are lighter and slopes that face away darker.
-"""
+"""Functions that draw maps on axes of Matplotlib."""
 
 import math
-from collections.abc import Callable, Sequence
-from io import BytesIO
-from os import PathLike
-from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from grid_map_core_py.errors import MissingPackageError
-from grid_map_core_py.files import MapRecord, new_file
+from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from ._kinds import AnyMap, loaded, opened, titled, usual_layer
-from .colors import DEFAULT_COLOR_MAP, MISSING, REMEDY, Coloring
-from .surface import Surface, check_max_drawn_cells
+from .._layers import lit_heights, titled, usual_layer
+from ..colors import DEFAULT_COLOR_MAP, MISSING, Coloring
+from ..surface import Surface, check_max_drawn_cells
+from ._from_above import (
+    NO_VALUE,
+    add_legend,
+    add_scale_bar,
+    block_side,
+    extent_of,
+    lit,
+    mappable,
+    paint,
+)
 
-try:
-    from matplotlib.figure import Figure
+if TYPE_CHECKING:
+    import xarray
 
-    from ._flat import add_legend, check_options, extent_of, flat_of, lit, mappable
-except ImportError as error:
-    raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
+    from grid_map_core_py.tiled import TiledMap
 
-__all__ = ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
+AnyMap: TypeAlias = "GridMap | TiledMap | xarray.Dataset | xarray.DataArray"
 
-_RELIEF_SIZE = (1200, 560)
+RELIEF_SIZE = (1200, 560)
 """Default width and height of pictures of terrain in relief [pixels]."""
 
 _GRAY = {"facecolor": 3 * (MISSING / 255,)}
@@ -96,26 +90,28 @@ def plot(
         ConfigError: the color map is unknown, or another option is invalid.
         GridMapError: a tiled map cannot be read.
     """
-    site = opened(grid_map)
-    flat = flat_of(
-        site,
-        layer,
-        color_mode=color_mode,
-        color_map=color_map,
-        lower=lower,
-        upper=upper,
-        invert=invert,
-        hillshade=hillshade,
-        exaggeration=exaggeration,
-        max_drawn_cells=max_drawn_cells,
-        scale_bar=scale_bar,
-        label=label,
-        title=title,
-        color_bar=color_bar,
-    )
+    _check_options(color_mode, exaggeration)
+    check_max_drawn_cells(max_drawn_cells or 0)
+    site = _opened(grid_map)
+    layer = layer or usual_layer(site)
+    coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
+    heights = lit_heights(site, layer, hillshade)
     axes = _pyplot().gca() if ax is None else ax
-    bar, has_holes = flat.paint(axes, loaded(site, *flat.needs(axes, site.size)))
-    flat.explain(axes, bar, has_holes=has_holes)
+    side = block_side(axes, site.size, max_drawn_cells)
+    drawn_map = _loaded(site, {layer, heights} - {""}, math.prod(site.size) / side**2)
+    # Of a tiled map, only every n-th cell may be in memory.
+    side = block_side(axes, drawn_map.size, max_drawn_cells)
+    bar, has_holes = paint(axes, drawn_map, coloring, side, heights, exaggeration)
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
+    if scale_bar:
+        add_scale_bar(axes, has_north=bool(getattr(site, "crs", "")))
+    if color_bar:
+        drawn_bar = None
+        if color_mode == "intensity":
+            text = label or titled(layer)
+            drawn_bar = axes.figure.colorbar(bar, ax=axes, label=text, shrink=0.85)
+        if has_holes:
+            add_legend(axes, drawn_bar, NO_VALUE)
     return axes
 
 
@@ -150,15 +146,15 @@ def plot_3d(
 
     Returns the axes, and raises the errors of `plot`.
     """
-    check_options(color_mode, exaggeration)
+    _check_options(color_mode, exaggeration)
     check_max_drawn_cells(max_drawn_cells)
-    site = opened(grid_map)
+    site = _opened(grid_map)
     height_layer = height_layer or usual_layer(site)
     layer = color_layer or height_layer
     coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
     axes = _pyplot().figure().add_subplot(projection="3d") if ax is None else ax
     check(axes.name == "3d", "ax", "axes of the projection '3d'", axes.name)
-    drawn_map = loaded(site, {height_layer, layer}, max_drawn_cells or math.inf)
+    drawn_map = _loaded(site, {height_layer, layer}, max_drawn_cells or math.inf)
     surface = Surface(drawn_map, height_layer, max_drawn_cells=max_drawn_cells)
     mesh = surface.mesh(coloring)
     x, y, z = (mesh.vertices + mesh.origin).T
@@ -203,7 +199,7 @@ def plot_relief(
     exaggeration: float = 1.0,
     azimuth: float = math.radians(40.0),
     elevation: float = math.radians(25.0),
-    size: tuple[int, int] = _RELIEF_SIZE,
+    size: tuple[int, int] = RELIEF_SIZE,
     label: str = "",
     title: str = "",
     color_bar: bool = True,
@@ -229,7 +225,7 @@ def plot_relief(
 
     Returns the axes, and raises the errors of `plot`.
     """
-    check_options(color_mode, exaggeration)
+    _check_options(color_mode, exaggeration)
     # Near pi / 2, the picture of a level camera is stretched beyond recognition.
     check(0 < elevation < math.pi / 3, "elevation", "an angle between 0 and pi / 3", elevation)
     check(math.isfinite(azimuth), "azimuth", "a finite angle", azimuth)
@@ -237,13 +233,13 @@ def plot_relief(
     # SciPy is slow to import.
     from ._relief import MAX_SIDE, draw_relief
 
-    site = opened(grid_map)
+    site = _opened(grid_map)
     height_layer = height_layer or usual_layer(site)
     layer = color_layer or height_layer
     coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
     axes = _pyplot().gca() if ax is None else ax
     cells = MAX_SIDE**2 * min(site.size) / max(site.size)
-    drawn_map = loaded(site, {height_layer, layer}, cells)
+    drawn_map = _loaded(site, {height_layer, layer}, cells)
     # Along +x and +y, while rows and columns run along -x and -y.
     heights, values = (drawn_map.unwrapped(name)[::-1, ::-1] for name in (height_layer, layer))
     scale = exaggeration / drawn_map.resolution
@@ -260,103 +256,11 @@ def plot_relief(
     return axes
 
 
-def save_picture(
-    grid_map: AnyMap,
-    layer: str,
-    path: str | PathLike[str],
-    *,
-    style: Literal["flat", "surface", "relief"] = "flat",
-    dpi: float = 110,
-    **options: Any,
-) -> None:
-    """Write a picture of a map to a file, which appears complete or not at all.
-
-    Args:
-        grid_map: as for `plot`.
-        layer: gives the colors of a flat picture, else the heights; empty stands for `elevation`,
-            or else the first.
-        path: the file, whose ending decides its format: .jpeg, .jpg, .pdf, .png or .svg. An
-            existing one is replaced.
-        style: "flat" draws as `plot` does, "surface" as `plot_3d` and "relief" as `plot_relief`.
-        dpi: pixels per inch.
-        options: those of that function, except `ax`.
-
-    Raises:
-        LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, the name has another ending, or another option is
-            invalid.
-        OSError: the file cannot be written.
-    """
-    styles, endings = ("flat", "surface", "relief"), (".jpeg", ".jpg", ".pdf", ".png", ".svg")
-    check(style in styles, "style", f"one of {', '.join(styles)}", style)
-    ending = Path(path).suffix.lower()
-    expected = f"a name that ends in {', '.join(endings)}"
-    check(ending in endings, "path", expected, Path(path).name)
-    figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
-    if style == "flat":
-        plot(grid_map, layer, figure.add_subplot(), **options)
-    elif style == "surface":
-        plot_3d(grid_map, layer, figure.add_subplot(projection="3d"), **options)
-    else:
-        # One pixel of the relief per pixel of the picture.
-        figure.set_layout_engine("none")
-        width, height = options.get("size", _RELIEF_SIZE)
-        figure.set_size_inches(width / dpi, height / dpi)
-        top = 0.93 if options.get("title") else 1.0
-        plot_relief(grid_map, layer, figure.add_axes((0.0, 0.0, 1.0, top)), **options)
-    # On a full disk, Matplotlib raises errors of its own for PDF files.
-    picture = BytesIO()
-    figure.savefig(picture, format=ending[1:])
-    with new_file(path) as temporary:
-        temporary.write_bytes(picture.getbuffer())
-
-
-def save_animation(
-    records: Sequence[MapRecord],
-    layer: str,
-    path: str | PathLike[str],
-    *,
-    speed: float = 1.0,
-    dpi: float = 110,
-    progress: Callable[[int, int], Any] | None = None,
-    **options: Any,
-) -> None:
-    """Write the maps of a bag as a video or an animated GIF, each drawn as `plot` does.
-
-    All frames show the same rectangle, which covers all maps, and the same range of values, so that
-    moved maps and changed values can be seen. The title has the time since the first map. The maps
-    are read twice, one after the other: first for the rectangle and the range, then to draw them.
-    The frame rate is constant, that of the median interval between maps; of more than 50 frames per
-    second, every n-th map is drawn.
-
-    Args:
-        records: maps in the order of time, such as a `BagReader`.
-        layer: gives the colors; empty stands for `elevation`, or else the first.
-        path: the file, whose ending decides its format: .gif or .mp4. An existing one is replaced.
-        speed: factor on the speed of the recording.
-        dpi: pixels per inch.
-        progress: is called after each map that is read or drawn, with the number of finished maps
-            and of all.
-        options: those of `plot`, except `ax`.
-
-    Raises:
-        LayerNotFoundError: a map lacks a layer.
-        ConfigError: there are no maps, the name has another ending, or an option is invalid.
-        MissingPackageError: for .mp4, there is neither `ffmpeg` nor the package imageio-ffmpeg.
-        OSError: the file cannot be written.
-    """
-    from ._animation import animate, check_path
-
-    check_path(path)
-    check(math.isfinite(speed) and speed > 0, "speed", "a positive number", speed)
-    check(len(records) > 0, "records", "maps", "none")
-    with new_file(path) as temporary:
-        ending = Path(path).suffix.lower()
-        animate(records, layer, temporary, ending, speed, dpi, progress or _ignore, options)
-
-
-def _ignore(finished: int, total: int) -> None:
-    """Show no progress."""
+def _check_options(color_mode: str, exaggeration: float) -> None:
+    modes = "intensity", "color"
+    check(color_mode in modes, "color_mode", f"one of {', '.join(modes)}", color_mode)
+    is_factor = math.isfinite(exaggeration) and exaggeration > 0
+    check(is_factor, "exaggeration", "a positive number", exaggeration)
 
 
 def _pyplot() -> Any:
@@ -364,3 +268,34 @@ def _pyplot() -> Any:
     from matplotlib import pyplot
 
     return pyplot
+
+
+def _opened(grid_map: AnyMap) -> "GridMap | TiledMap":
+    """Return a map in memory as it is, and anything else as a tiled map."""
+    if isinstance(grid_map, GridMap):
+        return grid_map
+    # Slow to import.
+    from grid_map_core_py.tiled import TiledMap, open_map
+
+    if isinstance(grid_map, TiledMap):
+        return grid_map
+    source: Any = grid_map
+    expected = "a GridMap, a TiledMap, or a Dataset or DataArray of xarray"
+    check(hasattr(source, "dims"), "grid_map", expected, source)
+    return open_map(source)
+
+
+def _loaded(site: "GridMap | TiledMap", layers: set[str], cells: float) -> "GridMap":
+    """Return a map with some layers in memory.
+
+    Args:
+        site: a map in memory is returned as it is; of a tiled map every n-th cell, or the cells of
+            an overview, so that they are at least as many as asked for.
+        layers: names of the layers.
+        cells: number of cells that the picture shows; infinite for all.
+    """
+    if isinstance(site, GridMap):
+        return site
+    names = [name for name in site.layers if name in layers] + sorted(layers - {*site.layers})
+    steps = math.floor(math.log2(max(1.0, site.size[0] * site.size[1] / cells)) / 2)
+    return site.thinned(2**steps, names) if steps else site.to_map(names)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from .colors import Colors
+from ..colors import Colors
 
 Floats: TypeAlias = npt.NDArray[np.floating]
 

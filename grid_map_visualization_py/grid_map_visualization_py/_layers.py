@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Meaning of layers, as their names tell it."""
+
+import re
+from typing import TYPE_CHECKING
+
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.plugins import check
+
+if TYPE_CHECKING:
+    from grid_map_core_py import GridMap
+    from grid_map_core_py.tiled import TiledMap
+
+_HEIGHTS = re.compile(r"(elevation|heights?|altitude|dem|dsm|dtm)(?![a-z])", re.IGNORECASE)
+_NO_HEIGHTS = re.compile(r"color|count|curvature|deviation|error|normal|slope|std|time|variance")
+
+
+def usual_layer(site: "GridMap | TiledMap") -> str:
+    """Return the layer that is drawn unless the user names one: elevation, or the first.
+
+    Raises:
+        ConfigError: the map has no layers.
+    """
+    if not site.layers:
+        raise ConfigError("the map has no layers")
+    return "elevation" if "elevation" in site.layers else site.layers[0]
+
+
+def is_heights(layer: str) -> bool:
+    """Return whether the name of a layer says that it holds heights."""
+    return bool(_HEIGHTS.match(layer)) and not _NO_HEIGHTS.search(layer)
+
+
+def titled(layer: str) -> str:
+    """Return the name of a layer, with the unit if it holds heights."""
+    return f"{layer} [m]" if is_heights(layer) else layer
+
+
+def lit_heights(site: "GridMap | TiledMap", layer: str, hillshade: bool | str | None) -> str:
+    """Return the layer of heights that the light falls on; empty for no light.
+
+    Raises:
+        ConfigError: `hillshade` is true, and the map has no layer of heights.
+    """
+    if isinstance(hillshade, str):
+        return hillshade
+    if is_heights(layer) and hillshade is not False:
+        return layer
+    if not hillshade:
+        return ""
+    found = next(filter(is_heights, [usual_layer(site), *site.layers]), "")
+    expected = f"a layer of heights, one of {', '.join(site.layers)}"
+    check(bool(found), "hillshade", expected, hillshade)
+    return found

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Live messages on their way to Rerun."""
+
+import time
+from collections import deque
+from typing import Any, NamedTuple
+
+from grid_map_ros_py.errors import DROPPED, reason
+
+from .scene import Scene, Style
+
+QUEUES = {
+    "tf2_msgs/msg/TFMessage": 1000,
+    "diagnostic_msgs/msg/DiagnosticArray": 100,
+    "visualization_msgs/msg/Marker": 100,
+    "visualization_msgs/msg/MarkerArray": 100,
+}
+"""Number of messages of a topic that wait, by type, if a message does not replace the one before.
+
+Transforms and diagnostics come from many nodes, and markers add to each other.
+"""
+
+FLUSH_TIME = 0.2
+"""Maximum time that `LiveScene.write` waits for Rerun [s]."""
+
+STALL = 2.0
+"""Time after which it is a problem that Rerun takes no data [s]."""
+
+
+class _Arrival(NamedTuple):
+    kind: str
+    data: bytes
+    time: int
+
+
+class LiveScene:
+    """Keeps the newest messages of each topic until they are written to Rerun.
+
+    Args:
+        recording: an `rr.RecordingStream`.
+        style: how maps are drawn.
+
+    Attributes:
+        shown: number of messages that were written.
+        replaced: number of messages that newer ones have replaced.
+        problem: why nothing is shown at the moment; empty if there is no reason.
+    """
+
+    def __init__(self, recording: Any, style: Style) -> None:
+        self.shown = self.replaced = 0
+        self.problem = ""
+        self._recording, self._scene = recording, Scene(recording, style)
+        self._waiting: dict[str, deque[_Arrival]] = {}
+        self._stalled_since: float | None = None
+
+    def put(self, topic: str, kind: str, data: bytes) -> None:
+        """Keep a message in CDR until the next `write`."""
+        queue = self._waiting.setdefault(topic, deque(maxlen=QUEUES.get(kind, 1)))
+        self.replaced += len(queue) == queue.maxlen
+        queue.append(_Arrival(kind, data, time.time_ns()))
+
+    def write(self) -> list[str]:
+        """Write the waiting messages, unless Rerun has not taken those before.
+
+        Returns:
+            Why messages could not be shown.
+        """
+        if self._stalled_since is not None and not self._delivers():
+            return []
+        refusals = []
+        for topic, queue in self._waiting.items():
+            while queue:
+                kind, data, log_time = queue.popleft()
+                try:
+                    self._scene.log_message(topic, kind, data, log_time=log_time)
+                    self.shown += 1
+                except Exception as error:  # Messages may hold anything; Rerun may raise anything.
+                    why = reason(error) if isinstance(error, DROPPED) else repr(error)
+                    refusals.append(f"{topic}: {why}")
+        self._scene.send_layout()
+        self._delivers()
+        return refusals
+
+    def _delivers(self) -> bool:
+        """Return whether Rerun takes all data, so that little memory is on the way."""
+        try:
+            self._recording.flush(timeout_sec=FLUSH_TIME)
+        except Exception:  # Also at the end of the program, which the server tells.
+            now = time.monotonic()
+            self._stalled_since = self._stalled_since or now
+            if now - self._stalled_since > STALL:
+                waited = now - self._stalled_since
+                self.problem = f"Rerun has taken no data for {waited:.0f} s"
+            return False
+        self._stalled_since, self.problem = None, ""
+        return True

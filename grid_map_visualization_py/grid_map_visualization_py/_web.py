@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Addresses of the pages of both viewers, and which requests they answer."""
+
+import ipaddress
+import socket
+from collections.abc import Container, Mapping, Sequence
+from contextlib import suppress
+from http.client import HTTPMessage
+from urllib.parse import urlsplit
+
+from grid_map_core_py.errors import GridMapError
+
+
+class PageError(GridMapError):
+    """The page cannot be served."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at an address, or raise `PageError`."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except (OSError, OverflowError) as error:
+        text = f"the page cannot be served at {host}:{port}: {error}; choose another host or port"
+        raise PageError(text) from error
+
+
+def is_loopback(host: str) -> bool:
+    """Return True if an address is reachable from this machine only."""
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
+
+
+def url_of(host: str, port: int) -> str:
+    """Return the URL of a page; for wildcard addresses, with the name of this machine."""
+    name = socket.gethostname() if host in {"", "0.0.0.0", "::"} else host
+    return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
+
+
+def names_of(host: str, allowed_hosts: Sequence[str]) -> set[str]:
+    """Return the names under which browsers may open a page that is served at `host`."""
+    machine = socket.gethostname()
+    names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
+    return {name.lower() for name in names}
+
+
+def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) -> bool:
+    """Return True if a browser may send a request with these headers to the page.
+
+    The host must be an IP address or one of the names: a foreign name that points to this machine
+    (DNS rebinding) is refused. The origin must be the page itself. Programs that are no browsers
+    send no origin and are answered.
+    """
+    host = headers.get("Host", "").lower()
+    origin = headers.get("Origin", f"http://{host}")
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+        is_same = urlsplit(origin).netloc.lower() == host
+    except ValueError:
+        return False
+    with suppress(ValueError):
+        ipaddress.ip_address(name)
+        return is_same
+    return is_same and name in names

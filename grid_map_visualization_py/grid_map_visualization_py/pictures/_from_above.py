@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The picture of a layer from above: colors, light, holes, scale bar and arrow to the north.
+
+Larger maps are reduced before they are drawn. A block of cells becomes one cell with the mean of
+their values, or of their red, green and blue. Where some of them have no value, the block is drawn
+half transparent, so that neither a single hole nor a single value disappears.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.image import AxesImage
+from matplotlib.offsetbox import AnchoredText
+from matplotlib.patches import Patch, Rectangle
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
+
+from grid_map_core_py import GridMap
+from grid_map_core_py._arrays import Layer
+from grid_map_core_py.conversions import color_value_to_bytes
+
+from ..colors import Coloring
+
+LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
+"""Direction to the light."""
+
+NO_VALUE: dict[str, Any] = {
+    "facecolor": "0.9",
+    "edgecolor": "0.6",
+    "hatch": "////",
+    "linewidth": 0.0,
+}
+"""Look of cells without a value."""
+
+_LEAST, _MOST = 1 / 3, 2 / 3
+"""Opacity of a block of which few, or nearly all, cells have a value."""
+
+_FRAME = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7}
+
+
+class Blocks(NamedTuple):
+    """A reduced image.
+
+    Attributes:
+        means: (height, width, channels) of the cells with a value; NaN in blocks without one.
+        opacity: (height, width): 1 for a full block, 0 for an empty one.
+    """
+
+    means: npt.NDArray[np.float32]
+    opacity: npt.NDArray[np.float32]
+
+
+def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
+    """Return rows and columns of the cells that are drawn as one.
+
+    Args:
+        axes: where the map is drawn.
+        size: rows and columns of the map.
+        max_drawn_cells: see `plot`.
+    """
+    if max_drawn_cells is not None:
+        return max(1, math.ceil(math.sqrt(size[0] * size[1] / (max_drawn_cells or math.inf))))
+    # A color bar takes a fifth of the axes.
+    box = axes.get_window_extent()
+    cells = max(size[0] / (0.8 * box.width), size[1] / box.height)
+    # Matplotlib itself reduces images well that are at most twice as large.
+    return math.ceil(cells) if cells > 2 else 1
+
+
+def paint(
+    axes: Any, grid_map: GridMap, coloring: Coloring, side: int, heights: str, exaggeration: float
+) -> tuple[Any, bool]:
+    """Draw a map on axes without limits.
+
+    Args:
+        axes: where the map is drawn.
+        grid_map: the map.
+        coloring: colors of the cells.
+        side: rows and columns of the cells that are drawn as one.
+        heights: layer that the light falls on; empty for no light.
+        exaggeration: factor on these heights.
+
+    Returns:
+        Color map and bounds, for a color bar.
+        Whether cells have no value.
+    """
+    is_color = coloring.mode == "color"
+    layer = grid_map.unwrapped(coloring.layer)
+    # The bounds are those of all cells.
+    bar = mappable(coloring, layer)
+    means, opacity = reduced(layer, side, is_color=is_color)
+    values = np.ma.masked_invalid(means[..., 0])
+    x0, x1, y0, y1 = extent_of(grid_map)
+    # The blocks begin at the largest x and y; those at the other ends may reach beyond the map.
+    cells = side * grid_map.resolution
+    height, width = opacity.shape
+    reach = x1 - cells * width, x1, y1 - cells * height, y1
+    # Sharp when cells are larger than pixels, and else without cells that disappear.
+    options: dict[str, Any] = {"interpolation": "antialiased", "extent": reach}
+    if is_color or heights:
+        colors = means / 255 if is_color else bar.cmap(bar.norm(values.astype(float)))[..., :3]
+        if heights:
+            z = reduced(grid_map.unwrapped(heights), side).means[..., 0].astype(np.float64)
+            with np.errstate(invalid="ignore"):
+                # Central differences, one-sided at the border, zero along a single cell.
+                down, right = (
+                    (np.gradient(z, axis=axis) if z.shape[axis] > 1 else 0 * z)
+                    * (exaggeration / cells)
+                    for axis in (0, 1)
+                )
+            colors = lit(colors, np.stack([-right, down, np.ones_like(z)], axis=-1))
+        image = axes.imshow(np.dstack([np.nan_to_num(colors), opacity]), **options)
+        if not is_color:
+            # The value under the pointer, which Matplotlib shows, is not that of the color.
+            told = AxesImage(axes, cmap=bar.cmap, norm=bar.norm, extent=reach)
+            told.set_data(values)
+            told.set_transform(image.get_transform())
+            image.get_cursor_data = told.get_cursor_data
+            image.format_cursor_data = told.format_cursor_data
+    else:
+        is_partial = (opacity[opacity > 0] < 1).any()
+        options |= {"alpha": opacity} if is_partial else {}
+        axes.imshow(values, cmap=bar.cmap, norm=bar.norm, **options)
+    has_holes = bool((opacity < 1).any())
+    if has_holes:
+        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, zorder=-1, **NO_VALUE))
+    axes.set(xlim=(x0, x1), ylim=(y0, y1))
+    return bar, has_holes
+
+
+def mappable(coloring: Coloring, values: Layer) -> Any:
+    """Return the color map and its bounds in the form that Matplotlib needs for a color bar."""
+    colors = colormaps[coloring.color_map]
+    return ScalarMappable(
+        Normalize(*coloring.bounds(values)), colors.reversed() if coloring.invert else colors
+    )
+
+
+def add_legend(axes: Any, bar: Any, look: dict[str, Any]) -> None:
+    """Say how cells without a value look, at the end of the color bar if there is one."""
+    place, corner, at = axes, "upper left", (1.0, 1.0)
+    if bar is not None:
+        is_upright = bar.orientation == "vertical"
+        place, at = bar.ax, (0.0, -0.02) if is_upright else (0.0, 1.0)
+        corner = "upper left" if is_upright else "lower left"
+    size = {"handlelength": 1.2, "borderpad": 0.0, "borderaxespad": 0.4, "fontsize": "small"}
+    known = {"loc": corner, "bbox_to_anchor": at, "frameon": False} | size
+    place.legend(handles=[Patch(label="no value", **look)], **known)
+
+
+def extent_of(grid_map: GridMap) -> tuple[float, float, float, float]:
+    """Return the smallest and largest x, then y, of the map [m]."""
+    (x0, y0), (x1, y1) = (grid_map.position + side * 0.5 * grid_map.length for side in (-1.0, 1.0))
+    return float(x0), float(x1), float(y0), float(y1)
+
+
+def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
+    """Return a layer in map order as an image with x to the right and y upwards.
+
+    Args:
+        layer: (rows, columns).
+        side: rows and columns of cells for a pixel; counted from the largest x and y.
+        is_color: the layer has packed colors; the channels are red, green and blue.
+    """
+    turned = layer.T
+    finite = np.isfinite(turned)
+    channels = np.stack(color_value_to_bytes(turned), axis=-1) if is_color else turned[..., None]
+    counts = _block_sums(finite, side)
+    # A cell without a value counts for nothing.
+    sums = _block_sums(np.where(finite[..., None], channels, 0), side)
+    with np.errstate(invalid="ignore"):
+        means = (sums / counts[..., None]).astype(np.float32)
+    share = counts / _block_sums(np.ones_like(finite), side)
+    visible = np.where(share > 0, np.clip(share, _LEAST, _MOST), 0)
+    opacity = np.where(share == 1, 1, visible).astype(np.float32)
+    return Blocks(means[:, ::-1], opacity[:, ::-1])
+
+
+def _block_sums(cells: npt.NDArray[Any], side: int) -> npt.NDArray[np.float64]:
+    """Return the sums over blocks of rows and columns, the first two axes."""
+    for axis in (0, 1):
+        parts = [cells[(slice(None),) * axis + (slice(n, None, side),)] for n in range(side)]
+        cells = parts[0].astype(np.float64)
+        for part in parts[1:]:
+            cells[(slice(None),) * axis + (slice(part.shape[axis]),)] += part
+    return cells
+
+
+def lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
+    """Return lit colors (..., 3) in [0, 1]; unchanged where a normal (..., 3) is NaN.
+
+    The blend mode is "soft light" (Pegtop), which keeps colors at a light of one half.
+    """
+    with np.errstate(invalid="ignore"):
+        normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    light = np.clip(0.5 * (normals @ LIGHT) / LIGHT[2], 0.0, 1.0)
+    light = np.where(np.isnan(light), 0.5, light)[..., None]
+    return (1 - 2 * light) * colors**2 + 2 * light * colors
+
+
+def add_scale_bar(axes: Any, *, has_north: bool) -> None:
+    """Add a bar of 1, 2 or 5 times a power of ten meters, at most a quarter of the axes.
+
+    Args:
+        axes: where the map is drawn.
+        has_north: also add an arrow to the north of the grid, the direction of y.
+    """
+    x0, x1 = axes.get_xlim()
+    most = (x1 - x0) / 4
+    power = 10.0 ** math.floor(math.log10(most))
+    # The logarithm may be rounded up.
+    length = max((n * power for n in (2, 5) if n * power <= most), default=power)
+    units = {1000.0: "km", 1.0: "m", 0.01: "cm", 0.001: "mm"}
+    unit = next((unit for unit in units if length >= unit), 0.001)
+    text = f"{length / unit:.6g} {units[unit]}"
+    signs: list[Any] = [
+        AnchoredSizeBar(axes.transData, length, text, "lower left", pad=0.3, borderpad=0.4, sep=3)
+    ]
+    if has_north:
+        signs.append(AnchoredText("▲\nN", "upper right", pad=0.2, borderpad=0.4))
+    for sign in signs:
+        sign.patch.set(**_FRAME)
+        axes.add_artist(sign)
