@@ -10,16 +10,13 @@ have no limit. Set limits for the process, or for a block::
     with changed_limits(max_bytes=1e10):
         grid_map = load("site.npz")
 
-`set_limits` holds for the whole process, all threads included. A block changes the limits of its
-own thread only, or of its own task of asyncio; threads that it starts have those of the process.
+Both hold for the whole process, all threads included.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 from ._parameters import check
 from .errors import LimitError
@@ -66,40 +63,35 @@ class Limits:
             check(is_limit, name, "a finite number of at least 1", value)
 
 
-_process = Limits()
-_block: ContextVar[Mapping[str, float]] = ContextVar("_block", default=MappingProxyType({}))
-"""Limits that blocks of this thread have changed."""
+_limits = Limits()
 
 
 def current_limits() -> Limits:
-    """Return the limits that hold now in this thread."""
-    return replace(_process, **_block.get())
+    """Return the limits that hold now."""
+    return _limits
 
 
 def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
     """Set the limits of the process and return those that it had before.
 
-    Within a block of `changed_limits`, the limits that the block names stay as they are.
-
     Args:
-        limits: the new ones; None takes those of the process.
+        limits: the new ones; None means those that hold now.
         changes: `max_cells`, `max_bytes` or `max_ratio`, in place of those.
     """
-    global _process
-    before = _process
-    _process = replace(limits or before, **changes)
+    global _limits
+    before = _limits
+    _limits = replace(limits or before, **changes)
     return before
 
 
 @contextmanager
 def changed_limits(**changes: float) -> Iterator[None]:
-    """Change limits within a `with` block, in this thread; arguments, errors: see `set_limits`."""
-    replace(_process, **changes)  # raises for invalid ones
-    token = _block.set({**_block.get(), **changes})
+    """Change limits of the process within a `with` block."""
+    before = set_limits(**changes)
     try:
         yield
     finally:
-        _block.reset(token)
+        set_limits(before)
 
 
 def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:

@@ -148,6 +148,14 @@ def test_every_access_to_a_missing_layer_raises(terrain, access):
 CONTROLS = ["a\0", "\x1b[2J", "a\nb", "\x7f", "\x85", "\ud800"]
 
 
+@pytest.mark.parametrize("text", CONTROLS)
+def test_names_have_no_control_characters(terrain, text):
+    with pytest.raises(GridMapError, match="layer: expected a name"):
+        terrain[text] = 1.0
+    with pytest.raises(GridMapError, match="frame_id: expected a string without control"):
+        terrain.frame_id = text
+
+
 def test_names_in_any_language_are_kept(terrain):
     terrain.frame_id = "größe \u2028 地図 👩\u200d🚀"
     terrain[terrain.frame_id] = 1.0

@@ -2,7 +2,6 @@
 """Small inputs that claim much are refused before they take memory; limits can be raised."""
 
 import struct
-import threading
 import tracemalloc
 import zipfile
 import zlib
@@ -147,48 +146,19 @@ def test_mesh_of_many_large_triangles_is_refused_at_once():
 
 
 def test_limits_are_raised_for_a_block_or_for_good():
-    with changed_limits(max_cells=80001**2, max_bytes=1e9):
-        with pytest.raises(LimitError, match="expected at most 1000000000 bytes"):
-            from_points(CORNERS, 0.1)
-        before = set_limits(max_ratio=3, max_bytes=2e9)
-        try:
-            assert before == Limits()
-            assert current_limits() == Limits(80001**2, 1e9, 3)
-            with changed_limits(max_bytes=5):
-                assert current_limits() == Limits(80001**2, 5, 3)
-        finally:
-            assert set_limits(before) == Limits(max_bytes=2e9, max_ratio=3)
-    assert current_limits() == Limits()
-
-
-def test_overlapping_blocks_change_their_own_thread_only():
-    first, second = threading.Event(), threading.Event()
-
-    def leave_while_the_other_is_inside() -> Limits:
-        with changed_limits(max_cells=1e12):
-            first.set()
-            assert second.wait(60)
-        return current_limits()
-
-    with ThreadPoolExecutor(1) as pool:
-        leaving = pool.submit(leave_while_the_other_is_inside)
-        assert first.wait(60)
-        assert current_limits() == Limits()
-        with changed_limits(max_cells=10):
-            second.set()
-            assert leaving.result() == Limits()
-            assert current_limits() == Limits(10)
-            assert pool.submit(current_limits).result() == Limits()
-    assert current_limits() == Limits()
-
-
-def test_limits_of_the_process_hold_in_all_threads():
-    before = set_limits(max_cells=7)
+    before = set_limits(max_ratio=3)
     try:
-        with ThreadPoolExecutor(1) as pool:
-            assert pool.submit(current_limits).result() == Limits(7)
+        assert before == Limits()
+        with changed_limits(max_cells=80001**2, max_bytes=1e9):
+            assert current_limits() == Limits(80001**2, 1e9, 3)
+            with pytest.raises(LimitError, match="expected at most 1000000000 bytes"):
+                from_points(CORNERS, 0.1)
+            with changed_limits(max_bytes=5), ThreadPoolExecutor(1) as pool:
+                assert pool.submit(current_limits).result() == Limits(80001**2, 5, 3)
+        assert current_limits() == Limits(max_ratio=3)
     finally:
         set_limits(before)
+    assert current_limits() == Limits()
 
 
 @pytest.mark.parametrize("value", [0, -1, np.nan, np.inf, "many", None])

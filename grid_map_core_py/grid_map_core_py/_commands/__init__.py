@@ -9,7 +9,7 @@ from ._arguments import (
     complete_layers as complete_layers,
     completed as completed,
 )
-from ._main import main as main
+from ._main import die_with_parent as die_with_parent, main as main, on_end as on_end
 from ._maps import (
     Destination as Destination,
     check_free as check_free,
@@ -29,7 +29,6 @@ from ._output import (
     print_table as print_table,
     table as table,
 )
-from ._signals import die_with_parent as die_with_parent, on_end as on_end
 from ._tiles import (
     add_rectangle as add_rectangle,
     add_tiles as add_tiles,

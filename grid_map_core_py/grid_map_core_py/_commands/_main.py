@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Entry point of the command line: parses the arguments and runs a command."""
+"""Entry point of the command line, and the signals that end it."""
 
 import argparse
+import ctypes
 import os
 import re
 import signal
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
 
 from .. import __version__
 from .._unfinished import remove_all
 from ..errors import GridMapError
 from ..limits import Limits, set_limits
 from ._output import CommandError, UsageError, message, shown
-from ._signals import on_end
 
 PROGRAM = "grid-map"
 GROUP = "grid_map_core_py.commands"
@@ -42,6 +42,8 @@ HELP = {
 """Help of the commands of the suite: `grid-map --help` imports none of them."""
 
 _NO_READER = 128 + signal.SIGPIPE
+
+Handler: TypeAlias = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 
 class Parser(argparse.ArgumentParser):
@@ -165,3 +167,31 @@ def _text_of(error: Exception) -> str:
 def _failed(text: str) -> int:
     message(f"error: {' '.join(text.split())}")
     return 1
+
+
+def on_end(handler: Handler) -> dict[signal.Signals, Any]:
+    """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the handlers before.
+
+    A SIGHUP that is ignored, as under `nohup`, stays ignored.
+    A handler must not use locks such as those of `threading.Event`: the thread that it interrupts
+    may hold them.
+    """
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    return {number: signal.signal(number, handler) for number in numbers}
+
+
+def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
+    """Return a `preexec_fn` that makes Linux send this signal when the parent's thread ends."""
+    set_parent_death_signal = 1
+    # Loaded here, since the new process may do little before its program starts.
+    parent, control = os.getpid(), ctypes.CDLL(None).prctl
+
+    def prepare() -> None:
+        control(set_parent_death_signal, number)
+        # The parent may have ended already. It may also be process 1, for example in a container.
+        if os.getppid() != parent:
+            os._exit(0)
+
+    return prepare

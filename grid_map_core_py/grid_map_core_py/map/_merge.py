@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,8 +17,6 @@ from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
     from ._grid_map import GridMap
-
-_BLOCK = 1 << 15  # number of cells copied at a time, which fit into the cache
 
 
 def add_data_from(
@@ -39,10 +38,11 @@ def add_data_from(
     for name, source in sources.items():
         if name not in grid_map:
             grid_map.add(name)
-        for block in _blocks(rows_inside, columns_inside):
-            # Column after column, as layers are stored: one index is faster than two.
-            cells = columns[block[1], None] * source.shape[0] + rows[block[0]]
-            values, target = source.ravel("F")[cells], grid_map[name][block].T
+        # Transposed, so that memory is walked in its order.
+        data, layer = source.T, grid_map[name].T
+        for along_x, along_y in product(_runs(rows_inside), _runs(columns_inside)):
+            values = data.take(columns[along_y], axis=0).take(rows[along_x], axis=1)
+            target = layer[along_y, along_x]
             written = np.isfinite(values)
             if not overwrite_data:
                 written &= ~np.isfinite(target)
@@ -91,32 +91,21 @@ def check_frames(frame_id: str, other: GridMap) -> None:
 def lines_under(
     centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return the row (axis 0) or column (axis 1) of `other` under each one of another grid.
-
-    Both grids are parallel, so that this does not depend on the other axis.
+    """Return the row (axis 0) or column (axis 1) of `other` under each one of a parallel grid.
 
     Args:
-        centers: (N,) x of the rows, or y of the columns, of the other grid [m].
-        other: the map that lies under it.
+        centers: (N,) x of the rows, or y of the columns, of the grid [m].
+        other: the map below.
         axis: 0 for rows, 1 for columns.
 
     Returns:
         lines: (N,) buffer indices of `other`.
-        inside: (N,) whether the centers are on `other` along this axis.
+        inside: (N,) mask of the centers that are on `other` along this axis.
     """
     positions = np.tile(other.position, (centers.size, 1))
     positions[:, axis] = centers
     lines, inside = other.get_indices(positions)
     return lines[axis], inside
-
-
-def _blocks(rows_inside: Mask, columns_inside: Mask) -> Iterator[tuple[slice, slice]]:
-    """Yield blocks that cover the cells inside and fit into the cache."""
-    for rows in _runs(rows_inside):
-        step = max(1, _BLOCK // (rows.stop - rows.start))
-        for columns in _runs(columns_inside):
-            for first in range(columns.start, columns.stop, step):
-                yield rows, slice(first, min(first + step, columns.stop))
 
 
 def _runs(inside: Mask) -> list[slice]:
