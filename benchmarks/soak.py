@@ -3,8 +3,8 @@
 
     python3 benchmarks/soak.py --seconds 600
 
-The nodes get maps of 403 x 344 cells, and clouds and octomaps of that size. One message in 50
-contradicts itself. Meanwhile publishers restart, the simulated clock jumps, parameters are set,
+The nodes get maps of 403 x 344 cells, and clouds of that size. One message in 50 contradicts
+itself. Meanwhile publishers restart, the simulated clock jumps, parameters are set,
 services are called, a browser stops reading, a callback of a subscriber takes 5 s, and that process
 is frozen for 5 s. A table appears every minute:
 
@@ -25,18 +25,16 @@ The exit code is 1 if a node ends or a request fails, or if one of these is miss
   no more is dropped than contradicts itself.
 - At most `--gap` seconds pass between two maps of a node, unless its source restarts or pauses; if
   it has no output, between two reports of maps in. A node that hangs misses this on any machine.
-  While a process is frozen, Fast DDS may block those that publish to it (see "One process stops,
-  and others hang" in docs/troubleshooting.md): for them these 5 s do not count, but are printed.
+  Fast DDS may block nodes that publish to a frozen process (see "One process stops, and others
+  hang" in docs/troubleshooting.md): nodes with such a subscriber get 5 s more.
 - A node takes `--share` of what is sent, unless the processors are busy for more than 90 % of the
   time, by the median of all seconds. Nodes that take less are printed then.
 
-There is no octomap_to_grid_map without octomap_msgs, no web_viewer without viser, and no
-rerun_viewer without Rerun. Start it
-where the workspace is set up (`. tools/env.sh`).
+There is no web_viewer without viser, and no rerun_viewer without Rerun. Start the soak where the
+workspace is set up (`. tools/env.sh`).
 """
 
 import argparse
-import array
 import json
 import math
 import os
@@ -46,7 +44,7 @@ import struct
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -84,7 +82,7 @@ CELLS = 403, 344
 RESOLUTION = 0.03
 BAD_EVERY = 50
 
-MAPS, CLOUDS, OCTOMAPS = "/soak/maps", "/soak/clouds", "/soak/octomaps"
+MAPS, CLOUDS = "/soak/maps", "/soak/clouds"
 POSES = "/soak/poses"
 VIEWED: dict[str, tuple[str, type]] = {
     "filter_chain": ("/soak/filtered", GridMapMessage),
@@ -104,9 +102,7 @@ STALLS = (signal.SIGSTOP, signal.SIGCONT, signal.SIGUSR1, 0)
 BUSY = 0.9
 """Part of the time of all processors from which on nodes may miss messages."""
 
-OCTOMAP_MSGS, VISER, RERUN = (
-    find_spec(name) is not None for name in ("octomap_msgs", "viser", "rerun_cli")
-)
+VISER, RERUN = (find_spec(name) is not None for name in ("viser", "rerun_cli"))
 
 
 # --- sources --------------------------------------------------------------------------------------
@@ -117,25 +113,6 @@ def terrain() -> GridMap:
     grid_map = load_terrain(path, RESOLUTION, frame_id="map")
     assert grid_map.size == CELLS
     return grid_map
-
-
-def octree() -> bytes:
-    """Return a binary octree: a floor of `CELLS` voxels, in cubes of up to 16 voxels."""
-
-    def write(low: Sequence[int], side: int) -> bytes:
-        word, below, side = 0, b"", side // 2
-        for child in range(8):
-            x, y, z = corner = [low[axis] + side * (child >> axis & 1) for axis in range(3)]
-            if z != 0 and not z < 0 < z + side:
-                continue
-            if side <= 16 and 0 <= x <= CELLS[0] - side and 0 <= y <= CELLS[1] - side:
-                word |= 2 << 2 * child
-            elif -side < x < CELLS[0] and -side < y < CELLS[1]:
-                word |= 3 << 2 * child
-                below += write(corner, side)
-        return struct.pack("<H", word) + below
-
-    return write([-(2**15)] * 3, 2**16)
 
 
 def messages() -> Iterator[tuple[str, type, bytes, bytes]]:
@@ -154,14 +131,6 @@ def messages() -> Iterator[tuple[str, type, bytes, bytes]]:
     intact = serialize(pose)
     pose.pose.pose.orientation.w = 0.0
     yield POSES, Odometry, intact, serialize(pose)
-    if OCTOMAP_MSGS:
-        from octomap_msgs.msg import Octomap
-
-        octomap = Octomap(binary=True, id="OcTree", resolution=RESOLUTION)
-        octomap.data = array.array("b", octree())
-        intact = serialize(octomap)
-        octomap.data = octomap.data[:-2]
-        yield OCTOMAPS, Octomap, intact, serialize(octomap)
 
 
 class Source(Node):
@@ -220,9 +189,7 @@ class Subject:
         counts: numbers of maps in, out and dropped, by its diagnostics.
         published: number of messages on `output`, by its publisher.
         last: time of the last message on `output` [s], and its number; 0 before the first one.
-        frozen: when the viewer was frozen, if it subscribes to the node: begin and end [s].
-        gap: longest time between two messages on `output`, without `frozen`, and its end [s].
-        blocked: longest such time that overlaps with `frozen`, as a whole [s].
+        gap: longest time between two messages on `output`, and its end [s].
         processor: time that its process has run [s].
         samples: smallest resident memory without shared memory [MB], and number of files, by the
             begin of a pause of the source [s].
@@ -238,9 +205,7 @@ class Subject:
     counts: tuple[int, ...] = (0, 0, 0)
     published: int = 0
     last: tuple[float, int] = (0.0, 0)
-    frozen: list[tuple[float, float]] = field(default_factory=list)
     gap: tuple[float, float] = (0.0, 0.0)
-    blocked: float = 0.0
     processor: float = 0.0
     samples: dict[float, tuple[float, int]] = field(default_factory=dict)
 
@@ -265,11 +230,7 @@ class Subject:
 
     def note_gap(self, begin: float, end: float, count: int = 1) -> None:
         """Note `count` gaps, which take a time together."""
-        overlaps = (min(end, last) - max(begin, first) for first, last in self.frozen)
-        excused = sum(max(0.0, overlap) for overlap in overlaps)
-        self.gap = max(self.gap, ((end - begin - excused) / count, end))
-        if excused:
-            self.blocked = max(self.blocked, (end - begin) / count)
+        self.gap = max(self.gap, ((end - begin) / count, end))
 
     def sample(self, pause: float | None) -> None:
         """Note the state of the process, in the pause that began at a time, or in none."""
@@ -354,9 +315,6 @@ def subjects(folder: Path) -> list[Subject]:
             "/soak/terrain",
         ),
     ]
-    if OCTOMAP_MSGS:
-        topics = {"octomap_topic": OCTOMAPS, "grid_map_topic": "/soak/octomap"}
-        rows.append((f"{ros}.octomap_to_grid_map", topics, OCTOMAPS, "/soak/octomap"))
     if VISER:
         coarse = {"grid_map_topic": MAPS, "port": 0, "max_drawn_cells": 20_000, "update_rate": 5.0}
         rows.append((f"{viewing}.web_viewer", coarse, MAPS, ""))
@@ -453,10 +411,6 @@ class Soak:
         self._observer, self._folder, self._seconds = observer, folder, seconds
         self._share, self._gap = share, gap
         self.subjects = [each for each in subjects(folder) if not names or each.name in names]
-        self._frozen: list[tuple[float, float]] = []
-        for subject in self.subjects:
-            if subject.name in VIEWED:
-                subject.frozen = self._frozen
         self._sources: list[Process] = []
         self.sent: dict[str, int] = {}
         self.bad: dict[str, int] = {}
@@ -558,18 +512,10 @@ class Soak:
             every(0.1, tick),
             every(1.0, self._sample),
             every(2.0, lambda: [request() for request in requests]),
-            every(STALL, lambda: self._stall(next(stalls))),
+            every(STALL, lambda: self._viewer.send_signal(next(stalls))),
             every(min(30.0, self._seconds / 3), self._restart_source),
             every(60.0, lambda: print(self.table(), flush=True)),
         ]
-
-    def _stall(self, number: int) -> None:
-        """Send a signal to the viewer, and note when it is frozen."""
-        if number == signal.SIGSTOP:
-            self._frozen.append((time.time(), math.inf))
-        self._viewer.send_signal(number)
-        if number == signal.SIGCONT:
-            self._frozen[-1] = self._frozen[-1][0], time.time()
 
     def _restart_source(self) -> None:
         """End the source and start another one, unless it pauses or has not begun yet."""
@@ -715,9 +661,6 @@ class Soak:
                 yield f"noted: {subject.name} took {100 * taken / sent:.0f} % of what was sent"
             if not subject.samples:
                 yield f"noted: {subject.name}: no pause was long enough to measure memory"
-            if subject.blocked > self._gap:
-                text = f"{subject.blocked:.1f} s without a map while a viewer was frozen"
-                yield f"noted: {subject.name}: {text}"
 
     def miscounts(self) -> Iterator[str]:
         for name, answers in self._answers.items():
@@ -745,7 +688,7 @@ class Soak:
                 if now > self._undisturbed:
                     subject.note_gap(max(subject.last[0], self._undisturbed), now)
                 gap, end = subject.gap
-                if gap > self._gap:
+                if gap > self._gap + (STALL if subject.name in VIEWED else 0.0):
                     moment = end - now + self._elapsed
                     yield f"{subject.name}: {gap:.1f} s without a map, until {moment:.0f} s"
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The program of `make soak`, for some seconds; memory still grows then."""
 
-import math
 import os
 import re
 import sys
@@ -77,16 +76,6 @@ def test_gaps_between_maps_of_a_soak_are_problems(finished):
     assert [*finished.gaps(1100.0)] == ["node: 3.0 s without a map, until 600 s"]
     subject.note(1101.0, 96, earliest=0.0)
     assert [*finished.gaps(1111.0)] == ["node: 10.0 s without a map, until 600 s"]
-
-
-def test_gaps_do_not_count_while_the_viewer_is_frozen(finished):
-    (subject,) = finished.subjects
-    subject.frozen += [(1094.0, 1099.0), (1110.0, math.inf)]
-    subject.note(1099.5, 94, earliest=0.0)
-    assert not [*finished.gaps(1101.0)]
-    assert "noted: node: 6.5 s without a map while a viewer was frozen" in [*finished.notes()]
-    subject.note(1107.0, 95, earliest=0.0)
-    assert [*finished.gaps(1120.0)] == ["node: 7.5 s without a map, until 587 s"]
 
 
 def test_nodes_may_miss_messages_while_all_processors_are_busy(finished):

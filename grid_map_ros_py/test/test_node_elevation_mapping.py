@@ -304,7 +304,7 @@ def test_constant_noise_makes_a_map_and_lost_points_have_reasons(
         grid_map = robot.until_mapped(1.0)
         assert known(grid_map) > 200
         found = details(robot.peer)
-    lost = float(found["points dropped in the last scan: beyond the limits of the source"])
+    lost = float(found["points dropped in the last scan: farther than max_range"])
     assert float(found["points dropped in the last scan"]) == lost == 400 - known(grid_map)
 
 

@@ -23,6 +23,7 @@ from ._points import (
     in_map_frame,
     moved_geometry,
 )
+from ._state import flat
 
 _VARIANCE, _COUNT = "variance", "count"  # layers of the fusion `mean`
 _REDUCTIONS = ("max", "min", "mean", "median", "first", "last")
@@ -49,8 +50,7 @@ class RollingMap:
         min_height, max_height: points below or above are left out [m], map frame.
 
     Raises:
-        ConfigError: fusion, reduction or a limit is none of these.
-        GridMapError: the layer has no name, or that of another one.
+        ConfigError: an argument is none of these.
     """
 
     def __init__(
@@ -113,17 +113,17 @@ class RollingMap:
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Those that are not finite, and those beside
                 the map, are left out.
-            columns: (N,) further values of the points by the names of their layers. These hold the
-                mean over the last cloud with values in the cell.
+            columns: (N,) further values of the points by layer; these layers hold the mean of the
+                last cloud with values in the cell.
             transform: (4, 4) from the sensor to the map frame; None for points in the map frame.
-            min_range, max_range: points at other distances from the origin of their frame are left
-                out [m].
+            min_range, max_range: limits of the distance from the sensor [m]; other points are left
+                out.
             position: (2,) where the map moves first [m]; None leaves it where it is.
             timestamp: time of the cloud and then of the map [ns].
 
         Raises:
-            GridMapError: a column is called like a layer of heights, or an array or the position
-                is invalid.
+            GridMapError: an array or the position is invalid, or a column has the name of a layer
+                of heights.
         """
         cloud = as_points(points)
         columns = as_columns(columns, len(cloud))
@@ -173,9 +173,9 @@ def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
     Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
     """
     fused = {name: old[name].copy("F") for name in new}
-    seen = np.flatnonzero(_flat(new[_COUNT]))
-    mean_1, variance_1, count_1 = (_flat(new[name])[seen].astype(np.float64) for name in new)
-    mean_0, variance_0, count_0 = (_flat(old[name])[seen].astype(np.float64) for name in new)
+    seen = np.flatnonzero(flat(new[_COUNT]))
+    mean_1, variance_1, count_1 = (flat(new[name])[seen].astype(np.float64) for name in new)
+    mean_0, variance_0, count_0 = (flat(old[name])[seen].astype(np.float64) for name in new)
     # Unknown values have weight 0, but NaN times 0 would be NaN.
     mean_0[count_0 == 0] = variance_0[count_0 == 0] = 0.0
     total = np.minimum(count_0, max_count) + count_1
@@ -183,13 +183,8 @@ def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
     mean = mean_0 + share * step
     variance = (1 - share) * (variance_0 + share * step**2) + share * variance_1
     for name, values in zip(new, (mean, variance, total), strict=True):
-        _flat(fused[name])[seen] = values
+        flat(fused[name])[seen] = values
     return fused
-
-
-def _flat(layer: Layer) -> NDArray[np.float32]:
-    """Return the cells of a layer in one row: a view."""
-    return layer.reshape(-1, order="F")
 
 
 _FUSIONS: dict[str, Callable[[_Layers, _Layers, float], _Layers]] = {
