@@ -127,8 +127,7 @@ class SourceSettings:
         camera_info_topic: for images: topic of `sensor_msgs/CameraInfo`; empty means `camera_info`
             beside `topic`.
         queue_size: maximum number of messages that wait for the node or for a pose.
-        publish_on_update: whether the raw map is published after each scan; otherwise it is
-            published at `min_update_rate`.
+        publish_on_update: whether the raw map is published after each scan.
         channels: fields of clouds, or names for the channels of images, that become layers.
         min_range: points nearer to the sensor are dropped [m].
         max_range: points farther from the sensor are dropped [m].

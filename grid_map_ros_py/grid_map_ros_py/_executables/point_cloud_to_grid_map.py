@@ -36,8 +36,7 @@ class Settings:
     Attributes:
         input_topic: topic of the clouds.
         output_topic: topic of the map.
-        pose_source: `tf`, `odometry`, `pose`, `pose_with_covariance` or `none`; `auto` means `tf`
-            where tf2 is installed, else `odometry`.
+        pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `odometry`.
         map_frame: frame of the map.
         robot_centric: whether the map moves with the robot.
         length: side lengths of the map along x and y [m].
@@ -62,7 +61,7 @@ class Settings:
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.
         statistics_period: time between two lines of statistics in the log [s]; 0 means none.
         input_reliability: `best_effort` receives from every publisher; `reliable` requests lost
-            clouds again, and receives from reliable publishers only.
+            clouds again, but needs a reliable publisher.
     """
 
     input_topic: str = "/points"

@@ -124,11 +124,10 @@ def read_limits(node: "Node") -> None:
 
     Limits hold for the process. Call this before the node makes or receives a map.
     """
-    made = "a map that is received, read from a file or made"
     abouts = {
-        "max_cells": f"largest number of cells of {made}",
-        "max_bytes": f"largest size [bytes] of all layers of {made}, and of unpacked data",
-        "max_ratio": "largest quotient of unpacked and packed bytes of data of more than 100 MB",
+        "max_cells": "largest number of cells of a map",
+        "max_bytes": "largest size of a map, and of unpacked data [bytes]",
+        "max_ratio": "largest ratio of unpacked to packed size, for data of more than 100 MB",
     }
     set_limits(
         **{
