@@ -8,7 +8,7 @@ itself. Meanwhile publishers restart, the simulated clock jumps, parameters are 
 services are called, a browser stops reading, a callback of a subscriber takes 5 s, and that process
 is frozen for 5 s. A table appears every minute:
 
-- Hz: maps out per second. CPU: part of one processor that the node takes.
+- Hz: maps out per second.
 - sent, in, out, dropped: messages of the sources; maps of the node, by its diagnostics. `sent` may
   be larger than `in`, as a new map replaces one that a busy node has not taken.
 - MB, now: smallest resident memory while the source pauses, as it does every minute: in the first
@@ -27,8 +27,6 @@ The exit code is 1 if a node ends or a request fails, or if one of these is miss
   it has no output, between two reports of maps in. A node that hangs misses this on any machine.
   Fast DDS may block nodes that publish to a frozen process (see "One process stops, and others
   hang" in docs/troubleshooting.md): nodes with such a subscriber get 5 s more.
-- A node takes `--share` of what is sent, unless the processors are busy for more than 90 % of the
-  time, by the median of all seconds. Nodes that take less are printed then.
 
 There is no web_viewer without viser, and no rerun_viewer without Rerun. Start the soak where the
 workspace is set up (`. tools/env.sh`).
@@ -37,7 +35,6 @@ workspace is set up (`. tools/env.sh`).
 import argparse
 import json
 import math
-import os
 import re
 import signal
 import struct
@@ -98,9 +95,6 @@ STALL = 5.0
 
 STALLS = (signal.SIGSTOP, signal.SIGCONT, signal.SIGUSR1, 0)
 """Signals that the viewer gets in turn, every `STALL` seconds."""
-
-BUSY = 0.9
-"""Part of the time of all processors from which on nodes may miss messages."""
 
 VISER, RERUN = (find_spec(name) is not None for name in ("viser", "rerun_cli"))
 
@@ -190,7 +184,6 @@ class Subject:
         published: number of messages on `output`, by its publisher.
         last: time of the last message on `output` [s], and its number; 0 before the first one.
         gap: longest time between two messages on `output`, and its end [s].
-        processor: time that its process has run [s].
         samples: smallest resident memory without shared memory [MB], and number of files, by the
             begin of a pause of the source [s].
     """
@@ -206,7 +199,6 @@ class Subject:
     published: int = 0
     last: tuple[float, int] = (0.0, 0)
     gap: tuple[float, float] = (0.0, 0.0)
-    processor: float = 0.0
     samples: dict[float, tuple[float, int]] = field(default_factory=dict)
 
     @property
@@ -236,8 +228,6 @@ class Subject:
         """Note the state of the process, in the pause that began at a time, or in none."""
         folder = Path("/proc", str(self.process.pid))
         with suppress(OSError):  # The process has ended.
-            times = (folder / "stat").read_text().rpartition(")")[2].split()[11:13]
-            self.processor = sum(map(int, times)) / os.sysconf("SC_CLK_TCK")
             if pause is not None:
                 status = dict(re.findall(r"(\w+):\s+(\d+) kB", (folder / "status").read_text()))
                 memory = (int(status["VmRSS"]) - int(status["RssShmem"])) / 1024
@@ -359,13 +349,6 @@ def segments(process: int | str) -> set[Path]:
     return set(map(Path, re.findall(r"/dev/shm/fastrtps_[0-9a-f]{16}\b", maps)))
 
 
-def processor_times() -> tuple[int, int]:
-    """Return the time for which all processors were idle, and the whole time, in ticks."""
-    line, *_ = Path("/proc/stat").read_text().splitlines()
-    times = [int(text) for text in line.split()[1:9]]
-    return times[3] + times[4], sum(times)
-
-
 def growth(values: Mapping[float, float]) -> float:
     """Return how much values grow from their first to their last time, by the median slope."""
     pairs = combinations(sorted(values.items()), 2)
@@ -384,7 +367,6 @@ class Soak:
         folder: folder of bags and parameters.
         seconds: duration.
         names: nodes to run; all if empty.
-        share: smallest share of the messages sent that a node takes, unless processors are busy.
         gap: longest time between two maps of a node [s].
 
     Attributes:
@@ -393,7 +375,6 @@ class Soak:
         bad: how many of them contradicted themselves.
         problems: figures that were missed.
         segments: segments of shared memory that the processes have used.
-        busy: parts of the time for which the processors were busy, each second.
     """
 
     def __init__(
@@ -403,13 +384,12 @@ class Soak:
         seconds: float,
         *,
         names: Collection[str] = (),
-        share: float = 0.9,
         gap: float = 2.0,
     ) -> None:
         self.problems: list[str] = []
         self.segments: set[Path] = set()
         self._observer, self._folder, self._seconds = observer, folder, seconds
-        self._share, self._gap = share, gap
+        self._gap = gap
         self.subjects = [each for each in subjects(folder) if not names or each.name in names]
         self._sources: list[Process] = []
         self.sent: dict[str, int] = {}
@@ -418,8 +398,6 @@ class Soak:
         self._is_paused = False
         self._answers: dict[str, list[Any]] = {}
         self._browsed = 0
-        self.busy: list[float] = []
-        self._times = processor_times()
         self._is_over = threading.Event()
         self._begin = time.monotonic()
 
@@ -459,7 +437,7 @@ class Soak:
             self._end_sources()
             with suppress(AssertionError):
                 self._observer.wait_until(lambda: not any(self.miscounts()), "the last counts")
-            print(self.table(), *self.notes(), sep="\n", flush=True)
+            print(self.table(), flush=True)
             self.problems += [*self.miscounts(), *self.leaks(growth)]
             self._end_nodes()
 
@@ -612,8 +590,6 @@ class Soak:
         if math.isinf(self._undisturbed) and not self._is_paused and self._sources[-1].lines:
             # By then subscribers have found the source.
             self._undisturbed = time.time() + 3
-        (idle, whole), self._times = self._times, processor_times()
-        self.busy.append(1 - (self._times[0] - idle) / max(1, self._times[1] - whole))
         processes = [subject.process for subject in self.subjects]
         for subject in self.subjects:
             subject.sample(pause)
@@ -648,29 +624,14 @@ class Soak:
             if code != 0 or "Traceback" in text:
                 self.problems.append(f"{subject.name} ended with code {code}: {text[-2000:]}")
 
-    @property
-    def _is_busy(self) -> bool:
-        return bool(self.busy) and median(self.busy) > BUSY
-
-    def notes(self) -> Iterator[str]:
-        """Yield figures that explain others, and are no problems."""
-        yield f"noted: processors were busy for {100 * median(self.busy or [0]):.0f} % of the time"
-        for subject in self.subjects:
-            taken, sent = subject.counts[0], self.sent.get(subject.source, 0)
-            if self._is_busy and taken < self._share * sent:
-                yield f"noted: {subject.name} took {100 * taken / sent:.0f} % of what was sent"
-            if not subject.samples:
-                yield f"noted: {subject.name}: no pause was long enough to measure memory"
-
     def miscounts(self) -> Iterator[str]:
         for name, answers in self._answers.items():
             if not answers or not answers[-1].done():
                 yield f"{name} does not answer"
-        share = 0.0 if self._is_busy else self._share
         for subject in self.subjects:
             name, (taken, out, dropped) = subject.name, subject.counts
             sent, bad = (figures.get(subject.source, 0) for figures in (self.sent, self.bad))
-            if subject.source and not sent >= taken == out + dropped >= max(1.0, share * sent):
+            if subject.source and not sent >= taken == out + dropped >= 1:
                 yield f"{name}: {sent} sent, {taken} in, {out} out, {dropped} dropped"
             counts = subject.source and subject.output and subject.publishes_all
             if counts and out != subject.published:
@@ -701,8 +662,8 @@ class Soak:
 
     def table(self) -> str:
         """Return the figures so far; the sources say at the end how much they have sent."""
-        columns = "Hz  CPU   sent     in    out dropped   MB   now files now"
-        heading = f"{'node':23} {columns:>61}"
+        columns = "Hz   sent     in    out dropped   MB   now files now"
+        heading = f"{'node':23} {columns:>56}"
         lines = [f"\nafter {self._elapsed:.0f} s", heading]
         duration = min(self._elapsed, self._seconds)
         for subject in self.subjects:
@@ -712,7 +673,7 @@ class Soak:
             samples = [subject.samples[key] for key in sorted(subject.samples)] or [(math.nan, 0)]
             (before, files), (after, more_files) = samples[0], samples[-1]
             lines.append(
-                f"{subject.name:23} {rate:5.1f} {subject.processor / duration:4.2f}"
+                f"{subject.name:23} {rate:5.1f}"
                 f" {sent:6} {taken:6} {out:6} {dropped:7}"
                 f" {before:4.0f} {after:5.1f} {files:5} {more_files:3}"
             )
@@ -728,8 +689,6 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="duration (%(default)s)")
     text = "largest growth of resident memory, and of the number of files [%%] (%(default)s)"
     parser.add_argument("--growth", type=float, default=1.0, help=text)
-    text = "smallest part of the messages that a node takes, unless processors are busy [%%] (90)"
-    parser.add_argument("--share", type=float, default=90.0, help=text)
     text = "longest time between two maps of a node [s] (%(default)s)"
     parser.add_argument("--gap", type=float, default=2.0, help=text)
     nodes = "run these nodes only, by the names of the table"
@@ -737,8 +696,8 @@ def main() -> int:
     options = parser.parse_args()
     # In memory: few disks take 30 maps per second, each of which is synchronized.
     with TemporaryDirectory(dir="/dev/shm") as folder, peer() as observer:
-        limits = {"share": options.share / 100, "gap": options.gap}
-        soak = Soak(observer, Path(folder), options.seconds, names=options.nodes, **limits)
+        names, gap = options.nodes, options.gap
+        soak = Soak(observer, Path(folder), options.seconds, names=names, gap=gap)
         soak.run(options.growth / 100)
     left = sorted(map(str, filter(Path.exists, soak.segments)))
     problems = [*soak.problems, *(f"left behind: {name}" for name in left)]

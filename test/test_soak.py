@@ -14,7 +14,7 @@ sys.path.append(str(ROOT / "benchmarks"))
 
 import soak
 
-LOOSE = ("--growth", "100", "--share", "5", "--gap", "60")
+LOOSE = ("--growth", "100", "--gap", "60")
 """Limits for some seconds on a busy machine."""
 
 
@@ -61,7 +61,7 @@ def test_leaks_of_a_soak_are_problems(finished):
     assert found == ["node: * MB more than *", "node: * files more than *"]
 
 
-@pytest.mark.parametrize("counts", [(95, 92, 2), (80, 78, 2), (1, 1, 0), (101, 99, 2), (0, 0, 0)])
+@pytest.mark.parametrize("counts", [(95, 92, 2), (101, 99, 2), (0, 0, 0)])
 def test_miscounts_of_a_soak_are_problems(finished, counts):
     (subject,) = finished.subjects
     subject.counts, subject.published = counts, counts[1]
@@ -76,13 +76,3 @@ def test_gaps_between_maps_of_a_soak_are_problems(finished):
     assert [*finished.gaps(1100.0)] == ["node: 3.0 s without a map, until 600 s"]
     subject.note(1101.0, 96, earliest=0.0)
     assert [*finished.gaps(1111.0)] == ["node: 10.0 s without a map, until 600 s"]
-
-
-def test_nodes_may_miss_messages_while_all_processors_are_busy(finished):
-    (subject,) = finished.subjects
-    subject.counts, subject.published = (50, 48, 2), 48
-    finished.busy[:] = [0.5, 0.8, 0.95]
-    assert any("50 in" in text for text in problems(finished))
-    finished.busy[:] = [0.5, 0.95, 1.0]
-    assert problems(finished) == []
-    assert "noted: node took 50 % of what was sent" in [*finished.notes()]

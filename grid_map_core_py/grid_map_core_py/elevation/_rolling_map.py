@@ -20,8 +20,7 @@ from ._points import (
     as_points,
     as_rigid,
     distances_of,
-    in_map_frame,
-    moved_geometry,
+    rotated,
 )
 from ._state import flat
 
@@ -132,9 +131,15 @@ class RollingMap:
             kept = (distances >= min_range) & (distances <= max_range)
             cloud, columns = cloud[kept], {name: data[kept] for name, data in columns.items()}
         if transform is not None:
-            cloud = in_map_frame(cloud, as_rigid(transform))
+            matrix = as_rigid(transform)
+            # Points that stay where they are keep their type.
+            if not np.array_equal(matrix, np.eye(4)):
+                cloud = (rotated(cloud, matrix[:3, :3]) + matrix[:3, 3:4]).T
         # Everything that can fail happens before the map moves.
-        new = self._rasterized(moved_geometry(self._map.geometry, position), cloud, columns)
+        geometry = self._map.geometry
+        if position is not None:
+            geometry = geometry.shifted(geometry.index_shift(position))
+        new = self._rasterized(geometry, cloud, columns)
         if position is not None:
             self.move(position)
         old, new = self._map, new.with_start_index(self._map.start_index)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Cells, slices
@@ -22,7 +23,6 @@ from ..errors import MessageError
 from ..messages._cdr import view
 from ..messages._checks import check_fields
 from ..messages._image import to_pixels
-from ..messages._packages import messages_of
 from ..messages._pose import Matrix
 from ..messages._time import from_stamp
 from ..nodes._scans import Cloud
@@ -252,7 +252,7 @@ class CameraImages:
                 no camera yet.
         """
         if isinstance(message, bytes):
-            message = view(message, messages_of("sensor_msgs").Image)
+            message = view(message, Image)
         pixels, order = to_pixels(message)
         if self.camera is None:
             raise MessageError("camera_info", "a message before the first image", None)
@@ -271,7 +271,7 @@ class CameraImages:
             MessageError: as for `read_picture`, or the image has no depths.
         """
         if isinstance(message, bytes):
-            message = view(message, messages_of("sensor_msgs").Image)
+            message = view(message, Image)
         picture = self.read_picture(message)
         pixels, camera = picture.pixels, picture.camera
         if pixels.shape[2] != 1 or pixels.dtype.itemsize == 1:

@@ -45,7 +45,12 @@ from ..nodes import (
     offer_service,
 )
 from ..nodes._parameters import read_fields
-from ..nodes._pose_sources import POSE_TYPES, chosen_source
+from ..nodes._pose_sources import (
+    POSE_QUEUE,
+    POSE_TYPES,
+    chosen_source,
+    subscribe_to_poses,
+)
 from ..nodes._poses import PoseHistory, Poses, from_xyz_rpy
 from ..nodes._scans import ScanInputs, ScanQueue, read_cloud
 from ..nodes._topics import listen
@@ -114,7 +119,8 @@ class ElevationMappingNode(ConfiguredNode):
         )
         if topic or source == "topic":
             kind = POSE_TYPES[settings.pose_type]
-            self._inputs.subscribe_to_poses(kind, topic or "/pose", history)
+            work = self._inputs.work
+            subscribe_to_poses(self, kind, topic or "/pose", history, work, self._log, POSE_QUEUE)
         if source == "topic":
             return history
         return TfPoses(

@@ -8,20 +8,18 @@ another topic are merged into the store, so that it grows while the robot drives
 import math
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import select_layers
-from grid_map_core_py.plugins import check
+from grid_map_core_py.plugins import mismatch
 
 from .. import ReceivedMap, to_serialized_message
 from .._serving.latest_only import LatestOnly
@@ -38,9 +36,8 @@ from ..nodes import (
     read_parameter,
     steady_timer,
 )
-from ..nodes._pose_sources import POSE_TYPES, chosen_source
+from ..nodes._pose_sources import POSE_TYPES, chosen_source, subscribe_to_poses
 from ..nodes._poses import PoseHistory
-from ..nodes._topics import listen
 
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 
@@ -67,26 +64,48 @@ class GridMapWindowNode(ConfiguredNode):
         about = "way of the robot after which a new window is published [m]"
         self._step = self.read_number("step", 0.5, 0.0, 1e9, about)
         self._period = 1 / self.read_positive("rate", 10.0, "largest rate of windows [Hz]")
-        make_poses = self._read_poses()
+        about = (
+            "`tf`, `odometry`, `pose` or `pose_with_covariance`; `auto` means `tf` where tf2 is "
+            "installed, else `odometry`"
+        )
+        source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
+        source = chosen_source(source, "odometry")
+        about = "topic of the poses of the robot in the frame of the map; not used with tf"
+        pose_topic = self.read_topic("pose_topic", "/odom", about)
+        robot_frame = self.read("robot_frame", "base_link", "frame of the robot, with tf")
         topic = self.read_topic("output_topic", "/grid_map", "topic of the window")
         about = "whether maps of `write_topic` are merged into the source, a Zarr store"
         writes = self.read("write_back", False, about)
         write_topic = self.read_topic("write_topic", "/elevation_map", "topic of maps to merge")
 
-        check(open_source is not None, "source", "a Zarr store or a GeoTIFF file", "")
-        assert open_source is not None
+        if open_source is None:
+            raise mismatch("source", "a Zarr store or a GeoTIFF file", "")
         self._whole = open_source()
         self._layers = select_layers(self._whole.layers, layers or None)
         self._size = GridGeometry((length, length), self._whole.resolution).size
         check_cells("length", self._size, len(self._layers))
-        self._poses = make_poses(self._whole.frame_id)
+        self._poses: PoseHistory | TfPoses
+        if source == "tf":
+            self._poses = TfPoses(self, self._whole.frame_id, robot_frame)
+        else:
+            self._poses = history = PoseHistory(self._whole.frame_id, limit=1)
+            subscribe_to_poses(self, POSE_TYPES[source], pose_topic, history, self._work, self._log)
         self._center: npt.NDArray[np.float64] | None = None
         self._has_new_cells, self._next, self._start = False, -math.inf, time.monotonic()
         self._milliseconds = math.nan
         self._publisher = MapPublisher(self, topic, self._window, self._log)
         self._writer: LatestOnly[ReceivedMap] | None = None
         if writes:
-            self._subscribe_to_maps(write_topic)
+            if self.resolve_topic_name(write_topic) == self._publisher.topic_name:
+                raise ConfigError(f"write_topic and output_topic are both {write_topic!r}")
+            # A cell without a value changes nothing, but fails where maps would.
+            first = self._whole.geometry.cropped(slice(0, 1), slice(0, 1))
+            cell = GridMap.from_geometry(first, frame_id=self._whole.frame_id)
+            self._whole.write(
+                cell.with_layers({self._layers[0]: np.full((1, 1), np.nan, np.float32)})
+            )
+            self._writer = LatestOnly(self._merge)
+            self._subscription = MapSubscription(self, write_topic, self._writer.put)
         # More often than needed, as a pose that comes just after a look waits for the next one.
         steady_timer(self, 0.25 * self._period, self._work)
         rows, columns = self._whole.size
@@ -94,44 +113,6 @@ class GridMapWindowNode(ConfiguredNode):
             f"publishes {self._size[0]} x {self._size[1]} of {rows} x {columns} cells on "
             f"{self._publisher.topic_name}, in the frame {self._whole.frame_id!r}"
         )
-
-    def _read_poses(self) -> Callable[[str], PoseHistory | TfPoses]:
-        """Return a function that makes the source of poses in a frame."""
-        about = (
-            "`tf`, `odometry`, `pose` or `pose_with_covariance`; `auto` means `tf` where tf2 is "
-            "installed, else `odometry`"
-        )
-        source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
-        about = "topic of the poses of the robot in the frame of the map; not used with tf"
-        topic = self.read_topic("pose_topic", "/odom", about)
-        robot_frame = self.read("robot_frame", "base_link", "frame of the robot, with tf")
-        source = chosen_source(source, "odometry")
-        if source == "tf":
-            return lambda frame_id: TfPoses(self, frame_id, robot_frame)
-
-        def subscribe(frame_id: str) -> PoseHistory:
-            history = PoseHistory(frame_id, limit=1)
-
-            def add(message: Odometry | PoseStamped) -> None:
-                history.add(message)
-                self._work()
-
-            listen(self, POSE_TYPES[source], topic, add, self._log, "a pose")
-            return history
-
-        return subscribe
-
-    def _subscribe_to_maps(self, topic: str) -> None:
-        if self.resolve_topic_name(topic) == self._publisher.topic_name:
-            raise ConfigError(f"write_topic and output_topic are both {topic!r}")
-        # A cell without a value changes nothing, but fails where maps would.
-        first = self._whole.geometry.cropped(slice(0, 1), slice(0, 1))
-        nothing = dict.fromkeys(self._whole.layers[:1], np.nan)
-        self._whole.write(
-            GridMap.from_geometry(first, frame_id=self._whole.frame_id, layers=nothing)
-        )
-        self._writer = LatestOnly(self._merge)
-        self._subscription = MapSubscription(self, topic, self._writer.put)
 
     # --- windows ----------------------------------------------------------------------------------
 

@@ -24,7 +24,12 @@ from ..nodes import (
     steady_timer,
 )
 from ..nodes._parameters import read_fields
-from ..nodes._pose_sources import POSE_TYPES, chosen_source
+from ..nodes._pose_sources import (
+    POSE_QUEUE,
+    POSE_TYPES,
+    chosen_source,
+    subscribe_to_poses,
+)
 from ..nodes._poses import PoseHistory, Poses, from_xyz_rpy
 from ..nodes._scans import ScanInputs, ScanQueue, fuse_rolling, read_cloud
 
@@ -134,7 +139,8 @@ class PointCloudToGridMapNode(ConfiguredNode):
         elif source != "none":
             mount = from_xyz_rpy(settings.sensor_xyz, settings.sensor_rpy)
             poses = PoseHistory(settings.map_frame, mount)
-            inputs.subscribe_to_poses(POSE_TYPES[source], settings.pose_topic, poses)
+            kind, topic = POSE_TYPES[source], settings.pose_topic
+            subscribe_to_poses(self, kind, topic, poses, inputs.work, log, POSE_QUEUE)
         fuse = partial(
             fuse_rolling,
             rolling_map,

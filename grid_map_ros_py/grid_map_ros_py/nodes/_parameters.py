@@ -213,8 +213,14 @@ def _declare(
 def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
     """Return a warning of parameter files that have no section for a node; empty without them."""
     name, texts = node.get_fully_qualified_name(), []
+    # In sections, `*` stands for one name and `**` for any number of names.
+    wildcards = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
     for file, sections in _files(arguments):
-        if not any(_matches(section, name) for section in sections):
+        patterns = [
+            re.sub(r"/\*\*?|[^/]+|/", lambda m: wildcards.get(m[0], re.escape(m[0])), section)
+            for section in sections
+        ]
+        if not any(re.fullmatch(pattern, name) for pattern in patterns):
             known = ", ".join(sections) or "none"
             texts.append(f"no section of {file} matches {name}; the file has {known}")
     return "; ".join(texts)
@@ -253,10 +259,3 @@ def _files(arguments: Sequence[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
             # ROS has read the file before, but its parser differs in details.
             with suppress(GridMapError):
                 yield file, dict(node_sections(load_yaml(file) or {}))
-
-
-def _matches(section: str, name: str) -> bool:
-    """Return whether a section, in which `*` is one name and `**` any number, is for a node."""
-    parts = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
-    pattern = re.sub(r"/\*\*?|[^/]+|/", lambda m: parts.get(m[0], re.escape(m[0])), section)
-    return re.fullmatch(pattern, name) is not None

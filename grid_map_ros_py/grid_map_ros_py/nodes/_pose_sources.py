@@ -3,6 +3,7 @@
 
 import importlib
 import importlib.util
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,9 @@ from grid_map_core_py.errors import MissingPackageError
 
 from ..messages._pose import Matrix, from_transform
 from ..messages._time import from_stamp
+from ._logs import LogThrottle
 from ._poses import Placement, PoseHistory, Poses, carried
+from ._topics import listen
 
 PACKAGE = "tf2_ros"
 
@@ -26,6 +29,9 @@ POSE_TYPES = {
     "pose_with_covariance": PoseWithCovarianceStamped,
 }
 """Types of messages with poses of a robot, by their names in parameters."""
+
+POSE_QUEUE = 100
+"""Depth of a subscription to poses, which arrive faster than scans are fused."""
 
 
 def has_tf() -> bool:
@@ -38,6 +44,24 @@ def chosen_source(name: str, without_tf: str) -> str:
     if name == "auto":
         return "tf" if has_tf() else without_tf
     return name
+
+
+def subscribe_to_poses(
+    node: Node,
+    message_type: type,
+    topic: str,
+    history: PoseHistory,
+    then: Callable[[], object],
+    log: LogThrottle,
+    depth: int = 1,
+) -> None:
+    """Add the poses of a topic to a history, and call `then` after each of them."""
+
+    def add(message: Any) -> None:
+        history.add(message)
+        then()
+
+    listen(node, message_type, topic, add, log, "a pose", depth)
 
 
 class TfPoses(Poses):

@@ -13,29 +13,26 @@ import numpy.typing as npt
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.plugins import check
 
 from ..errors import DROPPED, reason
 from ..messages._cdr import view
-from ..messages._packages import messages_of
 from ..messages._point_cloud import read_columns
 from ..messages._time import NANOSECONDS, from_stamp
 from ._health import health_of
 from ._logs import LogThrottle
-from ._poses import LONGEST_JITTER, Placement, PoseHistory, Poses
+from ._poses import LONGEST_JITTER, Placement, Poses
 from ._spin import steady_timer
-from ._topics import listen, warn_of_gaps
+from ._topics import warn_of_gaps
 
 WAIT_PERIOD = 0.05
 """Time between two attempts to find the poses of waiting scans [s]."""
 
 SILENCE = 3.0
 """Time without messages after which the log names a silent sensor [s]."""
-
-POSE_QUEUE = 100
-"""Depth of the subscription to poses, which arrive faster than scans are fused."""
 
 
 @dataclass
@@ -118,7 +115,14 @@ class ScanQueue:
         except DROPPED as error:
             self._drop(reason(error))
             return 0
-        self._watch_time(scan.stamp)
+        if scan.stamp and scan.stamp < self._latest - LONGEST_JITTER:
+            seconds = (self._latest - scan.stamp) / NANOSECONDS
+            for _ in self._waiting:
+                self._drop(f"its time is {seconds:.1f} s after that of the next")
+            self._waiting.clear()
+            self.poses.go_back(scan.stamp)
+            self._latest = scan.stamp
+        self._latest = max(self._latest, scan.stamp)
         if len(self._waiting) == self.queue_size:
             self._waiting.popleft()
             self._drop(f"{self.queue_size} newer ones wait for {self.poses.waits_for}")
@@ -134,18 +138,6 @@ class ScanQueue:
         # A waiting scan does not delay scans of other frames.
         self._waiting = deque(entry for entry in self._waiting if not self._finish(*entry))
         return self.statistics.fused - fused
-
-    def _watch_time(self, stamp: int) -> None:
-        if stamp and stamp < self._latest - LONGEST_JITTER:
-            text = (
-                f"its time is {(self._latest - stamp) / NANOSECONDS:.1f} s after that of the next"
-            )
-            for _ in self._waiting:
-                self._drop(text)
-            self._waiting.clear()
-            self.poses.go_back(stamp)
-            self._latest = stamp
-        self._latest = max(self._latest, stamp)
 
     def _finish(self, scan: Any, received: float) -> bool:
         """Fuse or drop a scan; return False if it has to wait longer."""
@@ -177,7 +169,7 @@ def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
         MessageError: the message contradicts itself, or lacks a field.
     """
     if isinstance(message, bytes):
-        message = view(message, messages_of("sensor_msgs").PointCloud2)
+        message = view(message, PointCloud2)
     stamp = from_stamp(message.header.stamp)
     return Cloud(message.header.frame_id, stamp, *read_columns(message, fields))
 
@@ -204,7 +196,7 @@ def fuse_rolling(
 
 
 class ScanInputs:
-    """Subscriptions of a node to scans and poses.
+    """Subscriptions of a node to scans.
 
     Args:
         node: the node.
@@ -259,15 +251,6 @@ class ScanInputs:
             raw=True,
         )
         return str(subscription.topic_name)
-
-    def subscribe_to_poses(self, message_type: type, topic: str, history: PoseHistory) -> None:
-        """Add the poses of a topic to a history, and fuse scans that waited for them."""
-
-        def add(message: Any) -> None:
-            history.add(message)
-            self.work()
-
-        listen(self._node, message_type, topic, add, self._log, "a pose", depth=POSE_QUEUE)
 
     def work(self) -> None:
         """Fuse the scans whose poses are known, and warn of silent sensors."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import rclpy
 from rclpy.clock import Clock
@@ -66,22 +67,13 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     try:
         life.start(create_node)
         life.spin()
-    except Exception as error:
-        on_end(signal.SIG_IGN)
-        life.report(error)
-        if not isinstance(error, NodeFailedError):
-            raise
-        return 1
     except KeyboardInterrupt:
         pass
+    except Exception as error:
+        life.fail(error)
+        return 1
     finally:
-        on_end(signal.SIG_IGN)
-        if life.is_up:
-            life.node.destroy_node()
-        try_shutdown()
-        # Python collects garbage several times as it ends: half a second with numba, and far more
-        # on a busy machine, while signals are ignored.
-        gc.freeze()
+        life.end()
     return 0
 
 
@@ -93,15 +85,13 @@ def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> T
 class _Life:
     """A node from its start to its end, and the signals that end it."""
 
-    node: Node
-
     def __init__(self, args: list[str]) -> None:
         self._args = args
-        self._signals = 0
-        self.is_up = False
-        on_end(self._take_signal)
+        self._node: Any = None
+        self._signals, self._is_up = 0, False
+        on_end(self._on_signal)
 
-    def _take_signal(self, _number: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         self._signals += 1
         if self._signals > 1:
             raise KeyboardInterrupt
@@ -112,16 +102,16 @@ class _Life:
         try:
             rclpy.init(args=self._args, signal_handler_options=SignalHandlerOptions.NO)
         except _ARGUMENT_ERRORS as error:
-            hint = f". Parameter files of ROS 1 need another form: {_MIGRATION}"
             has_file = "--params-file" in self._args
-            raise NodeFailedError(f"{error}{hint if has_file else ''}") from error
+            hint = f". Parameter files of ROS 1 need another form: {_MIGRATION}" if has_file else ""
+            raise NodeFailedError(f"{error}{hint}") from error
         try:
             if isinstance(create_node, type):
-                # The node is needed also if its constructor fails.
-                self.node = object.__new__(create_node)
-                self.node.__init__()
+                # The node has a log and reports even if its own constructor fails.
+                self._node = object.__new__(create_node)
+                self._node.__init__()
             else:
-                self.node = create_node()
+                self._node = create_node()
         except (GridMapError, NameValidationException, rclpy_implementation.RCLError) as error:
             text = str(error)
             if isinstance(error, NameValidationException):
@@ -129,26 +119,22 @@ class _Life:
                 text = text.rpartition("\n")[0]
             if not isinstance(error, GridMapError):
                 text = " ".join(text.split())
-            hint = unmatched_files(self.node, self._args) if self._has_node else ""
-            raise NodeFailedError(f"{text}; {hint}" if hint else text) from error
-        self.is_up = True
+            if self._is_made() and (hint := unmatched_files(self._node, self._args)):
+                text = f"{text}; {hint}"
+            raise NodeFailedError(text) from error
+        self._is_up, node = True, self._node
         for find in (unmatched_files, unknown_parameters):
-            if text := find(self.node, self._args):
-                self.node.get_logger().warning(cut(text))
-        health = health_of(self.node)
-        health.offer(self.node)
-        steady_timer(self.node, PERIOD, partial(health.report, self.node))
-        steady_timer(self.node, _TRIM_PERIOD, trim_memory)
-
-    @property
-    def _has_node(self) -> bool:
-        """True once the base class of the node has been initialized."""
-        return hasattr(self, "node") and hasattr(self.node, "_logger")
+            if text := find(node, self._args):
+                node.get_logger().warning(cut(text))
+        health = health_of(node)
+        health.offer(node)
+        steady_timer(node, PERIOD, partial(health.report, node))
+        steady_timer(node, _TRIM_PERIOD, trim_memory)
 
     def spin(self) -> None:
         """Process callbacks until a signal or a shutdown."""
         executor = SingleThreadedExecutor()
-        executor.add_node(self.node)
+        executor.add_node(self._node)
         try:
             while ok() and not self._signals:
                 executor.spin_once(timeout_sec=_WAKE_PERIOD)
@@ -159,11 +145,28 @@ class _Life:
             # In the garbage collector its parts may already be gone, which would print a traceback.
             executor.shutdown()
 
-    def report(self, error: Exception) -> None:
-        """Log an expected error, and publish every error on `/diagnostics`."""
+    def fail(self, error: Exception) -> None:
+        """Log an expected error, publish every error on `/diagnostics`, and raise other errors."""
+        on_end(signal.SIG_IGN)
         if isinstance(error, NodeFailedError):
             name = Path(sys.argv[0]).stem or "grid_map"
-            logger = self.node.get_logger() if self._has_node else get_logger(name)
+            logger = self._node.get_logger() if self._is_made() else get_logger(name)
             logger.fatal(str(error))
-        if self._has_node:
-            health_of(self.node).report_failure(self.node, str(error) or repr(error))
+        if self._is_made():
+            health_of(self._node).report_failure(self._node, str(error) or repr(error))
+        if not isinstance(error, NodeFailedError):
+            raise error
+
+    def end(self) -> None:
+        """Destroy the node and shut ROS down, whatever signals come."""
+        on_end(signal.SIG_IGN)
+        if self._is_up:
+            self._node.destroy_node()
+        try_shutdown()
+        # Python collects garbage several times as it ends: half a second with numba, and far more
+        # on a busy machine, while signals are ignored.
+        gc.freeze()
+
+    def _is_made(self) -> bool:
+        """Return whether the base class of the node has been initialized."""
+        return hasattr(self._node, "_logger")
