@@ -178,7 +178,7 @@ class Subject:
         parameters: its parameters.
         source: topic of the messages that it takes; empty if it takes none.
         output: topic of its maps, and their type; empty if it publishes none.
-        publishes_all: whether it publishes a map for each message, also while nobody listens.
+        publishes_all: whether it publishes a map for each message, also without subscribers.
         process: its process.
         counts: numbers of maps in, out and dropped, by its diagnostics.
         published: number of messages on `output`, by its publisher.
@@ -227,7 +227,7 @@ class Subject:
     def sample(self, pause: float | None) -> None:
         """Note the state of the process, in the pause that began at a time, or in none."""
         folder = Path("/proc", str(self.process.pid))
-        with suppress(OSError):  # The process has ended.
+        with suppress(OSError, KeyError):  # The process has ended.
             if pause is not None:
                 status = dict(re.findall(r"(\w+):\s+(\d+) kB", (folder / "status").read_text()))
                 memory = (int(status["VmRSS"]) - int(status["RssShmem"])) / 1024
@@ -285,12 +285,6 @@ def subjects(folder: Path) -> list[Subject]:
             MAPS,
             "/soak/served",
         ),
-        (
-            f"{ros}.point_cloud_to_grid_map",
-            {"input_topic": CLOUDS, "output_topic": "/soak/mapped", **fixed},
-            CLOUDS,
-            "/soak/mapped",
-        ),
         (f"{ros}.grid_map_loader", {"file_path": bag, "publish_topic": "/soak/loaded"}, "", ""),
         (
             f"{ros}.grid_map_saver",
@@ -331,6 +325,13 @@ def subjects(folder: Path) -> list[Subject]:
     elevation = "/elevation_mapping/elevation_map_raw"
     return [
         *(Subject(*row) for row in rows),
+        Subject(
+            f"{ros}.point_cloud_to_grid_map",
+            {"input_topic": CLOUDS, "output_topic": "/soak/mapped", **fixed},
+            CLOUDS,
+            "/soak/mapped",
+            publishes_all=False,
+        ),
         Subject(f"{ros}.grid_map_window", stored, MAPS, "/soak/window", publishes_all=False),
         Subject(f"{ros}.elevation_mapping", near, CLOUDS, elevation, publishes_all=False),
         Subject(visualization, {"grid_map_topic": MAPS, **outputs}, MAPS, "/grid", OccupancyGrid),

@@ -35,9 +35,7 @@ def test_text_is_logged_again_after_the_period(throttle: LogThrottle, log: Log) 
     assert log.lines == ["bad map", *["bad map (and 4 more before)"] * 2]
 
 
-def test_levels_and_texts_up_to_the_second_colon_are_throttled_apart(
-    throttle: LogThrottle, log: Log
-) -> None:
+def test_levels_and_kinds_of_texts_are_throttled_apart(throttle: LogThrottle, log: Log) -> None:
     for number in range(5):
         throttle.error(f"bad map: size: {number}")
         throttle.warning(f"bad map: size: {number}")

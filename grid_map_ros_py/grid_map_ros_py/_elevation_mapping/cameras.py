@@ -166,12 +166,7 @@ DISTORTIONS: dict[str, Callable[[Floats, tuple[float, ...]], Floats]] = {
 
 
 def from_camera_info(message: Any) -> Camera:
-    """Return the camera of a `CameraInfo`, for its images with their binning and region.
-
-    Raises:
-        MessageError: the camera is not calibrated, or the message contradicts itself.
-        LimitError: its images have too many pixels.
-    """
+    """Return the camera of a `CameraInfo`, for its images with their binning and region."""
     check_fields(message, "sensor_msgs/CameraInfo", "k", "distortion_model")
     matrix = np.asarray(message.k, np.float64).reshape(3, 3)
     fx, fy = matrix[0, 0], matrix[1, 1]
@@ -245,12 +240,7 @@ class CameraImages:
         self.camera = from_camera_info(message)
 
     def read_picture(self, message: Any) -> Picture:
-        """Return the picture in an `Image` or its bytes.
-
-        Raises:
-            MessageError: the image contradicts itself, has not the size of the camera, or there is
-                no camera yet.
-        """
+        """Return the picture in an `Image` or its bytes."""
         if isinstance(message, bytes):
             message = view(message, Image)
         pixels, order = to_pixels(message)
@@ -265,11 +255,7 @@ class CameraImages:
         return Picture(message.header.frame_id, stamp, pixels, self.camera)
 
     def read_depths(self, message: Any) -> Cloud:
-        """Return the points of a depth image or its bytes, without pixels of no or infinite depth.
-
-        Raises:
-            MessageError: as for `read_picture`, or the image has no depths.
-        """
+        """Return the points of a depth image or its bytes, for pixels with a finite depth."""
         if isinstance(message, bytes):
             message = view(message, Image)
         picture = self.read_picture(message)

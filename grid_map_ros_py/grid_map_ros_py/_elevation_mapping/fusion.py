@@ -6,7 +6,6 @@ import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -102,11 +101,7 @@ class ElevationFusion:
         return self.mapper.grid_map
 
     def fuse(self, source: InputSource, cloud: Cloud, placement: Placement) -> None:
-        """Fuse a cloud; after an error the map is unchanged.
-
-        Raises:
-            GridMapError: the cloud has no time, or the mapper refuses it.
-        """
+        """Fuse a cloud; after an error the map is unchanged."""
         begin = time.perf_counter()
         if cloud.stamp == 0:
             raise MessageError("header.stamp", "the time of the scan", "0")
@@ -137,13 +132,17 @@ class ElevationFusion:
         self._note({**self.report.milliseconds, "update": 1e3 * (time.perf_counter() - begin)})
 
     def paint(self, source: InputSource, picture: Picture, placement: Placement) -> None:
-        """Put the pixels of a picture into layers, in the cells that it shows.
-
-        Raises:
-            GridMapError: the source has not as many names as the picture has channels.
-        """
+        """Put the pixels of a picture into layers, in the cells that it shows."""
         begin = time.perf_counter()
-        layers = _channels_of(source, picture)
+        count, names = picture.pixels.shape[2], tuple(source.settings.channels)
+        # Three channels without names are one color.
+        layers = {COLOR_LAYER: picture.pixels}
+        if count != 3 or names not in ((), ("rgb",)):
+            names = names or ("gray",)
+            if len(names) != count:
+                expected = f"expected {count} names, as the image has, got {list(names)}"
+                raise GridMapError(f"input_sources.{source.name}.channels: {expected}")
+            layers = {name: picture.pixels[..., k] for k, name in enumerate(names)}
         grid_map = self.mapper.grid_map
         cells, pixels = seen_cells(grid_map, "elevation", picture.camera, placement.transform)
         for name, channel in layers.items():
@@ -180,11 +179,7 @@ class ElevationFusion:
         self._note({})
 
     def load(self, grid_map: GridMap) -> None:
-        """Take over a saved map: its place, and the layers that both have.
-
-        Raises:
-            GridMapError: it is in another frame, or has no layer in common with this map.
-        """
+        """Take over a saved map: its place, and the layers that both have."""
         kept = self.mapper.grid_map.copy()
         try:
             self.mapper.move(grid_map.position)
@@ -233,16 +228,3 @@ class ElevationFusion:
         self.changed = time.monotonic()
         for stage, last in milliseconds.items():
             self.time(stage, last)
-
-
-def _channels_of(source: InputSource, picture: Picture) -> dict[str, Any]:
-    """Return the pixels of layers, by name; three channels without names are one color."""
-    pixels = picture.pixels
-    count = pixels.shape[2]
-    names = tuple(source.settings.channels) or (("rgb",) if count == 3 else ("gray",))
-    if names == ("rgb",) and count == 3:
-        return {COLOR_LAYER: pixels}
-    if len(names) != count:
-        place = f"input_sources.{source.name}.channels"
-        raise GridMapError(f"{place}: expected {count} names, as the image has, got {list(names)}")
-    return {name: pixels[..., number] for number, name in enumerate(names)}

@@ -38,12 +38,7 @@ class Chain(Protocol):
 
 
 def make_chain(config: Mapping[str, Any], threads: int = 1) -> Chain:
-    """Return the chain of a configuration.
-
-    Raises:
-        MissingPackageError: no installed package has chains.
-        ConfigError: the configuration is invalid.
-    """
+    """Return the chain of a configuration."""
     found = next(iter(entry_points(group=GROUP)), None)
     if found is None:
         remedy = f"install {PACKAGE}, or source the workspace that has it"
@@ -53,16 +48,12 @@ def make_chain(config: Mapping[str, Any], threads: int = 1) -> Chain:
 
 
 class MapOutputs:
-    """Publishers of the raw and the filtered map.
+    """Publishers of the raw and the filtered map of a fusion.
 
     Args:
-        node: the node that publishes.
-        fusion: the fusion, whose map is published.
         chain: filters of the filtered map; None without filters.
-        log: log of warnings, and of maps that cannot be published.
-        raw_rate: rate at which a changed raw map is published [Hz].
-        filtered_rate: the same for the filtered map; 0 means on request, infinity means together
-            with the raw map after each scan.
+        raw_rate, filtered_rate: rates at which changed maps are published [Hz]; a filtered map is
+            published on request at rate 0, and together with the raw map at rate infinity.
     """
 
     def __init__(
@@ -77,8 +68,18 @@ class MapOutputs:
     ) -> None:
         self._fusion, self._chain, self._log = fusion, chain, log
         self._with_raw = filtered_rate == math.inf
-        self._raw = MapPublisher(node, "~/elevation_map_raw", self._raw_message, log)
-        self._filtered = MapPublisher(node, "~/elevation_map", self._filtered_message, log)
+
+        def raw() -> bytes | None:
+            return to_serialized_message(fusion.grid_map) if fusion.version else None
+
+        def filtered() -> bytes | None:
+            if not fusion.version:
+                return None
+            grid_map, start = self.filtered()
+            return to_serialized_message(grid_map, start_index=start)
+
+        self._raw = MapPublisher(node, "~/elevation_map_raw", raw, log)
+        self._filtered = MapPublisher(node, "~/elevation_map", filtered, log)
         steady_timer(node, 1 / raw_rate, self.publish_raw)
         if 0 < filtered_rate < math.inf:
             steady_timer(node, 1 / filtered_rate, self._publish_filtered)
@@ -117,12 +118,3 @@ class MapOutputs:
 
     def _publish_filtered(self) -> None:
         self._filtered.publish_version(self._fusion.version)
-
-    def _raw_message(self) -> bytes | None:
-        return to_serialized_message(self._fusion.grid_map) if self._fusion.version else None
-
-    def _filtered_message(self) -> bytes | None:
-        if not self._fusion.version:
-            return None
-        grid_map, start = self.filtered()
-        return to_serialized_message(grid_map, start_index=start)

@@ -69,13 +69,13 @@ class GridMapServerNode(ConfiguredNode):
                 self, topic, lambda received: self._take(received.decode(unwrap=False))
             )
         for kind, action in (
-            (GetGridMap, self._get_grid_map),
-            (GetGridMapInfo, self._get_grid_map_info),
-            (SetGridMap, self._set_grid_map),
-            (ProcessFile, self._load_map),
-            (ProcessFile, self._save_map),
+            (GetGridMap, self.get_grid_map),
+            (GetGridMapInfo, self.get_grid_map_info),
+            (SetGridMap, self.set_grid_map),
+            (ProcessFile, self.load_map),
+            (ProcessFile, self.save_map),
         ):
-            offer_service(self, kind, action.__name__.removeprefix("_"), action, self._log)
+            offer_service(self, kind, action.__name__, action, self._log)
         served = self._topic
         if isinstance(self._map, TiledMap):
             rows, columns = self._map.size
@@ -96,25 +96,25 @@ class GridMapServerNode(ConfiguredNode):
 
     # --- services ---------------------------------------------------------------------------------
 
-    def _get_grid_map(self, request: Any, response: Any) -> None:
+    def get_grid_map(self, request: Any, response: Any) -> None:
         position = request.position_x, request.position_y
         length = request.length_x, request.length_y
         layers = request.layers or None
         found = part(self._held_map(), request.frame_id, position, length, layers)
         response.map = to_message(found, layers)
 
-    def _get_grid_map_info(self, _request: Any, response: Any) -> None:
+    def get_grid_map_info(self, _request: Any, response: Any) -> None:
         response.info = to_info(self._held_map().geometry)
 
-    def _set_grid_map(self, request: Any, _response: Any) -> None:
+    def set_grid_map(self, request: Any, _response: Any) -> None:
         self._take(from_message(request.map, unwrap=False))
 
-    def _load_map(self, request: Any, response: Any) -> None:
+    def load_map(self, request: Any, response: Any) -> None:
         with place_below(self._directory, request.file_path) as path:
             self._take(load_from_bag(path, request.topic_name or None, unwrap=False))
         response.success = True
 
-    def _save_map(self, request: Any, response: Any) -> None:
+    def save_map(self, request: Any, response: Any) -> None:
         held, topic = self._held_map(), request.topic_name or self._topic
         grid_map = held.to_map() if isinstance(held, TiledMap) else held
         with place_below(self._directory, request.file_path) as path:

@@ -28,12 +28,6 @@ def part(
         length: (2,) side lengths of the rectangle along x and y [m]; zeros select the whole map.
         layers: names of the layers to read from a tiled map; None reads all layers. Parts of other
             maps have all layers.
-
-    Raises:
-        RequestError: the map has another frame.
-        OutOfMapError: the rectangle does not overlap the map.
-        GeometryError: a length is negative, or a number is not finite.
-        LimitError: the part of a tiled map has more cells than the limits allow.
     """
     if frame_id not in ("", grid_map.frame_id):
         raise RequestError(
@@ -53,9 +47,6 @@ def place_below(directory: str, path: str) -> Iterator[Path]:
         directory: the directory; an empty name refuses all paths.
         path: path from a request, absolute or relative to the directory. Links may not lead out of
             the directory.
-
-    Raises:
-        RequestError: the path is not below the directory, or the bag cannot be read or written.
     """
     if not directory:
         raise RequestError("files are refused: the parameter 'directory' is not set")

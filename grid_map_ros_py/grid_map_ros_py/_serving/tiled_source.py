@@ -48,10 +48,6 @@ def open_source(
         frame_id: frame of the map; empty means as stored.
         origin: latitude and longitude [deg] of the origin of the frame; empty means that of the
             reference system of the source.
-
-    Raises:
-        GridMapError: the source cannot be read, or is no map.
-        MissingPackageError: a package that this kind of map needs is not installed.
     """
     # Each of Zarr's threads, which unpack chunks, would keep the memory of some chunks.
     return_memory()
@@ -71,10 +67,6 @@ def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequenc
         position: (2,) x, y [m], on the map or off it.
         size: rows and columns of the window.
         layers: names of the layers to read.
-
-    Raises:
-        LimitError: the window has more cells than the limits allow.
-        GridMapError: the map cannot be read.
     """
     check_cells("window", size, len(layers))
     first = tiled_map.geometry.cropped(*(slice(0, count) for count in size))

@@ -43,6 +43,11 @@ class LogThrottle:
         if line := self._line(text, "warning"):
             self._logger.warning(line)
 
+    def info(self, text: str) -> None:
+        """Log a change, unless a similar one was logged recently."""
+        if line := self._line(text, "info"):
+            self._logger.info(line)
+
     def _line(self, text: str, level: str) -> str:
         """Return the line to log now, or an empty text; count what is held back."""
         text, now = cut(text), self._clock()

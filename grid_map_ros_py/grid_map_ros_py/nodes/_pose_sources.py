@@ -74,9 +74,6 @@ class TfPoses(Poses):
         track_frame: frame of the track point; empty for that of the robot.
         track_point: (3,) point that the map follows [m], in that frame.
         covariances: poses of the robot whose covariances are used; None for none.
-
-    Raises:
-        MissingPackageError: tf2 is not installed.
     """
 
     def __init__(

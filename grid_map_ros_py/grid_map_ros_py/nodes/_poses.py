@@ -61,9 +61,6 @@ class Poses:
         Args:
             frame_id: frame of the scan.
             stamp: time of the scan [ns]; 0 selects the latest pose.
-
-        Raises:
-            GridMapError: the placement will never be known.
         """
         if frame_id != self._map_frame:
             expected = f"{self._map_frame!r}, that of the map, as there are no poses"
@@ -124,9 +121,6 @@ class PoseHistory(Poses):
 
         If it is more than `LONGEST_JITTER` earlier than the last pose, time was reset, and all
         earlier poses are forgotten.
-
-        Raises:
-            MessageError: the pose is in another frame, or its numbers are invalid.
         """
         if message.header.frame_id.removeprefix("/") != self._map_frame:
             expected = f"{self._map_frame!r}, that of the map"
@@ -167,11 +161,7 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the pose at a time [ns], 0 for the latest; None if the time is in the future.
-
-        Raises:
-            GridMapError: the time is earlier than all poses that are kept.
-        """
+        """Return the pose at a time [ns], 0 for the latest; None if the time is in the future."""
         if not self._stamps or stamp > self._stamps[-1]:
             return None
         if stamp and stamp < self._stamps[0]:
@@ -208,9 +198,6 @@ def from_covariance(values: npt.ArrayLike) -> Covariance:
     """Return the covariance (36,) of a message as a matrix (6, 6).
 
     Rounding errors of the sender, up to `INDEFINITE`, are mended.
-
-    Raises:
-        MessageError: it is not finite, not symmetric, or not positive semi-definite.
     """
     matrix = np.asarray(values, np.float64).reshape(6, 6)
     with np.errstate(over="ignore", invalid="ignore"):

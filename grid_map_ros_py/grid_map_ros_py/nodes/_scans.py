@@ -163,11 +163,7 @@ class ScanQueue:
 
 
 def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
-    """Return the cloud in a `PointCloud2` or its bytes, with some of its fields as columns.
-
-    Raises:
-        MessageError: the message contradicts itself, or lacks a field.
-    """
+    """Return the cloud in a `PointCloud2` or its bytes, with some of its fields as columns."""
     if isinstance(message, bytes):
         message = view(message, PointCloud2)
     stamp = from_stamp(message.header.stamp)
@@ -226,15 +222,9 @@ class ScanInputs:
         name: str = "a sensor",
         is_reliable: bool = False,
     ) -> str:
-        """Put the messages of a topic into a queue; return the full name of the topic.
+        """Put the messages of a topic into a queue, and call `on_fused` after scans were fused.
 
-        Args:
-            message_type: class of the messages, which are read without a copy.
-            topic: the topic.
-            queue: scans of the sensor.
-            on_fused: called after scans were fused.
-            name: name of the sensor in the log.
-            is_reliable: whether lost messages are requested again.
+        Returns the full name of the topic. `name` is the name of the sensor in the log.
         """
         queue.report = self._drop
         sensor = _Sensor(name, topic, queue, on_fused, time.monotonic())

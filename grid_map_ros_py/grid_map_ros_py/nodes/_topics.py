@@ -147,18 +147,21 @@ class LatchedSubscription:
                 f"no messages from a publisher of {self.topic_name}: "
                 f"incompatible quality of service ({policy})"
             )
-        elif executor is not None and getattr(self._qos, policy) != WEAKER[kind]:
+            return
+
+        def subscribe_again() -> None:
+            if self._subscription is not None:
+                self._node.get_logger().info(
+                    f"a publisher of {self.topic_name} is {WEAKER[kind].name.lower()}: now the "
+                    "subscription is, too"
+                )
+                self.destroy()
+                self._subscription = self._subscribe()
+
+        if executor is not None and getattr(self._qos, policy) != WEAKER[kind]:
             setattr(self._qos, policy, WEAKER[kind])
             # Deferred, because this is a callback of the subscription that will be destroyed.
-            executor.create_task(self._subscribe_again, WEAKER[kind].name.lower())
-
-    def _subscribe_again(self, weaker: str) -> None:
-        if self._subscription is not None:
-            self._node.get_logger().info(
-                f"a publisher of {self.topic_name} is {weaker}: now the subscription is, too"
-            )
-            self.destroy()
-            self._subscription = self._subscribe()
+            executor.create_task(subscribe_again)
 
 
 class MapSubscription(LatchedSubscription):
