@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Signals at random moments to every executable, while messages arrive and parameters are set.
+"""Signals at random moments to every executable, while messages arrive.
 
 `python3 test/interrupts.py --count 2000` starts the executables. Each gets SIGINT, SIGTERM or
 SIGHUP, sometimes twice, and must end in time with the right exit code, without a child or a damaged
@@ -23,7 +23,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,16 +90,6 @@ ARGUMENTS = {
     "web_viewer": "-p port:=0",
 }
 """Parameters of nodes that need some, or would take nothing without them."""
-
-OWN: dict[str, Any] = {
-    **dict.fromkeys(["activity_check_rate", "duration", "publish_rate", "radius"], 0.5),
-    **dict.fromkeys(["resolution", "speed", "time_variance", "timeout", "update_rate"], 0.5),
-    **dict.fromkeys(["bag_topic", "elevation_layer", "layer", "storage"], "elevation"),
-    "filters.filter1.name": "other",
-    "use_transparency": True,
-    "max_cells": 10**6,
-}
-"""Parameters that are set; each node has one of them at least."""
 
 COMMANDS = {
     "convert {data}/map.npz {folder}/new.npz --compress": (),
@@ -257,19 +247,17 @@ def noisy_map() -> GridMap:
 
 
 def disturb() -> None:
-    """Publish at 30 Hz, take what nodes publish, and set their parameters.
+    """Publish at 30 Hz, and take what nodes publish.
 
     Ends after a signal, or with the process that started it.
     """
     from nav_msgs.msg import Odometry
-    from rcl_interfaces.srv import SetParameters
-    from rclpy.parameter import Parameter
 
     from grid_map_ros_py import to_image, to_message, to_point_cloud
     from grid_map_ros_py.messages import serialize
     from grid_map_ros_py.nodes import map_qos
 
-    chance, grid_map, ended, clients = random.Random(1), noisy_map(), [], {}
+    grid_map, ended = noisy_map(), []
     odometry = Odometry()
     odometry.header.frame_id, odometry.pose.pose.orientation.w = "map", 1.0
     messages = {
@@ -293,19 +281,6 @@ def disturb() -> None:
                 if publisher.get_subscription_count():
                     publisher.publish(data)
             listen(other, taken)
-            name = chance.choice([*OWN])
-            values = {"use_sim_time": chance.random() < 0.2, name: OWN[name]}
-            values["filters.filter5.params.radius"] = chance.random()
-            parameters = [
-                Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-            ]
-            for name in {*other.node.get_node_names()} - {"peer"}:
-                if name not in clients:
-                    service = f"/{name}/set_parameters"
-                    clients[name] = other.node.create_client(SetParameters, service)
-                if clients[name].service_is_ready():
-                    request = SetParameters.Request(parameters=parameters)
-                    clients[name].remove_pending_request(clients[name].call_async(request))
             other.spin(1 / 30)
 
 

@@ -9,7 +9,7 @@ import pytest
 from test_cameras import WIDE, looking_down
 from test_elevation_parameters import source
 
-from grid_map_core_py import ConfigError, GridGeometry, GridMap, GridMapError
+from grid_map_core_py import ConfigError, GridGeometry, GridMapError
 from grid_map_core_py.conversions import color_value_to_vector
 from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.testing import assert_maps_equal
@@ -216,12 +216,3 @@ def test_channels_of_a_picture_become_layers() -> None:
 def test_wrong_settings_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match="expected"):
         fusion(**wrong)
-
-
-def test_map_of_another_size_is_replaced_in_part() -> None:
-    made = fusion()
-    patch = GridMap((1.0, 1.0), 0.1, layers={"elevation": 3.0, "keep": 0.0}, frame_id="odom")
-    patch["keep"][patch.axes()[0] > 0] = math.nan
-    made.replace(patch, "keep")
-    assert at(made, -0.2, 0.2) == 3.0
-    assert math.isnan(at(made, 0.2, 0.2))

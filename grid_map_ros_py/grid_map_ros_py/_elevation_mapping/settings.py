@@ -42,29 +42,27 @@ class Settings:
     """Parameters of the node that are neither those of sources nor those of the mapper.
 
     Attributes:
-        map_frame_id: frame of the map, which drifts without jumps, such as that of odometry.
-        robot_base_frame_id: frame of the robot; heights that are ignored are relative to it.
-        track_point_frame_id: frame of the point that the map follows, with tf; empty means that of
+        map_frame_id: frame of the map; it must not jump, so use that of odometry.
+        robot_base_frame_id: frame of the robot.
+        track_point_frame_id: with tf, frame of the point that the map follows; empty means that of
             the robot.
         track_point_x, track_point_y, track_point_z: the point that the map follows [m].
         pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the poses of the robot in the map frame; tf uses
-            only their covariances, and an empty name means exact poses.
-        pose_type: type of the messages of that topic.
+            only their covariances, and no topic means exact poses.
+        pose_type: messages of that topic.
         robot_pose_cache_size: number of poses that are kept.
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: initial center of the map [m].
         resolution: side of a cell [m].
-        visibility_cleanup_rate: 0 disables the visibility cleanup, which otherwise runs with every
-            scan.
+        visibility_cleanup_rate: 0 disables the visibility cleanup.
         enable_continuous_cleanup: whether every scan begins a new map.
         initialize_elevation_map: whether the map begins with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
-        target_frame_init_submap: frame at whose origin the patch is, with tf; empty means that of
-            the robot.
+        target_frame_init_submap: with tf, frame of the patch; empty means that of the robot.
         masked_replace_service_mask_layer_name: layer in requests of `masked_replace` that is NaN
             where cells keep their values.
         directory: directory below which requests load and save maps; empty refuses them.
