@@ -3,12 +3,12 @@
 
     python3 benchmarks/soak.py --seconds 600
 
-The nodes get maps of 403 x 344 cells, and clouds and octomaps of that size. One message in 50
-contradicts itself. Meanwhile publishers restart, the simulated clock jumps, parameters are set,
+The nodes get maps of 403 x 344 cells, and clouds of that size. One message in 50 contradicts
+itself. Meanwhile publishers restart, the simulated clock jumps, parameters are set,
 services are called, a browser stops reading, a callback of a subscriber takes 5 s, and that process
 is frozen for 5 s. A table appears every minute:
 
-- Hz: maps out per second. CPU: part of one processor that the node takes.
+- Hz: maps out per second.
 - sent, in, out, dropped: messages of the sources; maps of the node, by its diagnostics. `sent` may
   be larger than `in`, as a new map replaces one that a busy node has not taken.
 - MB, now: smallest resident memory while the source pauses, as it does every minute: in the first
@@ -25,28 +25,23 @@ The exit code is 1 if a node ends or a request fails, or if one of these is miss
   no more is dropped than contradicts itself.
 - At most `--gap` seconds pass between two maps of a node, unless its source restarts or pauses; if
   it has no output, between two reports of maps in. A node that hangs misses this on any machine.
-  While a process is frozen, Fast DDS may block those that publish to it (see "One process stops,
-  and others hang" in docs/troubleshooting.md): for them these 5 s do not count, but are printed.
-- A node takes `--share` of what is sent, unless the processors are busy for more than 90 % of the
-  time, by the median of all seconds. Nodes that take less are printed then.
+  Fast DDS may block nodes that publish to a frozen process (see "One process stops, and others
+  hang" in docs/troubleshooting.md): nodes with such a subscriber get 5 s more.
 
-There is no octomap_to_grid_map without octomap_msgs, no web_viewer without viser, and no
-rerun_viewer without Rerun. Start it
-where the workspace is set up (`. tools/env.sh`).
+There is no web_viewer without viser, and no rerun_viewer without Rerun. Start the soak where the
+workspace is set up (`. tools/env.sh`).
 """
 
 import argparse
-import array
 import json
 import math
-import os
 import re
 import signal
 import struct
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -84,7 +79,7 @@ CELLS = 403, 344
 RESOLUTION = 0.03
 BAD_EVERY = 50
 
-MAPS, CLOUDS, OCTOMAPS = "/soak/maps", "/soak/clouds", "/soak/octomaps"
+MAPS, CLOUDS = "/soak/maps", "/soak/clouds"
 POSES = "/soak/poses"
 VIEWED: dict[str, tuple[str, type]] = {
     "filter_chain": ("/soak/filtered", GridMapMessage),
@@ -101,12 +96,7 @@ STALL = 5.0
 STALLS = (signal.SIGSTOP, signal.SIGCONT, signal.SIGUSR1, 0)
 """Signals that the viewer gets in turn, every `STALL` seconds."""
 
-BUSY = 0.9
-"""Part of the time of all processors from which on nodes may miss messages."""
-
-OCTOMAP_MSGS, VISER, RERUN = (
-    find_spec(name) is not None for name in ("octomap_msgs", "viser", "rerun_cli")
-)
+VISER, RERUN = (find_spec(name) is not None for name in ("viser", "rerun_cli"))
 
 
 # --- sources --------------------------------------------------------------------------------------
@@ -117,25 +107,6 @@ def terrain() -> GridMap:
     grid_map = load_terrain(path, RESOLUTION, frame_id="map")
     assert grid_map.size == CELLS
     return grid_map
-
-
-def octree() -> bytes:
-    """Return a binary octree: a floor of `CELLS` voxels, in cubes of up to 16 voxels."""
-
-    def write(low: Sequence[int], side: int) -> bytes:
-        word, below, side = 0, b"", side // 2
-        for child in range(8):
-            x, y, z = corner = [low[axis] + side * (child >> axis & 1) for axis in range(3)]
-            if z != 0 and not z < 0 < z + side:
-                continue
-            if side <= 16 and 0 <= x <= CELLS[0] - side and 0 <= y <= CELLS[1] - side:
-                word |= 2 << 2 * child
-            elif -side < x < CELLS[0] and -side < y < CELLS[1]:
-                word |= 3 << 2 * child
-                below += write(corner, side)
-        return struct.pack("<H", word) + below
-
-    return write([-(2**15)] * 3, 2**16)
 
 
 def messages() -> Iterator[tuple[str, type, bytes, bytes]]:
@@ -154,14 +125,6 @@ def messages() -> Iterator[tuple[str, type, bytes, bytes]]:
     intact = serialize(pose)
     pose.pose.pose.orientation.w = 0.0
     yield POSES, Odometry, intact, serialize(pose)
-    if OCTOMAP_MSGS:
-        from octomap_msgs.msg import Octomap
-
-        octomap = Octomap(binary=True, id="OcTree", resolution=RESOLUTION)
-        octomap.data = array.array("b", octree())
-        intact = serialize(octomap)
-        octomap.data = octomap.data[:-2]
-        yield OCTOMAPS, Octomap, intact, serialize(octomap)
 
 
 class Source(Node):
@@ -215,15 +178,12 @@ class Subject:
         parameters: its parameters.
         source: topic of the messages that it takes; empty if it takes none.
         output: topic of its maps, and their type; empty if it publishes none.
-        publishes_all: whether it publishes a map for each message, also while nobody listens.
+        publishes_all: whether it publishes a map for each message, also without subscribers.
         process: its process.
         counts: numbers of maps in, out and dropped, by its diagnostics.
         published: number of messages on `output`, by its publisher.
         last: time of the last message on `output` [s], and its number; 0 before the first one.
-        frozen: when the viewer was frozen, if it subscribes to the node: begin and end [s].
-        gap: longest time between two messages on `output`, without `frozen`, and its end [s].
-        blocked: longest such time that overlaps with `frozen`, as a whole [s].
-        processor: time that its process has run [s].
+        gap: longest time between two messages on `output`, and its end [s].
         samples: smallest resident memory without shared memory [MB], and number of files, by the
             begin of a pause of the source [s].
     """
@@ -238,10 +198,7 @@ class Subject:
     counts: tuple[int, ...] = (0, 0, 0)
     published: int = 0
     last: tuple[float, int] = (0.0, 0)
-    frozen: list[tuple[float, float]] = field(default_factory=list)
     gap: tuple[float, float] = (0.0, 0.0)
-    blocked: float = 0.0
-    processor: float = 0.0
     samples: dict[float, tuple[float, int]] = field(default_factory=dict)
 
     @property
@@ -265,18 +222,12 @@ class Subject:
 
     def note_gap(self, begin: float, end: float, count: int = 1) -> None:
         """Note `count` gaps, which take a time together."""
-        overlaps = (min(end, last) - max(begin, first) for first, last in self.frozen)
-        excused = sum(max(0.0, overlap) for overlap in overlaps)
-        self.gap = max(self.gap, ((end - begin - excused) / count, end))
-        if excused:
-            self.blocked = max(self.blocked, (end - begin) / count)
+        self.gap = max(self.gap, ((end - begin) / count, end))
 
     def sample(self, pause: float | None) -> None:
         """Note the state of the process, in the pause that began at a time, or in none."""
         folder = Path("/proc", str(self.process.pid))
-        with suppress(OSError):  # The process has ended.
-            times = (folder / "stat").read_text().rpartition(")")[2].split()[11:13]
-            self.processor = sum(map(int, times)) / os.sysconf("SC_CLK_TCK")
+        with suppress(OSError, KeyError):  # The process has ended.
             if pause is not None:
                 status = dict(re.findall(r"(\w+):\s+(\d+) kB", (folder / "status").read_text()))
                 memory = (int(status["VmRSS"]) - int(status["RssShmem"])) / 1024
@@ -334,12 +285,6 @@ def subjects(folder: Path) -> list[Subject]:
             MAPS,
             "/soak/served",
         ),
-        (
-            f"{ros}.point_cloud_to_grid_map",
-            {"input_topic": CLOUDS, "output_topic": "/soak/mapped", **fixed},
-            CLOUDS,
-            "/soak/mapped",
-        ),
         (f"{ros}.grid_map_loader", {"file_path": bag, "publish_topic": "/soak/loaded"}, "", ""),
         (
             f"{ros}.grid_map_saver",
@@ -354,9 +299,6 @@ def subjects(folder: Path) -> list[Subject]:
             "/soak/terrain",
         ),
     ]
-    if OCTOMAP_MSGS:
-        topics = {"octomap_topic": OCTOMAPS, "grid_map_topic": "/soak/octomap"}
-        rows.append((f"{ros}.octomap_to_grid_map", topics, OCTOMAPS, "/soak/octomap"))
     if VISER:
         coarse = {"grid_map_topic": MAPS, "port": 0, "max_drawn_cells": 20_000, "update_rate": 5.0}
         rows.append((f"{viewing}.web_viewer", coarse, MAPS, ""))
@@ -383,6 +325,13 @@ def subjects(folder: Path) -> list[Subject]:
     elevation = "/elevation_mapping/elevation_map_raw"
     return [
         *(Subject(*row) for row in rows),
+        Subject(
+            f"{ros}.point_cloud_to_grid_map",
+            {"input_topic": CLOUDS, "output_topic": "/soak/mapped", **fixed},
+            CLOUDS,
+            "/soak/mapped",
+            publishes_all=False,
+        ),
         Subject(f"{ros}.grid_map_window", stored, MAPS, "/soak/window", publishes_all=False),
         Subject(f"{ros}.elevation_mapping", near, CLOUDS, elevation, publishes_all=False),
         Subject(visualization, {"grid_map_topic": MAPS, **outputs}, MAPS, "/grid", OccupancyGrid),
@@ -399,13 +348,6 @@ def segments(process: int | str) -> set[Path]:
     with suppress(OSError):  # The process has ended.
         maps = Path("/proc", str(process), "maps").read_text()
     return set(map(Path, re.findall(r"/dev/shm/fastrtps_[0-9a-f]{16}\b", maps)))
-
-
-def processor_times() -> tuple[int, int]:
-    """Return the time for which all processors were idle, and the whole time, in ticks."""
-    line, *_ = Path("/proc/stat").read_text().splitlines()
-    times = [int(text) for text in line.split()[1:9]]
-    return times[3] + times[4], sum(times)
 
 
 def growth(values: Mapping[float, float]) -> float:
@@ -426,7 +368,6 @@ class Soak:
         folder: folder of bags and parameters.
         seconds: duration.
         names: nodes to run; all if empty.
-        share: smallest share of the messages sent that a node takes, unless processors are busy.
         gap: longest time between two maps of a node [s].
 
     Attributes:
@@ -435,7 +376,6 @@ class Soak:
         bad: how many of them contradicted themselves.
         problems: figures that were missed.
         segments: segments of shared memory that the processes have used.
-        busy: parts of the time for which the processors were busy, each second.
     """
 
     def __init__(
@@ -445,18 +385,13 @@ class Soak:
         seconds: float,
         *,
         names: Collection[str] = (),
-        share: float = 0.9,
         gap: float = 2.0,
     ) -> None:
         self.problems: list[str] = []
         self.segments: set[Path] = set()
         self._observer, self._folder, self._seconds = observer, folder, seconds
-        self._share, self._gap = share, gap
+        self._gap = gap
         self.subjects = [each for each in subjects(folder) if not names or each.name in names]
-        self._frozen: list[tuple[float, float]] = []
-        for subject in self.subjects:
-            if subject.name in VIEWED:
-                subject.frozen = self._frozen
         self._sources: list[Process] = []
         self.sent: dict[str, int] = {}
         self.bad: dict[str, int] = {}
@@ -464,8 +399,6 @@ class Soak:
         self._is_paused = False
         self._answers: dict[str, list[Any]] = {}
         self._browsed = 0
-        self.busy: list[float] = []
-        self._times = processor_times()
         self._is_over = threading.Event()
         self._begin = time.monotonic()
 
@@ -505,7 +438,7 @@ class Soak:
             self._end_sources()
             with suppress(AssertionError):
                 self._observer.wait_until(lambda: not any(self.miscounts()), "the last counts")
-            print(self.table(), *self.notes(), sep="\n", flush=True)
+            print(self.table(), flush=True)
             self.problems += [*self.miscounts(), *self.leaks(growth)]
             self._end_nodes()
 
@@ -558,18 +491,10 @@ class Soak:
             every(0.1, tick),
             every(1.0, self._sample),
             every(2.0, lambda: [request() for request in requests]),
-            every(STALL, lambda: self._stall(next(stalls))),
+            every(STALL, lambda: self._viewer.send_signal(next(stalls))),
             every(min(30.0, self._seconds / 3), self._restart_source),
             every(60.0, lambda: print(self.table(), flush=True)),
         ]
-
-    def _stall(self, number: int) -> None:
-        """Send a signal to the viewer, and note when it is frozen."""
-        if number == signal.SIGSTOP:
-            self._frozen.append((time.time(), math.inf))
-        self._viewer.send_signal(number)
-        if number == signal.SIGCONT:
-            self._frozen[-1] = self._frozen[-1][0], time.time()
 
     def _restart_source(self) -> None:
         """End the source and start another one, unless it pauses or has not begun yet."""
@@ -666,8 +591,6 @@ class Soak:
         if math.isinf(self._undisturbed) and not self._is_paused and self._sources[-1].lines:
             # By then subscribers have found the source.
             self._undisturbed = time.time() + 3
-        (idle, whole), self._times = self._times, processor_times()
-        self.busy.append(1 - (self._times[0] - idle) / max(1, self._times[1] - whole))
         processes = [subject.process for subject in self.subjects]
         for subject in self.subjects:
             subject.sample(pause)
@@ -702,32 +625,14 @@ class Soak:
             if code != 0 or "Traceback" in text:
                 self.problems.append(f"{subject.name} ended with code {code}: {text[-2000:]}")
 
-    @property
-    def _is_busy(self) -> bool:
-        return bool(self.busy) and median(self.busy) > BUSY
-
-    def notes(self) -> Iterator[str]:
-        """Yield figures that explain others, and are no problems."""
-        yield f"noted: processors were busy for {100 * median(self.busy or [0]):.0f} % of the time"
-        for subject in self.subjects:
-            taken, sent = subject.counts[0], self.sent.get(subject.source, 0)
-            if self._is_busy and taken < self._share * sent:
-                yield f"noted: {subject.name} took {100 * taken / sent:.0f} % of what was sent"
-            if not subject.samples:
-                yield f"noted: {subject.name}: no pause was long enough to measure memory"
-            if subject.blocked > self._gap:
-                text = f"{subject.blocked:.1f} s without a map while a viewer was frozen"
-                yield f"noted: {subject.name}: {text}"
-
     def miscounts(self) -> Iterator[str]:
         for name, answers in self._answers.items():
             if not answers or not answers[-1].done():
                 yield f"{name} does not answer"
-        share = 0.0 if self._is_busy else self._share
         for subject in self.subjects:
             name, (taken, out, dropped) = subject.name, subject.counts
             sent, bad = (figures.get(subject.source, 0) for figures in (self.sent, self.bad))
-            if subject.source and not sent >= taken == out + dropped >= max(1.0, share * sent):
+            if subject.source and not sent >= taken == out + dropped >= 1:
                 yield f"{name}: {sent} sent, {taken} in, {out} out, {dropped} dropped"
             counts = subject.source and subject.output and subject.publishes_all
             if counts and out != subject.published:
@@ -745,7 +650,7 @@ class Soak:
                 if now > self._undisturbed:
                     subject.note_gap(max(subject.last[0], self._undisturbed), now)
                 gap, end = subject.gap
-                if gap > self._gap:
+                if gap > self._gap + (STALL if subject.name in VIEWED else 0.0):
                     moment = end - now + self._elapsed
                     yield f"{subject.name}: {gap:.1f} s without a map, until {moment:.0f} s"
 
@@ -758,8 +663,8 @@ class Soak:
 
     def table(self) -> str:
         """Return the figures so far; the sources say at the end how much they have sent."""
-        columns = "Hz  CPU   sent     in    out dropped   MB   now files now"
-        heading = f"{'node':23} {columns:>61}"
+        columns = "Hz   sent     in    out dropped   MB   now files now"
+        heading = f"{'node':23} {columns:>56}"
         lines = [f"\nafter {self._elapsed:.0f} s", heading]
         duration = min(self._elapsed, self._seconds)
         for subject in self.subjects:
@@ -769,7 +674,7 @@ class Soak:
             samples = [subject.samples[key] for key in sorted(subject.samples)] or [(math.nan, 0)]
             (before, files), (after, more_files) = samples[0], samples[-1]
             lines.append(
-                f"{subject.name:23} {rate:5.1f} {subject.processor / duration:4.2f}"
+                f"{subject.name:23} {rate:5.1f}"
                 f" {sent:6} {taken:6} {out:6} {dropped:7}"
                 f" {before:4.0f} {after:5.1f} {files:5} {more_files:3}"
             )
@@ -785,8 +690,6 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="duration (%(default)s)")
     text = "largest growth of resident memory, and of the number of files [%%] (%(default)s)"
     parser.add_argument("--growth", type=float, default=1.0, help=text)
-    text = "smallest part of the messages that a node takes, unless processors are busy [%%] (90)"
-    parser.add_argument("--share", type=float, default=90.0, help=text)
     text = "longest time between two maps of a node [s] (%(default)s)"
     parser.add_argument("--gap", type=float, default=2.0, help=text)
     nodes = "run these nodes only, by the names of the table"
@@ -794,8 +697,8 @@ def main() -> int:
     options = parser.parse_args()
     # In memory: few disks take 30 maps per second, each of which is synchronized.
     with TemporaryDirectory(dir="/dev/shm") as folder, peer() as observer:
-        limits = {"share": options.share / 100, "gap": options.gap}
-        soak = Soak(observer, Path(folder), options.seconds, names=options.nodes, **limits)
+        names, gap = options.nodes, options.gap
+        soak = Soak(observer, Path(folder), options.seconds, names=names, gap=gap)
         soak.run(options.growth / 100)
     left = sorted(map(str, filter(Path.exists, soak.segments)))
     problems = [*soak.problems, *(f"left behind: {name}" for name in left)]

@@ -14,12 +14,16 @@ from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.elevation import ElevationMapper
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_color_image, to_image, to_message, to_point_cloud
-from grid_map_ros_py._mapping.cameras import DepthImages, from_camera_info
-from grid_map_ros_py._mapping.elevation_fusion import ElevationFusion, Patch, read_picture
-from grid_map_ros_py._mapping.elevation_parameters import InputSource, read_source
-from grid_map_ros_py._mapping.poses import Placement, PoseHistory
-from grid_map_ros_py._mapping.scan_queue import read_cloud
+from grid_map_ros_py._elevation_mapping.cameras import CameraImages, from_camera_info
+from grid_map_ros_py._elevation_mapping.fusion import ElevationFusion, Patch
+from grid_map_ros_py._elevation_mapping.sources import (
+    InputSource,
+    SourceSettings,
+    sensor_processor,
+)
 from grid_map_ros_py.messages import serialize, view
+from grid_map_ros_py.nodes._poses import Placement, PoseHistory
+from grid_map_ros_py.nodes._scans import read_cloud
 
 
 def targets(grid_map: GridMap) -> Iterator[tuple[str, tuple[Any, ...], Callable[[Any], Any]]]:
@@ -84,7 +88,7 @@ def _read_camera(message: CameraInfo) -> Any:
 
 
 def _read_depths(message: Image) -> Any:
-    return DepthImages(1, from_camera_info(_camera_info())).read(message).points
+    return CameraImages(1, from_camera_info(_camera_info())).read_depths(message).points
 
 
 def _map_cloud(message: PointCloud2) -> GridMap:
@@ -102,9 +106,8 @@ def _paint_image(message: Image) -> GridMap:
     """Return a flat map with the pixels of a camera that looks down from 1 m above it."""
     fusion, pose = _flat(), np.diag([1.0, -1.0, -1.0, 1.0])
     pose[2, 3] = 1.0
-    fusion.paint(
-        _source(), read_picture(message, from_camera_info(_camera_info())), Placement(pose)
-    )
+    images = CameraImages(1, from_camera_info(_camera_info()))
+    fusion.paint(_source(), images.read_picture(message), Placement(pose))
     return fusion.grid_map
 
 
@@ -125,7 +128,4 @@ def _fusion() -> ElevationFusion:
 
 
 def _source() -> InputSource:
-    def read(name: str, _kind: type, default: Any, **_: str) -> Any:
-        return "/points" if name.endswith(".topic") else default
-
-    return read_source(read, "lidar", {}, {})
+    return InputSource("lidar", SourceSettings(topic="/points"), sensor_processor({}))

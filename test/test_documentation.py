@@ -52,7 +52,7 @@ from grid_map_filters_py.expression import _interpreter
 from grid_map_filters_py.expression._functions import CONSTANTS, FUNCTIONS
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_message
-from grid_map_ros_py._mapping.elevation_parameters import MODELS
+from grid_map_ros_py._elevation_mapping.sources import MODELS
 from grid_map_ros_py.nodes import LogThrottle, map_qos
 from grid_map_ros_py.testing import (
     Peer,

@@ -2,50 +2,19 @@
 """Signals end every executable; `interrupts.py --count 2000` tries more moments."""
 
 import itertools
-import signal
 
 import interrupts
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from grid_map_ros_py.testing import Process, peer, wait_until
 
-ENDS = {
-    "exit 0": "",
-    "exit 3": "exit code 3",
-    "echo Traceback": "exit code 0",
-    "sleep 60 >&2 &": "leaves a process",
-    "touch $HOME/map.npz.part": "leaves map.npz.part",
-    "trap '' TERM; sleep 60; sleep 60": "hangs",
-}
-"""Scripts, and what is wrong with their ends."""
-
 
 def test_signals_end_every_executable_in_order():
-    # In the round of this seed, a signal comes while elevation_mapping compiles.
-    one_round = [*itertools.islice(interrupts.trials(seed=9), len(interrupts.executables()))]
-    assert "elevation_mapping" in {each.executable.name for each in one_round if each.compiles}
+    one_round = itertools.islice(interrupts.trials(seed=9), len(interrupts.executables()))
     outcomes = [*interrupts.outcomes(one_round, jobs=4)]
     faults = [f"{trial}, {phase}: {fault}" for trial, phase, fault in outcomes if fault]
     assert not faults, "\n".join(faults)
-    phases = {phase for _, phase, _ in outcomes}
-    # Importing is short.
-    assert "runs" in phases
-    assert phases & {"Python starts", "imports"}
-
-
-@pytest.mark.parametrize(("script", "expected"), ENDS.items())
-def test_wrong_end_of_executable_is_found(script, expected, tmp_path, monkeypatch):
-    monkeypatch.setattr(interrupts, "PATIENCE", 1.0)
-    monkeypatch.setattr(interrupts, "stacks", interrupts.listed)
-    path = tmp_path / "executable"
-    path.write_text(f"#!/bin/sh\n{script}\n")
-    path.chmod(0o755)
-    executable = interrupts.Executable(path)
-    trial = interrupts.Trial(0, executable, "itself", False, signal.SIGTERM, False, [0.5])
-    _, fault = interrupts.carry_out(trial, data="")
-    assert fault.startswith(expected)
-    assert bool(fault) == bool(expected), fault
+    assert {phase for _, phase, _ in outcomes} >= {"starts", "runs"}
 
 
 EXECUTABLES = {

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The program of `make soak`, for some seconds; memory still grows then."""
 
-import math
 import os
 import re
 import sys
@@ -15,7 +14,7 @@ sys.path.append(str(ROOT / "benchmarks"))
 
 import soak
 
-LOOSE = ("--growth", "100", "--share", "5", "--gap", "60")
+LOOSE = ("--growth", "100", "--gap", "60")
 """Limits for some seconds on a busy machine."""
 
 
@@ -62,7 +61,7 @@ def test_leaks_of_a_soak_are_problems(finished):
     assert found == ["node: * MB more than *", "node: * files more than *"]
 
 
-@pytest.mark.parametrize("counts", [(95, 92, 2), (80, 78, 2), (1, 1, 0), (101, 99, 2), (0, 0, 0)])
+@pytest.mark.parametrize("counts", [(95, 92, 2), (101, 99, 2), (0, 0, 0)])
 def test_miscounts_of_a_soak_are_problems(finished, counts):
     (subject,) = finished.subjects
     subject.counts, subject.published = counts, counts[1]
@@ -77,23 +76,3 @@ def test_gaps_between_maps_of_a_soak_are_problems(finished):
     assert [*finished.gaps(1100.0)] == ["node: 3.0 s without a map, until 600 s"]
     subject.note(1101.0, 96, earliest=0.0)
     assert [*finished.gaps(1111.0)] == ["node: 10.0 s without a map, until 600 s"]
-
-
-def test_gaps_do_not_count_while_the_viewer_is_frozen(finished):
-    (subject,) = finished.subjects
-    subject.frozen += [(1094.0, 1099.0), (1110.0, math.inf)]
-    subject.note(1099.5, 94, earliest=0.0)
-    assert not [*finished.gaps(1101.0)]
-    assert "noted: node: 6.5 s without a map while a viewer was frozen" in [*finished.notes()]
-    subject.note(1107.0, 95, earliest=0.0)
-    assert [*finished.gaps(1120.0)] == ["node: 7.5 s without a map, until 587 s"]
-
-
-def test_nodes_may_miss_messages_while_all_processors_are_busy(finished):
-    (subject,) = finished.subjects
-    subject.counts, subject.published = (50, 48, 2), 48
-    finished.busy[:] = [0.5, 0.8, 0.95]
-    assert any("50 in" in text for text in problems(finished))
-    finished.busy[:] = [0.5, 0.95, 1.0]
-    assert problems(finished) == []
-    assert "noted: node took 50 % of what was sent" in [*finished.notes()]

@@ -40,7 +40,7 @@ from grid_map_core_py._parameters import descriptions
 from grid_map_core_py.errors import GridMapError
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_ros_py import nodes
-from grid_map_ros_py._mapping.elevation_parameters import MODELS
+from grid_map_ros_py._elevation_mapping.sources import MODELS
 from grid_map_ros_py.nodes import _parameters as parameters, _spin
 from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
 

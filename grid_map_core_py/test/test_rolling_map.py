@@ -198,6 +198,7 @@ def test_a_map_knows_its_frame_basic_layer_and_time() -> None:
         ({"columns": {"intensity": np.zeros(3)}}, GeometryError),
         ({"position": (math.nan, 0.0)}, GeometryError),
         ({"position": (1e300, 0.0)}, GeometryError),
+        ({"transform": 2 * np.eye(4)}, GeometryError),
     ],
 )
 def test_failed_fusion_keeps_the_map(wrong: dict[str, Any], error: type[Exception]) -> None:
@@ -250,9 +251,3 @@ def test_range_is_measured_from_the_sensor() -> None:
     rolling.fuse(points, columns, transform=transform, min_range=1.0, max_range=5.0)
     assert rolling.grid_map["count"].sum() == 1
     assert np.nansum(rolling.grid_map["n"]) == 1.0
-
-
-@pytest.mark.parametrize("transform", [np.eye(3), 2 * np.eye(4), "text"])
-def test_wrong_transforms_are_refused(transform: Any) -> None:
-    with pytest.raises(GridMapError, match=r"^transform"):
-        RollingMap(GEOMETRY).fuse([(0, 0, 0)], transform=transform)

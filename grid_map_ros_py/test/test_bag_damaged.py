@@ -19,7 +19,7 @@ from bags import DATA, RECORDED_MOVES, SECOND, TOPIC, number_of, numbered_map, w
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.commands import main
+from grid_map_core_py._commands import main
 from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import (
     BagError,

@@ -12,7 +12,12 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import MessageError
-from grid_map_ros_py._mapping.cameras import Camera, DepthImages, from_camera_info, seen_cells
+from grid_map_ros_py._elevation_mapping.cameras import (
+    Camera,
+    CameraImages,
+    from_camera_info,
+    seen_cells,
+)
 from grid_map_ros_py.messages import serialize, view
 from grid_map_ros_py.messages._image import from_pixels
 
@@ -135,8 +140,8 @@ def test_depths_become_points(encoding: str, stride: int) -> None:
     if dtype != "u2":
         pixels[6, 6], pixels[9, 9], pixels[12, 12] = math.nan, math.inf, -1.0
     message = image(pixels, encoding)
-    images = DepthImages(stride, from_camera_info(camera_info()))
-    scan = images.read(view(serialize(message), Image))
+    images = CameraImages(stride, from_camera_info(camera_info()))
+    scan = images.read_depths(view(serialize(message), Image))
     expected = []
     for row in range(0, ROWS, stride):
         for column in range(0, COLUMNS, stride):
@@ -148,30 +153,30 @@ def test_depths_become_points(encoding: str, stride: int) -> None:
 
 
 def test_new_camera_replaces_the_rays() -> None:
-    images = DepthImages(1, from_camera_info(camera_info()))
+    images = CameraImages(1, from_camera_info(camera_info()))
     message = image(np.full((ROWS, COLUMNS), 2.0, np.float32), "32FC1")
-    before = images.read(message).points
+    before = images.read_depths(message).points
     images.camera = from_camera_info(camera_info(k=np.diag([100.0, 104.0, 1]).ravel()))
-    assert images.read(message).points[0, 0] == 0.0
+    assert images.read_depths(message).points[0, 0] == 0.0
     assert before[0, 0] < 0
 
 
 def test_image_that_does_not_fit_its_camera_is_refused() -> None:
-    images = DepthImages()
+    images = CameraImages()
     message = image(np.ones((ROWS, COLUMNS), np.float32), "32FC1")
     with pytest.raises(MessageError, match="camera_info: expected a message before the first"):
-        images.read(message)
+        images.read_depths(message)
     images.camera = from_camera_info(camera_info(width=COLUMNS + 1))
     with pytest.raises(
         MessageError, match=r"height, width: expected those of the camera, \(48, 65"
     ):
-        images.read(message)
+        images.read_depths(message)
     images.camera = from_camera_info(camera_info())
     for wrong in ("mono8", "rgb8", "8UC3", "32FC3"):
         channels = (3,) if "3" in wrong or wrong == "rgb8" else ()
         dtype = np.float32 if wrong == "32FC3" else np.uint8
         with pytest.raises(MessageError, match="encoding: expected 16UC1, mono16, 32FC1 or 64FC1"):
-            images.read(image(np.ones((ROWS, COLUMNS, *channels), dtype), wrong))
+            images.read_depths(image(np.ones((ROWS, COLUMNS, *channels), dtype), wrong))
 
 
 # --- what a camera sees ---------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 """Scans and pictures of several sensors in one elevation map."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,15 +9,15 @@ import pytest
 from test_cameras import WIDE, looking_down
 from test_elevation_parameters import source
 
-from grid_map_core_py import ConfigError, GridGeometry, GridMap, GridMapError
+from grid_map_core_py import ConfigError, GridGeometry, GridMapError
 from grid_map_core_py.conversions import color_value_to_vector
 from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py import MessageError
-from grid_map_ros_py._mapping.elevation_fusion import ElevationFusion, Patch, Picture
-from grid_map_ros_py._mapping.elevation_parameters import sensor_processor
-from grid_map_ros_py._mapping.poses import Placement, from_xyz_rpy
-from grid_map_ros_py._mapping.scan_queue import Scan
+from grid_map_ros_py._elevation_mapping.cameras import Picture
+from grid_map_ros_py._elevation_mapping.fusion import ElevationFusion, Patch
+from grid_map_ros_py.nodes._poses import Placement, from_xyz_rpy
+from grid_map_ros_py.nodes._scans import Cloud
 
 SECOND = 1_000_000_000
 LASER = source({"type": "laser", "min_radius": 0.1})
@@ -36,9 +35,9 @@ def placed(height: float = 1.0, x: float = 0.0, **fields: Any) -> Placement:
     return Placement(pose, robot, np.array([x, 0.0]), **fields)
 
 
-def scan(*points: tuple[float, float, float], seconds: float = 1.0, **columns: Any) -> Scan:
+def scan(*points: tuple[float, float, float], seconds: float = 1.0, **columns: Any) -> Cloud:
     arrays = {name: np.array(values) for name, values in columns.items()}
-    return Scan("lidar", round(seconds * SECOND), np.array(points or [(0.1, 0.1, -1.0)]), arrays)
+    return Cloud("lidar", round(seconds * SECOND), np.array(points or [(0.1, 0.1, -1.0)]), arrays)
 
 
 def at(made: ElevationFusion, x: float, y: float, layer: str = "elevation") -> float:
@@ -75,12 +74,10 @@ def test_scale_applies_to_covariances_of_poses() -> None:
 
 def test_heights_are_limited_relative_to_the_robot() -> None:
     # The robot is at 0.2 m, the sensor at 1 m.
-    processor = sensor_processor(
-        {"type": "perfect", "ignore_points_above": 0.5, "ignore_points_below": -0.5}
-    )
+    limited = source({"type": "perfect", "ignore_points_above": 0.5, "ignore_points_below": -0.5})
     made = fusion()
     points = [(0.25 + 0.5 * k, 0.1, z) for k, z in enumerate((-0.29, -0.31, -1.29, -1.31))]
-    made.fuse(replace(EXACT, processor=processor), scan(*points), placed())
+    made.fuse(limited, scan(*points), placed())
     found = [at(made, 0.25 + 0.5 * k, 0.1) for k in range(4)]
     np.testing.assert_allclose(found, [math.nan, 0.69, -0.29, math.nan], rtol=1e-6)
 
@@ -88,12 +85,13 @@ def test_heights_are_limited_relative_to_the_robot() -> None:
 def test_ranges_of_a_source_keep_points_and_their_values() -> None:
     made = fusion()
     points = [(0.25 + 0.5 * k, 0.0, 0.0) for k in range(4)]
-    near = replace(EXACT, min_range=0.5, max_range=1.5)
+    near = source({"type": "perfect"}, min_range=0.5, max_range=1.5)
     made.fuse(near, scan(*points, [0.0, math.nan, 1.0], n=[0, 1, 2, 3, 4]), placed())
     found = made.grid_map["n"]
     assert sorted(found[np.isfinite(found)].tolist()) == [1.0, 2.0]
     assert made.report.points_dropped == sum(made.report.reasons.values()) == 3
-    assert made.report.reasons["beyond the limits of the source"] == 3
+    reasons = ("nearer than min_range", "farther than max_range")
+    assert [made.report.reasons[reason] for reason in reasons] == [1, 1]
 
 
 def test_scans_out_of_order_by_a_little_keep_the_clock() -> None:
@@ -218,12 +216,3 @@ def test_channels_of_a_picture_become_layers() -> None:
 def test_wrong_settings_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match="expected"):
         fusion(**wrong)
-
-
-def test_map_of_another_size_is_replaced_in_part() -> None:
-    made = fusion()
-    patch = GridMap((1.0, 1.0), 0.1, layers={"elevation": 3.0, "keep": 0.0}, frame_id="odom")
-    patch["keep"][patch.axes()[0] > 0] = math.nan
-    made.replace(patch, "keep")
-    assert at(made, -0.2, 0.2) == 3.0
-    assert math.isnan(at(made, 0.2, 0.2))

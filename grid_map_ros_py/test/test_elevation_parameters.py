@@ -8,26 +8,20 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import ConfigError
-from grid_map_core_py._parameters import cast
+from grid_map_core_py._parameters import build
 from grid_map_core_py.elevation import LaserModel, StereoModel, StructuredLightModel
-from grid_map_ros_py._mapping.elevation_parameters import (
+from grid_map_ros_py._elevation_mapping.sources import (
     InputSource,
+    SourceSettings,
     channel_fusions,
     frame_name,
-    read_source,
     sensor_processor,
 )
 
 
 def source(processor: dict[str, Any] | None = None, **given: Any) -> InputSource:
-    asked: dict[str, Any] = {"topic": "/points", **given}
-
-    def read(name: str, kind: type, default: Any, *, description: str) -> Any:
-        assert description
-        key = name.removeprefix("input_sources.front.")
-        return cast(name, asked.get(key, default), kind)
-
-    return read_source(read, "front", processor or {}, {"type": "perfect"})
+    settings = build(SourceSettings, {"topic": "/points", **given})
+    return InputSource("front", settings, sensor_processor(processor or {"type": "perfect"}))
 
 
 def test_sensor_of_cpp_file_is_read() -> None:
@@ -71,18 +65,14 @@ def test_stereo_factors_of_cpp_give_the_same_deviation() -> None:
         ({"ignore_points_above": "high"}, "'ignore_points_above': expected a number"),
     ],
 )
-def test_wrong_sensor_is_refused_with_its_source(given: dict[str, Any], reason: str) -> None:
+def test_wrong_sensor_is_refused(given: dict[str, Any], reason: str) -> None:
     with pytest.raises(ConfigError) as caught:
         source(given)
-    assert str(caught.value).startswith("input_sources.front.sensor_processor: ")
     assert reason in str(caught.value)
 
 
-def test_source_has_defaults_and_the_common_sensor() -> None:
-    found = source()
-    assert (found.type, found.queue_size, found.publish_on_update) == ("pointcloud", 10, True)
-    assert found.processor == sensor_processor({"type": "perfect"})
-    np.testing.assert_array_equal(found.sensor, np.eye(4))
+def test_source_has_the_defaults_of_ros_1() -> None:
+    assert source().queue_size == 10
     assert source(queue_size=0).queue_size == 100
     assert source(topic="/front/depth/image").camera_info_topic == "/front/depth/camera_info"
     assert source(camera_info_topic="/info").camera_info_topic == "/info"
@@ -92,20 +82,20 @@ def test_source_has_defaults_and_the_common_sensor() -> None:
 @pytest.mark.parametrize(
     ("given", "reason"),
     [
-        ({"type": "sonar"}, "type': expected one of pointcloud, depth_image, image"),
+        ({"type": "sonar"}, "type': expected one of 'pointcloud', 'depth_image', 'image'"),
         ({"topic": ""}, "topic': expected the name of a topic"),
         ({"queue_size": -1}, "queue_size': expected no negative number"),
         ({"min_range": 2.0, "max_range": 1.0}, "min_range': expected at least 0 and below"),
         ({"stride": 0}, "stride': expected at least 1"),
         ({"sensor_xyz": [1.0]}, "sensor_xyz': expected 3 finite numbers"),
         ({"sensor_rpy": [0.0, 0.0, math.nan]}, "sensor_rpy': expected 3 finite numbers"),
-        ({"reliability": "good"}, "reliability': expected one of best_effort, reliable"),
+        ({"reliability": "good"}, "reliability': expected one of 'best_effort', 'reliable'"),
     ],
 )
 def test_wrong_source_is_refused(given: dict[str, Any], reason: str) -> None:
     with pytest.raises(ConfigError) as caught:
         source(**given)
-    assert f"'input_sources.front.{reason}" in str(caught.value)
+    assert f"parameter '{reason}" in str(caught.value)
 
 
 def test_patterns_of_channels_keep_their_dots_and_order() -> None:

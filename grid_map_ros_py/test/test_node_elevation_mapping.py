@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from clouds import xyz_cloud
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
@@ -304,7 +303,7 @@ def test_constant_noise_makes_a_map_and_lost_points_have_reasons(
         grid_map = robot.until_mapped(1.0)
         assert known(grid_map) > 200
         found = details(robot.peer)
-    lost = float(found["points dropped in the last scan: beyond the limits of the source"])
+    lost = float(found["points dropped in the last scan: farther than max_range"])
     assert float(found["points dropped in the last scan"]) == lost == 400 - known(grid_map)
 
 
@@ -349,34 +348,6 @@ def test_lost_poses_bad_clouds_and_a_looping_bag_are_survived(robot: Robot, tmp_
         assert int(found["scans in"]) == total
         assert float(found["mean ms update"]) > 0
         assert int(found["points used in the last scan"]) > 0
-
-
-def test_pose_with_covariance_makes_far_points_uncertain(robot: Robot, tmp_path: Path) -> None:
-    arguments = options(
-        tmp_path,
-        {"lidar": {**LIDAR, "sensor_processor": {"type": "perfect"}}},
-        robot_pose_with_covariance_topic="/pose",
-        pose_type="pose_with_covariance",
-        max_variance=0,
-    )
-    message = PoseWithCovarianceStamped()
-    message.header.frame_id, message.header.stamp = "odom", to_stamp(SECOND)
-    message.pose.pose.orientation.w = 1.0
-    message.pose.covariance = np.diag([0, 0, 0.01, 0.04, 0, 0]).ravel()
-    with running_node(MODULE, *arguments):
-
-        def is_mapped() -> bool:
-            robot.peer.publish("/pose", message, 10)
-            robot.scan(1.0)
-            robot.peer.spin(0.1)
-            return bool(robot.maps())
-
-        robot.peer.wait_until(is_mapped, "the map")
-        (grid_map,) = robot.maps()
-        near, far = (grid_map.at_position("variance", (0.0, y)) for y in (0.05, 0.95))
-        # Of position and roll; each scan more divides both.
-        assert far / near == pytest.approx((0.01 + 0.04 * 0.95**2) / 0.0101, rel=0.05)
-        assert 0.001 < near < 0.0102
 
 
 # --- rates, names of ROS 1 ------------------------------------------------------------------------

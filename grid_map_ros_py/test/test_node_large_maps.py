@@ -53,12 +53,13 @@ def listener() -> Iterator[Peer]:
         yield other
 
 
-def test_no_cloud_of_best_effort_is_lost(listener: Peer) -> None:
+def test_clouds_of_best_effort_arrive(listener: Peer) -> None:
     listener.listen("/points", PointCloud2, qos_profile_sensor_data)
     with running(start("send clouds")) as sender:
         wait_until(lambda: "sent" in sender.text, "the clouds", step=lambda: listener.spin(0.05))
         listener.spin(1.0)
-    assert len(listener.received["/points"]) == int(sender.lines[0].split()[1])
+    # Without the profile at most a third arrives; a busy machine loses some even so.
+    assert len(listener.received["/points"]) > 0.6 * int(sender.lines[0].split()[1])
 
 
 def test_lost_clouds_are_logged_once() -> None:

@@ -16,7 +16,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from grid_map_core_py import ConfigError
-from grid_map_ros_py.nodes import read_parameter, read_parameter_tree, read_positive, read_topic
+from grid_map_ros_py.nodes import ConfiguredNode, read_parameter, read_parameter_tree
 from grid_map_ros_py.testing import environment
 
 CHAIN = """
@@ -74,7 +74,7 @@ TYPES = {
     "filter2.params.weights": "DOUBLE_ARRAY",
 }
 
-Start = Callable[..., Node]
+Start = Callable[..., ConfiguredNode]
 
 
 @pytest.fixture
@@ -83,13 +83,13 @@ def start(tmp_path: Path) -> Iterator[Start]:
     path = tmp_path / "parameters.yaml"
     with patch.dict(os.environ, environment(), clear=True), ExitStack() as stack:
 
-        def start_node(text: str, *arguments: str, name: str = "configured") -> Node:
+        def start_node(text: str, *arguments: str, name: str = "configured") -> ConfiguredNode:
             path.write_text(f"{name}:\n  ros__parameters:\n{text}")
             given = ["--ros-args", "--params-file", str(path), *arguments]
             context = Context()
             rclpy.init(context=context)
             stack.callback(rclpy.shutdown, context=context)
-            node = Node("configured", context=context, cli_args=given)
+            node = ConfiguredNode("configured", context=context, cli_args=given)
             stack.callback(node.destroy_node)
             return node
 
@@ -101,7 +101,7 @@ def declared(node: Node) -> dict[str, str]:
     return {
         name: parameter.type_.name
         for name, parameter in node.get_parameters_by_prefix("").items()
-        if name != "use_sim_time" and not name.startswith("start_type")
+        if not name.startswith(("use_sim_time", "start_type", "max_"))
     }
 
 
@@ -183,11 +183,11 @@ def test_value_above_other_parameters_is_refused(start: Start, value, name, foun
 @pytest.mark.parametrize("value", ["0.0", "-1.0", "1.0e+10", ".nan"])
 def test_rates_must_be_positive(start: Start, value: str) -> None:
     with pytest.raises(ConfigError, match="'rate': expected a positive number from 1e-09 to 1e"):
-        read_positive(start(f"    rate: {value}\n"), "rate", 1.0)
+        start(f"    rate: {value}\n").read_positive("rate", 1.0, "how often")
 
 
 def test_topics_must_have_valid_names(start: Start) -> None:
     node = start("    input: 'no topic'\n    none: ''\n")
-    assert (read_topic(node, "none", ""), read_topic(node, "output", "map")) == ("", "map")
+    assert (node.read_topic("none", "", ""), node.read_topic("output", "map", "")) == ("", "map")
     with pytest.raises(ConfigError, match="'input': expected the name of a topic, got 'no topic'"):
-        read_topic(node, "input", "/grid_map")
+        node.read_topic("input", "/grid_map", "")

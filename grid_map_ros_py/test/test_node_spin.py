@@ -57,33 +57,6 @@ for file in sys.argv[1:]:
     run(Being, ["being", "--ros-args", "--params-file", file])
 """
 
-CROWDED = """
-from rclpy.node import Node
-from rclpy.utilities import try_shutdown
-from std_msgs.msg import Empty
-from grid_map_ros_py.nodes import run
-
-class Crowded(Node):
-    def __init__(self):
-        super().__init__("crowded")
-        self.places = ["while it is taken", "in the callback"]
-        self.create_subscription(Empty, "beat", self.hear, 1)
-        publisher, message = self.create_publisher(Empty, "beat", 1), Empty()
-        self.create_timer(0.05, lambda: publisher.publish(message))
-        Empty.__init__ = self.make
-
-    def make(self):
-        if len(self.places) == 2:
-            raise MemoryError(self.places.pop(0))
-
-    def hear(self, message):
-        if self.places:
-            raise MemoryError(self.places.pop(0))
-        try_shutdown()
-
-run(Crowded)
-"""
-
 
 def wait_until_alive(process: Process) -> None:
     wait_until(lambda: process.lines, "a sign of life")
@@ -121,15 +94,6 @@ def test_further_interrupts_end_stuck_callbacks_and_change_nothing_else(
     assert process.lines == ["alive\n", "destroyed\n"]
 
 
-def test_second_signal_that_hits_a_finalizer_is_not_lost(start: Start) -> None:
-    process = start("living.py", "deleting")
-    wait_until(lambda: "deleted\n" in process.lines, "a finalizer")
-    process.send_signal(signal.SIGINT)
-    process.send_signal(signal.SIGTERM)
-    assert process.wait() == 0
-    assert process.lines == ["alive\n", "deleted\n", "destroyed\n"]
-
-
 def test_interrupt_during_imports_leaves_no_traceback() -> None:
     process = Process([sys.executable, "-c", INTERRUPTED_IMPORT])
     assert process.wait() == -signal.SIGINT
@@ -143,18 +107,6 @@ def test_executor_is_shut_down_before_collection() -> None:
     finally:
         process.kill()
     assert process.lines == ["0\n"]
-
-
-def test_node_without_memory_for_a_message_goes_on() -> None:
-    process = Process([sys.executable, "-c", CROWDED])
-    try:
-        assert process.wait() == 0, process.text
-    finally:
-        process.kill()
-    what = "dropped a message or a request: "
-    taken, called = (line.partition(what)[2] for line in process.lines)
-    assert taken.startswith("Unable to convert ")  # So pybind11 says it.
-    assert called == "in the callback\n"
 
 
 @pytest.mark.parametrize(

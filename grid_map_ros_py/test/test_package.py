@@ -48,7 +48,8 @@ from grid_map_core_py._commands import main
 from grid_map_core_py.errors import MissingPackageError
 import grid_map_ros_py as ros
 from grid_map_ros_py import bags, errors, messages
-from grid_map_ros_py._mapping import map_server, poses
+from grid_map_ros_py._serving import requests
+from grid_map_ros_py.nodes import _poses
 from grid_map_ros_py.nodes import LogThrottle
 
 grid_map = GridMap((1, 1), 0.25, layers={"elevation": 1.0}, frame_id="map", timestamp=3)

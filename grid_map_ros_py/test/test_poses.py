@@ -19,7 +19,9 @@ from nav_msgs.msg import Odometry
 from grid_map_core_py import GridMapError
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_ros_py import MessageError
-from grid_map_ros_py._mapping.poses import (
+from grid_map_ros_py.messages import to_stamp
+from grid_map_ros_py.nodes import TfPoses, has_tf
+from grid_map_ros_py.nodes._poses import (
     Placement,
     PoseHistory,
     Poses,
@@ -28,8 +30,6 @@ from grid_map_ros_py._mapping.poses import (
     from_covariance,
     from_xyz_rpy,
 )
-from grid_map_ros_py.messages import to_stamp
-from grid_map_ros_py.nodes import TfPoses, has_tf
 
 SECOND = 1_000_000_000
 

@@ -13,8 +13,8 @@ from grid_map_core_py import GridMap, LimitError
 from grid_map_core_py.files import save_geotiff
 from grid_map_core_py.limits import changed_limits
 from grid_map_core_py.tiled import TiledMap, open_map
-from grid_map_ros_py._mapping.latest_only import LatestOnly
-from grid_map_ros_py._mapping.tiled_source import SourceSettings, window
+from grid_map_ros_py._serving.latest_only import LatestOnly
+from grid_map_ros_py._serving.tiled_source import open_source, window
 
 pytestmark = pytest.mark.needs("xarray", "zarr")
 
@@ -64,7 +64,7 @@ def test_rasters_are_sources_in_a_frame_with_an_origin(tmp_path):
         part = GridMap((40.0, 30.0), 0.5, place, layers={"elevation": float(number)})
         parts.append(str(tmp_path / f"{number}.tif"))
         save_geotiff(part, parts[-1], crs="EPSG:25832")
-    site = SourceSettings(parts, "odom").open()
+    site = open_source(parts, "odom")
     found = window(site, (691_020.0, 5_335_000.0), (4, 8), ["elevation"])
     assert found.frame_id == "odom"
     # x descends: the first rows are of the second raster.
@@ -72,7 +72,7 @@ def test_rasters_are_sources_in_a_frame_with_an_origin(tmp_path):
         found["elevation"], np.repeat([[1.0], [0.0]], 2, axis=0) * np.ones(8)
     )
     latitude, longitude = site.latitude_longitude_of((691_020.0, 5_335_000.0))
-    local = SourceSettings(parts, "odom", (latitude, longitude)).open()
+    local = open_source(parts, "odom", (latitude, longitude))
     again = window(local, (0.0, 0.0), (4, 8), ["elevation"])
     np.testing.assert_array_equal(again["elevation"], found["elevation"])
     np.testing.assert_allclose(again.position, (0.0, 0.0), atol=0.01)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`ElevationMapper`: one update after the other; the stages are in the modules beside this one."""
+"""`ElevationMapper`, whose updates call the stages in the modules beside this one."""
 
 from __future__ import annotations
 
@@ -46,7 +46,10 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 _LOOPS = deal, grow_clusters, cover, trace
 
 LATE = 10**9
-"""Time [ns] for which all scans may be earlier than the last one before the clock starts anew."""
+"""Time [ns] after which scans that are all earlier than an old one start the clock anew."""
+
+KEPT = "time", *BOUNDS
+"""Layers that `masked_replace` does not take from the other map."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +57,12 @@ class UpdateReport:
     """Summary of one update.
 
     Attributes:
-        points_used: points that are part of the height of a cell now.
-        points_dropped: points that do not count.
-        points_gated: points on the map that do not agree with their cell.
-        reasons: numbers of the dropped points by the reason.
-        conflicts: cells that the surface of the scan contradicts, replaced ones included.
-        cells_cleared: cells that the visibility cleanup has cleared.
+        points_used: number of points that were fused into the height of a cell.
+        points_dropped: number of points that were ignored.
+        points_gated: number of points on the map that do not agree with their cell.
+        reasons: numbers of the dropped points by reason.
+        conflicts: number of cells that the scan contradicts, replaced cells included.
+        cells_cleared: number of cells that the visibility cleanup has cleared.
         drift: how much higher than the map the scan was [m]; 0 without drift compensation, or if
             the cells did not agree on it.
         milliseconds: duration by stage [ms]: `points`, `clusters`, `drift`, `fusion`,
@@ -147,12 +150,12 @@ class ElevationMapper:
 
     @property
     def grid_map(self) -> GridMap:
-        """The map. An update makes a new one, so that those before stay as they are."""
+        """The map. Each update creates a new one; earlier maps stay unchanged."""
         return self._map
 
     @property
     def parameters(self) -> Parameters:
-        """All parameters."""
+        """The parameters."""
         return self._parameters
 
     def update(
@@ -165,6 +168,7 @@ class ElevationMapper:
         values: Mapping[str, ArrayLike] | None = None,
         position: ArrayLike | None = None,
         sensor: SensorModel | None = None,
+        limits: Parameters | None = None,
     ) -> UpdateReport:
         """Fuse the points of a scan; after an error the map is unchanged.
 
@@ -184,6 +188,8 @@ class ElevationMapper:
             values: (N,) further values of the points by the names of their layers.
             position: (2,) where the map moves first [m]; None leaves it where it is.
             sensor: model of the noise; None takes that of the constructor.
+            limits: parameters whose limits of ranges and heights hold for this scan; None takes
+                those of the mapper.
 
         Raises:
             GridMapError: an argument is invalid; the message names it.
@@ -194,14 +200,26 @@ class ElevationMapper:
             cloud = as_points(points)
             matrix = as_rigid(transform)
             covariance = as_covariance(pose_covariance)
-            stamp = _as_stamp(timestamp)
+            try:
+                stamp = operator.index(timestamp)
+            except TypeError:
+                found = short(timestamp)
+                text = f"timestamp: expected an integer of nanoseconds, got {found}"
+                raise GridMapError(text) from None
             model = self._sensor if sensor is None else _as_sensor(sensor)
             columns = as_columns(values, len(cloud))
-            self._check_names(columns)
+            for name in columns:
+                if name in (*OWN, HORIZONTAL, OVERHANG, *HIDDEN) or not is_name(name):
+                    raise GridMapError(f"values: expected another name of a layer, got {name!r}")
+            if new := [name for name in columns if name not in self._map]:
+                check_cells("values", self._map.size, len(self._map) + 2 * len(new))
             last = stamp if self._start is None else self._last
             jump = 1e-9 * (stamp - last)
             if stamp == 0 and -jump > self._parameters.max_time_jump:
-                return self._without_time(len(cloud), clock)
+                text = f"timestamp: expected the time of the scan, got 0 after {last} ns"
+                warnings.warn(f"{text}; its points are dropped", RuntimeWarning, stacklevel=2)
+                reasons = {"timestamp 0": len(cloud)}
+                return UpdateReport(0, len(cloud), 0, reasons, 0, 0, 0.0, clock.milliseconds)
             moved = in_map_order(self._map.without_layers(BOUNDS), position)
             hidden = in_map_order(self._hidden, moved.position)
             height, noise = self._noise, covariance
@@ -209,10 +227,11 @@ class ElevationMapper:
                 # What an odometry gains on its way is no noise: the map moves with it.
                 height = min(height, float(covariance.matrix[0, 0]))
                 noise = covariance.with_height(min(height, self._parameters.largest_share))
-            scan = located(cloud, matrix, noise, model, moved.geometry, self._parameters)
+            limits = limits or self._parameters
+            scan = located(cloud, matrix, noise, model, moved.geometry, limits)
         state = State.of(moved, hidden)
-        if covariance is not None:
-            self._add_motion(state, covariance, matrix, moved.geometry)
+        if covariance is not None and self._pose is not None:
+            _add_motion(state, *self._pose, covariance, matrix, moved.geometry)
         start, stamp = self._advance(state, stamp, last, jump)
         report = self._fuse(scan, columns, state, moved.geometry, 1e-9 * (stamp - start), clock)
         with clock.stage("layers"):
@@ -226,11 +245,7 @@ class ElevationMapper:
         return report
 
     def configure(self, **parameters: Any) -> None:
-        """Change parameters; after an error all are what they were.
-
-        Raises:
-            ConfigError: a parameter is unknown or invalid, or `horizontal_variances` would change.
-        """
+        """Change parameters, except `horizontal_variances`; after an error none has changed."""
         new = build(Parameters, {**vars(self._parameters), **parameters})
         has_layer = self._parameters.horizontal_variances
         kept = new.horizontal_variances == has_layer
@@ -257,10 +272,10 @@ class ElevationMapper:
         self._noise = math.inf
 
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
-        """Replace layers by those of another map, where the other one covers this map.
+        """Replace layers with those of another map, where the other map covers this one.
 
-        Each cell takes the values of the cell of the other map that its center is in, from all
-        layers that both have, NaN included. If the other map has no variance, new heights have
+        Each cell gets the values of the cell of the other map that contains its center, for all
+        layers that both maps have, NaN included. If the other map has no variance, new heights get
         `min_variance`.
 
         Args:
@@ -279,7 +294,7 @@ class ElevationMapper:
             raise GridMapError(
                 f"grid_map: expected the frame {self._map.frame_id!r}, got {grid_map.frame_id!r}"
             )
-        common = [name for name in self._map if name in grid_map and name not in OWN[2:]]
+        common = [name for name in self._map if name in grid_map and name not in KEPT]
         if not common:
             raise LayerNotFoundError("elevation", tuple(grid_map))
         target = in_map_order(self._map, None)
@@ -302,9 +317,9 @@ class ElevationMapper:
     def fused_map(self) -> GridMap:
         """Return a map whose heights and bounds allow for the horizontal uncertainty.
 
-        Each known cell is a mixture of the cells where it may be in truth: its height and variance
-        are those of the mixture, and 99 % of the mixture are below `upper_bound` and above
-        `lower_bound`. The other layers stay as they are.
+        A known cell becomes a mixture of the cells at which it may truly lie: it gets the height
+        and variance of the mixture, and bounds of which each excludes 1 % of the mixture. Other
+        layers stay unchanged.
 
         Raises:
             ConfigError: the mapper was made without `horizontal_variances`.
@@ -340,27 +355,6 @@ class ElevationMapper:
         state.grow_older(stamp // 10**6 - last // 10**6)
         state.variances += self._parameters.time_variance * max(jump, 0.0)
         return start, stamp
-
-    def _add_motion(
-        self,
-        state: State,
-        covariance: Covariance,
-        matrix: NDArray[np.float64],
-        geometry: GridGeometry,
-    ) -> None:
-        """Let cells lose certainty by the motion of the sensor since the last scan."""
-        if self._pose is None:
-            return
-        old, pose = self._pose
-        x, y, _ = matrix[:3, 3]
-        added = of_motion(old, covariance, x - pose[0, 3], y - pose[1, 3])
-        rows, columns = geometry.axes_in_map_order()
-        place = (rows - x)[None, :], (columns - y)[:, None]
-        with np.errstate(over="ignore", invalid="ignore"):
-            if added.matrix.any():
-                state.variances += added.of_places(*place).ravel()
-            if HORIZONTAL in state.others:
-                state.others[HORIZONTAL] += added.level_of_places(*place).ravel()
 
     def _fuse(
         self,
@@ -426,25 +420,6 @@ class ElevationMapper:
             milliseconds=clock.milliseconds,
         )
 
-    def _without_time(self, count: int, clock: _Stages) -> UpdateReport:
-        warnings.warn(
-            f"timestamp: expected the time of the scan, got 0 after {self._last} ns; its points "
-            "are dropped",
-            RuntimeWarning,
-            stacklevel=3,
-        )
-        return UpdateReport(0, count, 0, {"timestamp 0": count}, 0, 0, 0.0, clock.milliseconds)
-
-    # Small parts
-
-    def _check_names(self, columns: Mapping[str, NDArray[Any]]) -> None:
-        new = [name for name in columns if name not in self._map]
-        for name in columns:
-            if name in (*OWN, HORIZONTAL, OVERHANG, *HIDDEN) or not is_name(name):
-                raise GridMapError(f"values: expected another name of a layer, got {name!r}")
-        if new:
-            check_cells("values", self._map.size, len(self._map) + 2 * len(new))
-
 
 @dataclass
 class _Stages:
@@ -465,10 +440,21 @@ def _as_sensor(sensor: SensorModel) -> SensorModel:
     return sensor
 
 
-def _as_stamp(timestamp: int) -> int:
-    try:
-        return operator.index(timestamp)
-    except TypeError:
-        raise GridMapError(
-            f"timestamp: expected an integer of nanoseconds, got {short(timestamp)}"
-        ) from None
+def _add_motion(
+    state: State,
+    old: Covariance,
+    old_pose: NDArray[np.float64],
+    covariance: Covariance,
+    pose: NDArray[np.float64],
+    geometry: GridGeometry,
+) -> None:
+    """Let cells lose certainty by the motion of the sensor since the last scan."""
+    x, y, _ = pose[:3, 3]
+    added = of_motion(old, covariance, x - old_pose[0, 3], y - old_pose[1, 3])
+    rows, columns = geometry.axes_in_map_order()
+    place = (rows - x)[None, :], (columns - y)[:, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        if added.matrix.any():
+            state.variances += added.of_places(*place).ravel()
+        if HORIZONTAL in state.others:
+            state.others[HORIZONTAL] += added.level_of_places(*place).ravel()

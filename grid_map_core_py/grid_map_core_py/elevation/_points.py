@@ -31,18 +31,18 @@ LEAST_VARIANCE = 1e-12
 
 @dataclass(frozen=True)
 class Scan:
-    """The points of a scan that count.
+    """Points of a scan within all limits.
 
     Attributes:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
-        variances: (n,) of z [m^2] by the sensor alone.
+        variances: (n,) variances of z from the sensor alone [m^2].
         cells: (n,) number of the cell of each point, column after column in map order, or
             `OUTSIDE`.
-        places: (n,) places in the cloud.
-        horizontal: (n,) variances along x and y [m^2], or (0,) if they are not wanted.
-        dropped: number of points that do not count, by the reason.
-        noise: covariance of the pose that all points share; None is an exact pose.
+        places: (n,) places of the points in the cloud.
+        horizontal: (n,) variances along x and y [m^2]; (0,) if they are not wanted.
+        dropped: number of dropped points by reason.
+        noise: covariance of the pose, which all points share; None means an exact pose.
     """
 
     sensor: Positions
@@ -60,7 +60,7 @@ class Scan:
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
     def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return the variances of z (k,) that the pose gives to places, map frame [m^2]."""
+        """Return the variances of z (k,) at places in the map frame, due to the pose [m^2]."""
         if self.noise is None:
             return np.zeros(len(x))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -69,10 +69,9 @@ class Scan:
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (n, 3) or wider as x, y, z (3, n) after a rotation (3, 3).
+    """Return points (n, 3) or wider, rotated by (3, 3), as x, y, z (3, n).
 
-    The result of a point does not depend on its place in the array; that of a product of matrices
-    would, in the last bit.
+    Unlike in a product of matrices, rounding does not depend on the place of a point in the array.
     """
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))
@@ -93,20 +92,6 @@ def distances_of(points: NDArray[np.float64]) -> Numbers:
     return distances
 
 
-def in_map_frame(points: NDArray[Any], transform: NDArray[np.float64]) -> NDArray[Any]:
-    """Return points (n, 3) in the frame of the map, as float64 unless nothing changes."""
-    if np.array_equal(transform, np.eye(4)):
-        return points
-    moved = rotated(points, transform[:3, :3])
-    moved += transform[:3, 3:4]
-    return moved.T
-
-
-def moved_geometry(geometry: GridGeometry, position: ArrayLike | None) -> GridGeometry:
-    """Return the geometry after the map has moved by whole cells; None leaves it where it is."""
-    return geometry if position is None else geometry.shifted(geometry.index_shift(position))
-
-
 def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
     """Return a copy of a map, moved by whole cells and stored from start index (0, 0)."""
     result = grid_map.copy()
@@ -117,7 +102,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 
 
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
-    """Return values of points (n,) by name."""
+    """Return values of points (count,) by name."""
     columns = {}
     check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():
@@ -141,7 +126,7 @@ def located(
     Args:
         cloud: (N, 3) or wider, sensor frame [m].
         transform: (4, 4) from the sensor to the map frame.
-        noise: covariance of the pose that all points share; None is an exact pose.
+        noise: covariance of the pose, which all points share; None means an exact pose.
         sensor: model of the noise.
         geometry: geometry of the map.
         given: parameters.

@@ -19,9 +19,9 @@ from ._points import (
     as_points,
     as_rigid,
     distances_of,
-    in_map_frame,
-    moved_geometry,
+    rotated,
 )
+from ._state import flat
 
 _VARIANCE, _COUNT = "variance", "count"  # layers of the fusion `mean`
 _REDUCTIONS = ("max", "min", "mean", "median", "first", "last")
@@ -48,8 +48,7 @@ class RollingMap:
         min_height, max_height: points below or above are left out [m], map frame.
 
     Raises:
-        ConfigError: fusion, reduction or a limit is none of these.
-        GridMapError: the layer has no name, or that of another one.
+        ConfigError: an argument is none of these.
     """
 
     def __init__(
@@ -110,17 +109,17 @@ class RollingMap:
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Those that are not finite, and those beside
                 the map, are left out.
-            columns: (N,) further values of the points by the names of their layers. These hold the
-                mean over the last cloud with values in the cell.
+            columns: (N,) further values of the points by layer; these layers hold the mean of the
+                last cloud with values in the cell.
             transform: (4, 4) from the sensor to the map frame; None for points in the map frame.
-            min_range, max_range: points at other distances from the origin of their frame are left
-                out [m].
+            min_range, max_range: limits of the distance from the sensor [m]; other points are left
+                out.
             position: (2,) where the map moves first [m]; None leaves it where it is.
             timestamp: time of the cloud and then of the map [ns].
 
         Raises:
-            GridMapError: a column is called like a layer of heights, or an array or the position
-                is invalid.
+            GridMapError: an array or the position is invalid, or a column has the name of a layer
+                of heights.
         """
         cloud = as_points(points)
         columns = as_columns(columns, len(cloud))
@@ -129,9 +128,15 @@ class RollingMap:
             kept = (distances >= min_range) & (distances <= max_range)
             cloud, columns = cloud[kept], {name: data[kept] for name, data in columns.items()}
         if transform is not None:
-            cloud = in_map_frame(cloud, as_rigid(transform))
+            matrix = as_rigid(transform)
+            # Points that stay where they are keep their type.
+            if not np.array_equal(matrix, np.eye(4)):
+                cloud = (rotated(cloud, matrix[:3, :3]) + matrix[:3, 3:4]).T
         # Everything that can fail happens before the map moves.
-        new = self._rasterized(moved_geometry(self._map.geometry, position), cloud, columns)
+        geometry = self._map.geometry
+        if position is not None:
+            geometry = geometry.shifted(geometry.index_shift(position))
+        new = self._rasterized(geometry, cloud, columns)
         if position is not None:
             self.move(position)
         old, new = self._map, new.with_start_index(self._map.start_index)
@@ -170,9 +175,9 @@ def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
     Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
     """
     fused = {name: old[name].copy("F") for name in new}
-    seen = np.flatnonzero(_flat(new[_COUNT]))
-    mean_1, variance_1, count_1 = (_flat(new[name])[seen].astype(np.float64) for name in new)
-    mean_0, variance_0, count_0 = (_flat(old[name])[seen].astype(np.float64) for name in new)
+    seen = np.flatnonzero(flat(new[_COUNT]))
+    mean_1, variance_1, count_1 = (flat(new[name])[seen].astype(np.float64) for name in new)
+    mean_0, variance_0, count_0 = (flat(old[name])[seen].astype(np.float64) for name in new)
     # Unknown values have weight 0, but NaN times 0 would be NaN.
     mean_0[count_0 == 0] = variance_0[count_0 == 0] = 0.0
     total = np.minimum(count_0, max_count) + count_1
@@ -180,13 +185,8 @@ def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
     mean = mean_0 + share * step
     variance = (1 - share) * (variance_0 + share * step**2) + share * variance_1
     for name, values in zip(new, (mean, variance, total), strict=True):
-        _flat(fused[name])[seen] = values
+        flat(fused[name])[seen] = values
     return fused
-
-
-def _flat(layer: Layer) -> NDArray[np.float32]:
-    """Return the cells of a layer in one row: a view."""
-    return layer.reshape(-1, order="F")
 
 
 _FUSIONS: dict[str, Callable[[_Layers, _Layers, float], _Layers]] = {

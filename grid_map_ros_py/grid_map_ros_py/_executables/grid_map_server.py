@@ -3,12 +3,12 @@
 
 Services:
     ~/get_grid_map: `grid_map_msgs/GetGridMap`, returns the map or a part of it.
-    ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, returns its size, resolution and place.
+    ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, returns its size, resolution and position.
     ~/set_grid_map: `grid_map_msgs/SetGridMap`, replaces the map.
     ~/load_map: `grid_map_msgs/ProcessFile`, loads the last map of a bag.
     ~/save_map: `grid_map_msgs/ProcessFile`, saves the map to a bag.
 
-The parameter `source` names a map of any size: parts of it are read for each answer, nothing is
+The parameter `source` names a map of any size: each answer reads a part of it, nothing is
 published, and no request replaces it.
 
 A request that fails is logged and changes nothing. The response is a map without layers and with a
@@ -26,8 +26,8 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 
 from .. import from_message, load_from_bag, save_to_bag, to_message, to_serialized_message
-from .._mapping.map_server import part, place_to_read, place_to_write
-from .._mapping.tiled_source import read_source
+from .._serving.requests import part, place_below
+from .._serving.tiled_source import read_source
 from ..bags._bag import STORAGES
 from ..errors import RequestError
 from ..messages._grid_map import to_info
@@ -43,9 +43,8 @@ class GridMapServerNode(ConfiguredNode):
         about = "file format of saved bags: `mcap` or `sqlite3`"
         self._storage = self.read_choice("storage", STORAGES, "mcap", about)
         about = "directory below which requests load and save bags; empty refuses them"
-        path = self.read("directory", "", about)
+        self._directory = path = self.read("directory", "", about)
         check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
-        self._directory = Path(path) if path else None
         about = "topic of the map, published whenever it changes"
         topic = self.read_topic("output_topic", "/grid_map", about)
         self._topic = self.resolve_topic_name(topic)
@@ -54,8 +53,8 @@ class GridMapServerNode(ConfiguredNode):
         about = "topic in that bag; empty means the only topic with maps"
         bag_topic = self.read("bag_topic", "", about)
         topic = self.read_topic("input_topic", "", "topic of maps to serve; empty means none")
-        source = read_source(self)
-        self._map: GridMap | TiledMap | None = source.open() if source.source else None
+        open_source = read_source(self)
+        self._map: GridMap | TiledMap | None = open_source() if open_source else None
         if self._map is None:
             self._publisher = self.create_publisher(GridMapMessage, self._topic, map_qos())
         else:
@@ -70,13 +69,13 @@ class GridMapServerNode(ConfiguredNode):
                 self, topic, lambda received: self._take(received.decode(unwrap=False))
             )
         for kind, action in (
-            (GetGridMap, self._get_grid_map),
-            (GetGridMapInfo, self._get_grid_map_info),
-            (SetGridMap, self._set_grid_map),
-            (ProcessFile, self._load_map),
-            (ProcessFile, self._save_map),
+            (GetGridMap, self.get_grid_map),
+            (GetGridMapInfo, self.get_grid_map_info),
+            (SetGridMap, self.set_grid_map),
+            (ProcessFile, self.load_map),
+            (ProcessFile, self.save_map),
         ):
-            offer_service(self, kind, action.__name__.removeprefix("_"), action, self._log)
+            offer_service(self, kind, action.__name__, action, self._log)
         served = self._topic
         if isinstance(self._map, TiledMap):
             rows, columns = self._map.size
@@ -97,28 +96,28 @@ class GridMapServerNode(ConfiguredNode):
 
     # --- services ---------------------------------------------------------------------------------
 
-    def _get_grid_map(self, request: Any, response: Any) -> None:
+    def get_grid_map(self, request: Any, response: Any) -> None:
         position = request.position_x, request.position_y
         length = request.length_x, request.length_y
         layers = request.layers or None
         found = part(self._held_map(), request.frame_id, position, length, layers)
         response.map = to_message(found, layers)
 
-    def _get_grid_map_info(self, _request: Any, response: Any) -> None:
+    def get_grid_map_info(self, _request: Any, response: Any) -> None:
         response.info = to_info(self._held_map().geometry)
 
-    def _set_grid_map(self, request: Any, _response: Any) -> None:
+    def set_grid_map(self, request: Any, _response: Any) -> None:
         self._take(from_message(request.map, unwrap=False))
 
-    def _load_map(self, request: Any, response: Any) -> None:
-        with place_to_read(self._directory, request.file_path) as path:
+    def load_map(self, request: Any, response: Any) -> None:
+        with place_below(self._directory, request.file_path) as path:
             self._take(load_from_bag(path, request.topic_name or None, unwrap=False))
         response.success = True
 
-    def _save_map(self, request: Any, response: Any) -> None:
+    def save_map(self, request: Any, response: Any) -> None:
         held, topic = self._held_map(), request.topic_name or self._topic
         grid_map = held.to_map() if isinstance(held, TiledMap) else held
-        with place_to_write(self._directory, request.file_path) as path:
+        with place_below(self._directory, request.file_path) as path:
             save_to_bag(grid_map, path, topic, storage=self._storage)
         response.success = True
 

@@ -8,27 +8,22 @@ another topic are merged into the store, so that it grows while the robot drives
 import math
 import re
 import time
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import select_layers
 
 from .. import ReceivedMap, to_serialized_message
-from .._mapping.latest_only import LatestOnly
-from .._mapping.pose_types import POSE_TYPES
-from .._mapping.poses import PoseHistory
-from .._mapping.tiled_source import read_source, window
+from .._serving.latest_only import LatestOnly
+from .._serving.tiled_source import read_source, window
 from ..errors import MessageError, reason
 from ..nodes import (
     ConfiguredNode,
@@ -37,11 +32,12 @@ from ..nodes import (
     MapSubscription,
     TfPoses,
     dropping,
-    has_tf,
     health_of,
     read_parameter,
     steady_timer,
 )
+from ..nodes._pose_sources import POSE_TYPES, chosen_source, subscribe_to_poses
+from ..nodes._poses import PoseHistory
 
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 
@@ -60,7 +56,7 @@ class GridMapWindowNode(ConfiguredNode):
         self._log = LogThrottle(self.get_logger())
         self._health = health_of(self)
         self._health.details = self._details
-        source = read_source(self)
+        open_source = read_source(self)
         layers = read_parameter(
             self, "layers", list[str], [], description="layers of the window; empty means all"
         )
@@ -68,90 +64,71 @@ class GridMapWindowNode(ConfiguredNode):
         about = "way of the robot after which a new window is published [m]"
         self._step = self.read_number("step", 0.5, 0.0, 1e9, about)
         self._period = 1 / self.read_positive("rate", 10.0, "largest rate of windows [Hz]")
-        make_poses = self._read_poses()
+        about = (
+            "`tf`, `odometry`, `pose` or `pose_with_covariance`; `auto` means `tf` where tf2 is "
+            "installed, else `odometry`"
+        )
+        source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
+        source = chosen_source(source, "odometry")
+        about = "topic of the poses of the robot in the frame of the map; not used with tf"
+        pose_topic = self.read_topic("pose_topic", "/odom", about)
+        robot_frame = self.read("robot_frame", "base_link", "frame of the robot, with tf")
         topic = self.read_topic("output_topic", "/grid_map", "topic of the window")
         about = "whether maps of `write_topic` are merged into the source, a Zarr store"
         writes = self.read("write_back", False, about)
         write_topic = self.read_topic("write_topic", "/elevation_map", "topic of maps to merge")
 
-        self._site = source.open()
-        self._layers = select_layers(self._site.layers, layers or None)
-        self._size = GridGeometry((length, length), self._site.resolution).size
+        if open_source is None:
+            raise mismatch("source", "a Zarr store or a GeoTIFF file", "")
+        self._whole = open_source()
+        self._layers = select_layers(self._whole.layers, layers or None)
+        self._size = GridGeometry((length, length), self._whole.resolution).size
         check_cells("length", self._size, len(self._layers))
-        self._poses = make_poses(self._site.frame_id)
+        self._poses: PoseHistory | TfPoses
+        if source == "tf":
+            self._poses = TfPoses(self, self._whole.frame_id, robot_frame)
+        else:
+            self._poses = history = PoseHistory(self._whole.frame_id, limit=1)
+            subscribe_to_poses(self, POSE_TYPES[source], pose_topic, history, self._work, self._log)
         self._center: npt.NDArray[np.float64] | None = None
         self._has_new_cells, self._next, self._start = False, -math.inf, time.monotonic()
         self._milliseconds = math.nan
         self._publisher = MapPublisher(self, topic, self._window, self._log)
         self._writer: LatestOnly[ReceivedMap] | None = None
         if writes:
-            self._subscribe_to_maps(write_topic)
+            if self.resolve_topic_name(write_topic) == self._publisher.topic_name:
+                raise ConfigError(f"write_topic and output_topic are both {write_topic!r}")
+            # A cell without a value changes nothing, but fails where maps would.
+            first = self._whole.geometry.cropped(slice(0, 1), slice(0, 1))
+            cell = GridMap.from_geometry(first, frame_id=self._whole.frame_id)
+            self._whole.write(
+                cell.with_layers({self._layers[0]: np.full((1, 1), np.nan, np.float32)})
+            )
+            self._writer = LatestOnly(self._merge)
+            self._subscription = MapSubscription(self, write_topic, self._writer.put)
         # More often than needed, as a pose that comes just after a look waits for the next one.
         steady_timer(self, 0.25 * self._period, self._work)
-        rows, columns = self._site.size
+        rows, columns = self._whole.size
         self.get_logger().info(
             f"publishes {self._size[0]} x {self._size[1]} of {rows} x {columns} cells on "
-            f"{self._publisher.topic_name}, in the frame {self._site.frame_id!r}"
+            f"{self._publisher.topic_name}, in the frame {self._whole.frame_id!r}"
         )
-
-    def _read_poses(self) -> Callable[[str], PoseHistory | TfPoses]:
-        """Return a function that makes the source of poses in a frame."""
-        about = (
-            "`tf`, `odometry`, `pose` or `pose_with_covariance`; `auto` means `tf` where tf2 is "
-            "installed, else `odometry`"
-        )
-        source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
-        if source == "auto":
-            source = "tf" if has_tf() else "odometry"
-        about = "topic of the poses of the robot in the frame of the map; not used with tf"
-        topic = self.read_topic("pose_topic", "/odom", about)
-        robot_frame = self.read("robot_frame", "base_link", "frame of the robot, with tf")
-        if source == "tf":
-            return lambda frame_id: TfPoses(self, frame_id, robot_frame)
-
-        def subscribe(frame_id: str) -> PoseHistory:
-            history = PoseHistory(frame_id, limit=1)
-            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-            on_pose = partial(self._on_pose, history)
-            self.create_subscription(POSE_TYPES[source], topic, on_pose, qos)
-            return history
-
-        return subscribe
-
-    def _subscribe_to_maps(self, topic: str) -> None:
-        if self.resolve_topic_name(topic) == self._publisher.topic_name:
-            raise ConfigError(f"write_topic and output_topic are both {topic!r}")
-        # A cell without a value changes nothing, but fails where maps would.
-        first = self._site.geometry.cropped(slice(0, 1), slice(0, 1))
-        nothing = dict.fromkeys(self._site.layers[:1], np.nan)
-        self._site.write(GridMap.from_geometry(first, frame_id=self._site.frame_id, layers=nothing))
-        self._writer = LatestOnly(self._merge)
-        self._subscription = MapSubscription(self, topic, self._writer.put)
 
     # --- windows ----------------------------------------------------------------------------------
-
-    def _on_pose(self, history: PoseHistory, message: Odometry | PoseStamped) -> None:
-        with dropping(self._log, "dropped a pose"):
-            history.add(message)
-            self._work()
 
     def _work(self) -> None:
         """Publish a window if the robot has moved, or maps were merged, and the rate allows."""
         self._note_merged()
-        now = time.monotonic()
-        if now >= self._next and self._is_due(now):
-            self._next = max(self._next + self._period, now)
-            self._publisher.publish()
-
-    def _is_due(self, now: float) -> bool:
-        found = self._poses.latest()
+        found, now = self._poses.latest(), time.monotonic()
         if found is None:
             if now > self._start + SILENCE:
                 self._note_problem(f"waits for {self._poses.waits_for}")
-            return False
-        if self._center is None or self._has_new_cells:
-            return True
-        return float(np.hypot(*(found[0][:2, 3] - self._center))) > self._step
+            return
+        center = self._center
+        way = math.inf if center is None else float(np.hypot(*(found[0][:2, 3] - center)))
+        if (self._has_new_cells or way > self._step) and now >= self._next:
+            self._next = max(self._next + self._period, now)
+            self._publisher.publish()
 
     def _window(self) -> bytes | None:
         found = self._poses.latest()
@@ -159,7 +136,7 @@ class GridMapWindowNode(ConfiguredNode):
             return None
         begin, position = time.perf_counter(), found[0][:2, 3]
         try:
-            grid_map = window(self._site, position, self._size, self._layers)
+            grid_map = window(self._whole, position, self._size, self._layers)
         except GridMapError as error:
             self._health.problem = f"no window: {error}"
             raise
@@ -168,8 +145,8 @@ class GridMapWindowNode(ConfiguredNode):
         self._milliseconds = 1e3 * (time.perf_counter() - begin)
         self._center, self._has_new_cells = position, False
         self._health.problem = ""
-        if not self._site.geometry.contains((position[0], position[1])):
-            place = self._site.geometry.place
+        if not self._whole.geometry.contains((position[0], position[1])):
+            place = self._whole.geometry.place
             self._note_problem(f"the robot is off the map: it is at {position}; {place}")
         return data
 
@@ -181,10 +158,10 @@ class GridMapWindowNode(ConfiguredNode):
 
     def _merge(self, received: ReceivedMap) -> None:
         """Merge the layers that the store has, in the thread of the writer."""
-        known = [name for name in received.layers if name in self._site.layers]
+        known = [name for name in received.layers if name in self._whole.layers]
         if not known:
-            raise MessageError("layers", f"one of {list(self._site.layers)}", received.layers)
-        self._site.write(received.decode(known))
+            raise MessageError("layers", f"one of {list(self._whole.layers)}", received.layers)
+        self._whole.write(received.decode(known))
 
     def _note_merged(self) -> None:
         for error in self._writer.outcomes() if self._writer else ():

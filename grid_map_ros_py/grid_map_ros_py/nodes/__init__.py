@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts of ROS nodes: map subscriptions, quality of service, parameters, process life, logs.
 
-A complete node, which hears every reliable publisher of maps and publishes scaled maps:
+A complete node, which receives maps from all reliable publishers and publishes scaled maps:
 
     from rclpy.node import Node
     from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -38,43 +38,35 @@ if TYPE_CHECKING:
     )
 
     from ._configured import ConfiguredNode as ConfiguredNode
-    from ._failures import dropping as dropping
     from ._health import Health as Health, health_of as health_of
+    from ._logs import LogThrottle as LogThrottle, dropping as dropping
     from ._parameters import (
         check_topic as check_topic,
-        names_below as names_below,
         read_limits as read_limits,
         read_parameter as read_parameter,
         read_parameter_tree as read_parameter_tree,
-        read_positive as read_positive,
-        read_topic as read_topic,
     )
+    from ._pose_sources import TfPoses as TfPoses, has_tf as has_tf
     from ._profile import use_profile as use_profile
-    from ._services import offer_service as offer_service
     from ._spin import run as run, steady_timer as steady_timer
-    from ._tf_poses import TfPoses as TfPoses, has_tf as has_tf
-    from ._throttle import LogThrottle as LogThrottle
     from ._topics import (
         LatchedSubscription as LatchedSubscription,
         MapPublisher as MapPublisher,
         MapSubscription as MapSubscription,
         map_qos as map_qos,
-        warn_of_gaps as warn_of_gaps,
+        offer_service as offer_service,
     )
 
 _OFFERED = {
     "grid_map_core_py._arrays": "keep_memory",
     "._configured": "ConfiguredNode",
-    "._failures": "dropping",
     "._health": "Health health_of",
-    "._parameters": "check_topic names_below read_limits read_parameter read_parameter_tree "
-    "read_positive read_topic",
+    "._logs": "LogThrottle dropping",
+    "._parameters": "check_topic read_limits read_parameter read_parameter_tree",
+    "._pose_sources": "TfPoses has_tf",
     "._profile": "use_profile",
-    "._services": "offer_service",
     "._spin": "run steady_timer",
-    "._tf_poses": "TfPoses has_tf",
-    "._throttle": "LogThrottle",
-    "._topics": "LatchedSubscription MapPublisher MapSubscription map_qos warn_of_gaps",
+    "._topics": "LatchedSubscription MapPublisher MapSubscription map_qos offer_service",
 }
 _MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
 """Modules by name, imported when a name of theirs is first used; `_profile` needs no rclpy."""

@@ -15,7 +15,6 @@ from rclpy.node import Node
 from grid_map_core_py.errors import cut
 
 from ..errors import reason
-from ._throttle import flush_logs
 
 TOPIC = "/diagnostics"
 
@@ -28,15 +27,13 @@ PATIENCE = 1.0
 
 @dataclass
 class Health:
-    """State of a node: numbers of its inputs, and the last error.
+    """State of a node: counts of its inputs, and the last error.
 
     Attributes:
         inputs: name of the inputs, such as "maps".
-        received: number of inputs.
-        used: number of inputs that the node has processed.
-        dropped: number of inputs that it could not use.
+        received, used, dropped: number of inputs that came, were processed, could not be used.
         last_error: reason for the last dropped input; empty if there is none.
-        problem: what the node cannot do with the last input that it used; empty if nothing.
+        problem: the last problem that did not cause a drop; empty if there is none.
         details: returns further values by name.
     """
 
@@ -89,8 +86,7 @@ class Health:
         self._discovered = time.monotonic() + PATIENCE
 
     def report(self, node: Node) -> None:
-        """Publish the state if there are subscribers, and log what was held back."""
-        flush_logs()
+        """Publish the state if there are subscribers."""
         if self._publisher.get_subscription_count():
             is_impaired = self._last_was_dropped or self.problem
             level = DiagnosticStatus.WARN if is_impaired else DiagnosticStatus.OK

@@ -1,18 +1,33 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Typed parameters of a node, from the ordinary ROS parameter file.
 
-Everything that is read here is declared on the node, so that `ros2 param list` shows it, and is
-read-only unless said otherwise: nodes configure themselves once, when they start.
+All parameters that are read here are declared on the node, so that `ros2 param list` shows them,
+and are read-only by default: nodes configure themselves once, when they start.
 """
 
 import array
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar, get_origin
+import difflib
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import MISSING, fields
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeVar, get_origin, get_type_hints
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from grid_map_core_py._parameters import cast, describe as describe_type, mismatch, nested
+from grid_map_core_py._parameters import (
+    build,
+    cast,
+    describe as describe_type,
+    descriptions,
+    mismatch,
+    nested,
+    node_sections,
+)
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.files import load_yaml
 from grid_map_core_py.limits import Limits, set_limits
 from grid_map_core_py.plugins import check
 
@@ -20,9 +35,6 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 T = TypeVar("T")
-
-EXTREMES = (1e-9, 1e9)
-"""Smallest and largest positive parameter: the period of such a rate still fits a ROS timer."""
 
 
 def read_parameter(
@@ -36,10 +48,12 @@ def read_parameter(
 ) -> T:
     """Return one parameter, declared on the node.
 
+    An integer given for a float, and a whole number such as 3.0 given for an integer, are
+    converted. An empty list in a file arrives without a type: it is the empty list for list kinds
+    and counts as not given for others.
+
     Args:
-        node: an integer given for a float, and a whole number such as 3.0 given for an integer, are
-            converted. A value without type, which is what an empty list in the file becomes, is the
-            empty list for list kinds and counts as not given for others.
+        node: the node.
         name: full name, such as `elevation.params.layer`.
         kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
         default: the value if none is given; None makes the parameter required.
@@ -60,43 +74,60 @@ def read_parameter(
     return typed
 
 
-def names_below(node: "Node", prefix: str) -> list[str]:
-    """Return the names of the parameters directly below a prefix, sorted.
+def read_fields(
+    node: "Node",
+    cls: type[T],
+    prefix: str = "",
+    *,
+    defaults: Mapping[str, object] | None = None,
+    read_only: bool = True,
+) -> T:
+    """Return a dataclass whose fields are parameters, described below `Attributes:` in its docs.
+
+    Args:
+        node: the node.
+        cls: the dataclass; all its fields have defaults.
+        prefix: prefix of the names, such as `input_sources.front.`.
+        defaults: defaults by field in place of those of the dataclass.
+        read_only: see `read_parameter`.
 
     Raises:
-        ConfigError: the prefix itself has a value other than an empty list.
+        ConfigError: a parameter has another type, or the dataclass refuses it.
     """
+    kinds, texts, values = get_type_hints(cls), descriptions(cls), dict[str, Any]()
+    for field in fields(cls):  # type: ignore[arg-type]
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        values[field.name] = read_parameter(
+            node,
+            f"{prefix}{field.name}",
+            kinds[field.name],
+            (defaults or {}).get(field.name, default),
+            description=texts[field.name],
+            read_only=read_only,
+        )
+    try:
+        return build(cls, values)
+    except ConfigError as error:
+        raise ConfigError(f"{prefix[:-1]}: {error}" if prefix else str(error)) from error
+
+
+def names_below(node: "Node", prefix: str) -> list[str]:
+    """Return the names of the parameters directly below a prefix, sorted."""
     value = _given(node).get(prefix)
     check(not value, prefix, "parameters below it", value)
     below = (name for name in node._parameter_overrides if name.startswith(f"{prefix}."))
     return sorted({name.split(".")[prefix.count(".") + 1] for name in below})
 
 
-def read_positive(node: "Node", name: str, default: float, *, description: str = "") -> float:
-    """Return a parameter that is a positive number, such as a rate or a time.
-
-    Raises:
-        ConfigError: it is none, or beyond `EXTREMES`.
-    """
-    value = read_parameter(node, name, float, default, description=description)
-    low, high = EXTREMES
-    check(low <= value <= high, name, f"a positive number from {low:g} to {high:g}", value)
-    return value
-
-
 def read_limits(node: "Node") -> None:
     """Set the limits of maps (`grid_map_core_py.limits`) from the parameters of the same names.
 
-    Limits hold for the process, so that the node calls this before it makes or receives a map.
-
-    Raises:
-        ConfigError: a parameter is less than 1, or no number.
+    Limits hold for the process. Call this before the node makes or receives a map.
     """
-    made = "a map that is received, read from a file or made"
     abouts = {
-        "max_cells": f"largest number of cells of {made}",
-        "max_bytes": f"largest size [bytes] of all layers of {made}, and of unpacked data",
-        "max_ratio": "largest quotient of unpacked and packed bytes of data of more than 100 MB",
+        "max_cells": "largest number of cells of a map",
+        "max_bytes": "largest size of a map, and of unpacked data [bytes]",
+        "max_ratio": "largest ratio of unpacked to packed size, for data of more than 100 MB",
     }
     set_limits(
         **{
@@ -118,9 +149,8 @@ def read_parameter_tree(
 
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
     `{"filter1": {"params": {"radius": 1}}}`. Names may hold any character but the separating dot,
-    so `min/value` stays one name. Values keep the type that the file gave them, which
-    `cast` of the core casts; arrays become lists. An empty list, an empty mapping and null
-    all arrive without type, as None.
+    so `min/value` stays one name. Values keep the type that they have in the file; arrays become
+    lists. An empty list, an empty mapping and null all arrive without a type, as None.
 
     Args:
         node: the node.
@@ -128,7 +158,7 @@ def read_parameter_tree(
         read_only: False lets the parameters be set later, to values of any type: `radius: 1` is an
             integer that may become 1.5.
         description: text that `ros2 param describe` shows for each of them.
-        describe: takes the dictionaries, and returns other texts by name, without the prefix.
+        describe: maps the dictionaries to other descriptions by name, without the prefix.
 
     Raises:
         ConfigError: a name is given both a value and parameters below it.
@@ -148,22 +178,8 @@ def read_parameter_tree(
     return tree or {}
 
 
-def read_topic(node: "Node", name: str, default: str, *, description: str = "") -> str:
-    """Return a parameter that is the name of a topic; if the default is empty, it may be, too.
-
-    Raises:
-        ConfigError: the node can neither publish nor subscribe to it.
-    """
-    topic = read_parameter(node, name, str, default, description=description)
-    return check_topic(node, name, topic) if topic or default else ""
-
-
 def check_topic(node: "Node", name: str, topic: str) -> str:
-    """Return `topic`, made from the parameter `name`, if it is a valid name of a topic.
-
-    Raises:
-        ConfigError: it is not.
-    """
+    """Return `topic`, the value of the parameter `name`; a `ConfigError` if it is no valid name."""
     try:
         node.resolve_topic_name(topic)
     except rclpy_implementation.RCLError as error:
@@ -172,7 +188,6 @@ def check_topic(node: "Node", name: str, topic: str) -> str:
 
 
 def _given(node: "Node") -> dict[str, Any]:
-    """Return the values of all parameters that the node was started with or has declared."""
     # Declaring all overrides automatically is the public way to see names that are not known
     # beforehand, but a node made so cannot start when its file holds an empty list.
     given = {**node._parameter_overrides, **node.get_parameters_by_prefix("")}
@@ -193,3 +208,54 @@ def _declare(
         )
         # The value is the override, converted: the file's own may be an int for a float.
         node.declare_parameter(name, value, descriptor, ignore_override=True)
+
+
+def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
+    """Return a warning of parameter files that have no section for a node; empty without them."""
+    name, texts = node.get_fully_qualified_name(), []
+    # In sections, `*` stands for one name and `**` for any number of names.
+    wildcards = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
+    for file, sections in _files(arguments):
+        patterns = [
+            re.sub(r"/\*\*?|[^/]+|/", lambda m: wildcards.get(m[0], re.escape(m[0])), section)
+            for section in sections
+        ]
+        if not any(re.fullmatch(pattern, name) for pattern in patterns):
+            known = ", ".join(sections) or "none"
+            texts.append(f"no section of {file} matches {name}; the file has {known}")
+    return "; ".join(texts)
+
+
+def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
+    """Return a warning of given parameters that a node has not declared; empty without them.
+
+    A section for several nodes, such as `/**`, may have parameters of the others.
+    """
+    shared = {
+        f"{key}."
+        for _, sections in _files(arguments)
+        for section, parameters in sections.items()
+        if "*" in section
+        for key in parameters
+    }
+    declared = {name: name.partition(".")[0] for name in node.get_parameters_by_prefix("")}
+    texts = {}
+    for name in sorted(node._parameter_overrides):
+        is_shared = any(f"{name}.".startswith(prefix) for prefix in shared)
+        if name in declared or is_shared or name.startswith("qos_overrides."):
+            continue
+        root = name.partition(".")[0]
+        # A whole tree that the node does not read is named once.
+        wrong, known = (name, declared) if root in declared.values() else (root, declared.values())
+        close = difflib.get_close_matches(wrong, known, n=1)
+        texts[wrong] = f"{wrong!r} (did you mean {close[0]!r}?)" if close else repr(wrong)
+    return f"unknown parameters, not used: {', '.join(texts.values())}" if texts else ""
+
+
+def _files(arguments: Sequence[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield the parameter files of a command line, each with its sections."""
+    for option, file in pairwise(arguments):
+        if option == "--params-file":
+            # ROS has read the file before, but its parser differs in details.
+            with suppress(GridMapError):
+                yield file, dict(node_sections(load_yaml(file) or {}))

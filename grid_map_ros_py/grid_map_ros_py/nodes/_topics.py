@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Quality of service of map topics, and subscriptions that adapt to their publishers."""
+"""Publishers, subscriptions and services of nodes, and the quality of service of map topics."""
 
 import math
 from collections.abc import Callable
@@ -14,9 +14,8 @@ from grid_map_core_py._arrays import LARGEST_BLOCK, keep_memory
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..messages._grid_map import ReceivedMap
-from ._failures import dropping
 from ._health import health_of
-from ._throttle import LogThrottle
+from ._logs import LogThrottle, dropping
 
 WEAKER: dict[QoSPolicyKind, Any] = {
     QoSPolicyKind.DURABILITY: DurabilityPolicy.VOLATILE,
@@ -48,6 +47,28 @@ def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
     return lambda _event: log.warning(text)
 
 
+def listen(
+    node: Node,
+    message_type: type,
+    topic: str,
+    callback: Callable[[Any], object],
+    log: LogThrottle,
+    what: str,
+    depth: int = 1,
+) -> None:
+    """Subscribe best effort; messages that the callback refuses are dropped and logged as `what`.
+
+    Unlike a `LatchedSubscription`, it does not count its messages in the `Health` of the node.
+    """
+
+    def receive(message: Any) -> None:
+        with dropping(log, f"dropped {what}"):
+            callback(message)
+
+    qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+    node.create_subscription(message_type, topic, receive, qos)
+
+
 class LatchedSubscription:
     """Calls back with the last message of a topic and all later messages.
 
@@ -55,7 +76,7 @@ class LatchedSubscription:
     connect to volatile publishers. The subscription is transient local first, and becomes volatile
     when it meets a volatile publisher.
 
-    The first lost message is logged. If the callback raises a `GridMapError`, or memory runs out,
+    The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged; a `NodeFailedError` ends the node.
 
     Args:
@@ -63,10 +84,10 @@ class LatchedSubscription:
         message_type: class of the messages.
         topic: name of the topic.
         callback: called with every message.
-        qos: fixed quality of service; None means the above.
+        qos: fixed quality of service; None selects the behavior above.
         raw: whether the callback gets the bytes of the message.
-        hears_best_effort: whether to become best effort on meeting a best-effort publisher, as
-            sensors have; otherwise such a publisher is only named in the log.
+        hears_best_effort: whether the subscription also becomes best effort when it meets a
+            best-effort publisher; otherwise it only logs that publisher.
         depth: number of messages that wait for the callback, if `qos` is None.
 
     Attributes:
@@ -107,7 +128,6 @@ class LatchedSubscription:
         self._subscription: Any = self._subscribe()
 
     def destroy(self) -> None:
-        """Destroy the subscription."""
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
@@ -127,32 +147,28 @@ class LatchedSubscription:
                 f"no messages from a publisher of {self.topic_name}: "
                 f"incompatible quality of service ({policy})"
             )
-        elif executor is not None and getattr(self._qos, policy) != WEAKER[kind]:
+            return
+
+        def subscribe_again() -> None:
+            if self._subscription is not None:
+                self._node.get_logger().info(
+                    f"a publisher of {self.topic_name} is {WEAKER[kind].name.lower()}: now the "
+                    "subscription is, too"
+                )
+                self.destroy()
+                self._subscription = self._subscribe()
+
+        if executor is not None and getattr(self._qos, policy) != WEAKER[kind]:
             setattr(self._qos, policy, WEAKER[kind])
             # Deferred, because this is a callback of the subscription that will be destroyed.
-            executor.create_task(self._subscribe_again, WEAKER[kind].name.lower())
-
-    def _subscribe_again(self, weaker: str) -> None:
-        if self._subscription is not None:
-            self._node.get_logger().info(
-                f"a publisher of {self.topic_name} is {weaker}: now the subscription is, too"
-            )
-            self.destroy()
-            self._subscription = self._subscribe()
+            executor.create_task(subscribe_again)
 
 
 class MapSubscription(LatchedSubscription):
-    """Calls back with the last map of a topic and all later maps, as received.
+    """A `LatchedSubscription` to `grid_map_msgs/GridMap`.
 
-    It receives from latched, reliable and volatile publishers. Nothing is decoded in advance: the
-    callback decodes the layers that it needs. A map that it cannot use is dropped and logged, as
-    with `LatchedSubscription`. Keep a reference to the subscription.
-
-    Args:
-        node: the node that subscribes.
-        topic: topic of `grid_map_msgs/GridMap`.
-        callback: called with every map.
-        qos: fixed quality of service; None means as for `LatchedSubscription`.
+    The callback gets a `ReceivedMap` and decodes the layers that it needs. Keep a reference to the
+    subscription.
 
     Example:
         >>> def on_map(received):
@@ -168,10 +184,9 @@ class MapSubscription(LatchedSubscription):
         *,
         qos: QoSProfile | None = None,
     ) -> None:
-        def decode_later(data: bytes) -> None:
-            callback(ReceivedMap(data))
-
-        super().__init__(node, GridMapMessage, topic, decode_later, qos=qos, raw=True)
+        super().__init__(
+            node, GridMapMessage, topic, lambda data: callback(ReceivedMap(data)), qos=qos, raw=True
+        )
 
 
 class MapPublisher:
@@ -184,6 +199,7 @@ class MapPublisher:
         node: the node that publishes.
         topic: the topic.
         serialized: returns the current map as bytes; None if there is none yet.
+        log: log of maps that cannot be published.
 
     Attributes:
         count: number of published messages.
@@ -193,6 +209,7 @@ class MapPublisher:
         self, node: Node, topic: str, serialized: Callable[[], bytes | None], log: LogThrottle
     ) -> None:
         self.count = 0
+        self._version = 0
         self._serialized, self._log = serialized, log
         events = PublisherEventCallbacks(matched=self._match)
         self._publisher = node.create_publisher(
@@ -210,6 +227,35 @@ class MapPublisher:
                 self._publisher.publish(data)
                 self.count += 1
 
+    def publish_version(self, version: int) -> None:
+        """Publish the current map if its version is not the last one."""
+        if version != self._version:
+            self._version = version
+            self.publish()
+
     def _match(self, status: Any) -> None:
         if status.total_count_change > 0:
             self.publish()
+
+
+def offer_service(
+    node: Node, kind: type, name: str, action: Callable[[Any, Any], None], log: LogThrottle
+) -> None:
+    """Offer the service `~/name`.
+
+    Args:
+        node: the node.
+        kind: class of the service.
+        name: name of the service, below that of the node.
+        action: called with the request and an empty response, which it fills. If it raises a
+            `GridMapError`, the error is logged and an empty response is sent.
+        log: log of errors.
+    """
+
+    def respond(request: Any, response: Any) -> Any:
+        with dropping(log, name):
+            action(request, response)
+            return response
+        return type(response)()
+
+    node.create_service(kind, f"~/{name}", respond)

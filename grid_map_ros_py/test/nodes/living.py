@@ -15,16 +15,6 @@ HABIT = sys.argv[1]
 TOPIC = "no topic" if HABIT == "misnamed" else "/beat"
 
 
-class Sluggish:
-    def __del__(self) -> None:
-        print("deleted", flush=True)
-        try:
-            while True:
-                time.sleep(0.1)
-        finally:
-            del self.missing  # as finalizers of half-made objects fail
-
-
 class Living(Node):
     def __init__(self) -> None:
         super().__init__("being")
@@ -52,9 +42,7 @@ class Living(Node):
             raise NodeFailedError("the battery is empty")
         if HABIT == "buggy while it lives":
             raise GridMapError("a bug")
-        if HABIT == "deleting":
-            Sluggish()
-        while HABIT in ("stuck", "deleting"):
+        while HABIT == "stuck":
             time.sleep(0.1)
 
     def dawdle(self) -> None:

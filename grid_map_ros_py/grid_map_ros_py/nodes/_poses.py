@@ -44,10 +44,10 @@ class Placement:
 
 
 class Poses:
-    """Source of poses; this one is for scans that are in the frame of the map already.
+    """Source of poses for scans that are in the map frame already, and base of other sources.
 
     Attributes:
-        waits_for: name of the missing pose or transform after `place` has returned None.
+        waits_for: the missing pose or transform after `place` has returned None.
     """
 
     waits_for = ""
@@ -55,13 +55,12 @@ class Poses:
     def __init__(self, map_frame: str) -> None:
         self._map_frame = map_frame
 
-    def place(self, frame_id: str, _stamp: int) -> Placement | None:
-        """Return the placement of a scan of that frame and time [ns], or None if not known yet.
+    def place(self, frame_id: str, stamp: int) -> Placement | None:  # noqa: ARG002
+        """Return the placement of a scan, or None if it is not known yet.
 
-        Time 0 stands for the latest pose.
-
-        Raises:
-            GridMapError: the placement will never be known.
+        Args:
+            frame_id: frame of the scan.
+            stamp: time of the scan [ns]; 0 selects the latest pose.
         """
         if frame_id != self._map_frame:
             expected = f"{self._map_frame!r}, that of the map, as there are no poses"
@@ -69,10 +68,7 @@ class Poses:
         return Placement(np.eye(4))
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the transform from a frame of the robot to the map; None if not known yet.
-
-        Errors and time 0: see `place`.
-        """
+        """Return the transform from a frame of the robot to the map; see `place`."""
         placement = self.place(frame_id, stamp)
         return None if placement is None else placement.transform
 
@@ -81,14 +77,14 @@ class Poses:
 
 
 class PoseHistory(Poses):
-    """Poses of a robot over time; poses in between are interpolated.
+    """Poses of a robot over time, interpolated between two poses.
 
     Args:
         map_frame: frame of the poses.
         sensor: transform from the frame of the scans to the frame of the robot.
         limit: maximum number of poses that are kept.
         track_point: (3,) point that the map follows [m], frame of the robot.
-        with_covariances: whether the covariances of the poses are used, and checked.
+        with_covariances: whether placements get the covariances of the poses.
     """
 
     def __init__(
@@ -110,25 +106,21 @@ class PoseHistory(Poses):
 
     @property
     def waits_for(self) -> str:  # type: ignore[override]
-        """Name of the pose that comes next."""
         if not self._stamps:
             return "poses"
         return f"a later pose than that of {_seconds(self._stamps[-1])}"
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
-        """Return the same poses, also those that are added later, for another sensor."""
+        """Return a source for another sensor that shares these poses, later ones included."""
         other = copy.copy(self)
         other._sensor = sensor
         return other
 
     def add(self, message: Any) -> None:
-        """Add a pose: `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
+        """Add an `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        A pose that is more than `LONGEST_JITTER` earlier than the last one means that time was
-        reset: older poses are forgotten.
-
-        Raises:
-            MessageError: the pose is in another frame, or its numbers are invalid.
+        If it is more than `LONGEST_JITTER` earlier than the last pose, time was reset, and all
+        earlier poses are forgotten.
         """
         if message.header.frame_id.removeprefix("/") != self._map_frame:
             expected = f"{self._map_frame!r}, that of the map"
@@ -142,19 +134,16 @@ class PoseHistory(Poses):
         self._stamps.insert(place, stamp)
         self._poses.insert(place, matrix)
         self._covariances.insert(place, covariance)
-        self._forget(len(self._stamps) - self._limit)
+        for values in (self._stamps, self._poses, self._covariances):
+            del values[: -self._limit]
 
     def go_back(self, stamp: int) -> None:
         # The poses may have gone back before the scans.
         if self._stamps and stamp < self._stamps[-1] - LONGEST_JITTER:
-            self._forget(len(self._stamps))
-
-    def _forget(self, count: int) -> None:
-        for values in (self._stamps, self._poses, self._covariances):
-            del values[: max(count, 0)]
+            for values in (self._stamps, self._poses, self._covariances):
+                values.clear()
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
-        """Return the placement of a scan; None if it is newer than the last pose."""
         robot = self.at(stamp)
         if robot is None:
             return None
@@ -166,19 +155,13 @@ class PoseHistory(Poses):
         return Placement(transform, robot, center, covariance)
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the pose of the robot, which stands for all of its frames."""
         return np.eye(4) if frame_id == self._map_frame else self.at(stamp)
 
     def latest(self) -> tuple[Matrix, int] | None:
-        """Return the latest pose and its time [ns]; None before the first."""
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the pose at a time [ns], 0 for the latest; None if the time is in the future.
-
-        Raises:
-            GridMapError: the time is earlier than all poses that are kept.
-        """
+        """Return the pose at a time [ns], 0 for the latest; None if the time is in the future."""
         if not self._stamps or stamp > self._stamps[-1]:
             return None
         if stamp and stamp < self._stamps[0]:
@@ -191,7 +174,7 @@ class PoseHistory(Poses):
     def covariance_at(self, stamp: int) -> Covariance | None:
         """Return the covariance of the pose at a time [ns], 0 for the latest; None if unknown.
 
-        Between two poses it is interpolated, before the first and after the last it is theirs.
+        It is interpolated between two poses, and constant before the first and after the last.
         """
         if not self._stamps:
             return None
@@ -202,7 +185,7 @@ class PoseHistory(Poses):
         return (1 - share) * begin + share * end
 
     def _around(self, stamp: int) -> tuple[int, int, float]:
-        """Return the numbers of the poses around a time, and its share of the way between them."""
+        """Return the numbers of the poses before and after a time, and the share of the second."""
         last = len(self._stamps) - 1
         after = min(bisect_left(self._stamps, stamp), last) if stamp else last
         if after == 0 or stamp == 0 or stamp >= self._stamps[after]:
@@ -214,26 +197,24 @@ class PoseHistory(Poses):
 def from_covariance(values: npt.ArrayLike) -> Covariance:
     """Return the covariance (36,) of a message as a matrix (6, 6).
 
-    Raises:
-        MessageError: it is not finite, not symmetric, or not positive semi-definite.
+    Rounding errors of the sender, up to `INDEFINITE`, are mended.
     """
     matrix = np.asarray(values, np.float64).reshape(6, 6)
-    expected = "36 numbers of a symmetric, positive semi-definite matrix"
     with np.errstate(over="ignore", invalid="ignore"):
         largest = float(np.abs(matrix).max())
         is_symmetric = np.abs(matrix - matrix.T).max() <= INDEFINITE * largest
-    if not (np.isfinite(largest) and is_symmetric):
-        raise MessageError("pose.covariance", expected, matrix.ravel().tolist())
-    matrix = 0.5 * (matrix + matrix.T)
-    if largest == 0.0:
-        return matrix
-    eigenvalues, vectors = np.linalg.eigh(matrix / largest)
-    if eigenvalues[0] < -INDEFINITE:
-        raise MessageError("pose.covariance", expected, matrix.ravel().tolist())
-    # What is left of rounding errors of the sender.
-    if eigenvalues[0] < 0.0:
-        matrix = largest * ((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
-    return 0.5 * (matrix + matrix.T)
+    least = 0.0
+    if np.isfinite(largest) and is_symmetric and largest > 0.0:
+        matrix = 0.5 * (matrix + matrix.T)
+        eigenvalues, vectors = np.linalg.eigh(matrix / largest)
+        least = eigenvalues[0]
+        if least < 0.0:
+            matrix = largest * ((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
+            matrix = 0.5 * (matrix + matrix.T)
+    if not (np.isfinite(largest) and is_symmetric and least >= -INDEFINITE):
+        expected = "36 numbers of a symmetric, positive semi-definite matrix"
+        raise MessageError("pose.covariance", expected, np.ravel(values).tolist())
+    return matrix
 
 
 def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance | None:

@@ -1,30 +1,26 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scans and images of several sensors in one elevation map."""
 
-import math
 import re
 import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.conversions import COLOR_LAYER, color_vector_to_value
-from grid_map_core_py.elevation import ElevationMapper, UpdateReport
+from grid_map_core_py.elevation import ElevationMapper, Parameters, UpdateReport
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import check
 
 from ..errors import MessageError
 from ..messages._pose import Matrix
-from ..messages._time import from_stamp
-from .cameras import Camera, pixels_of, seen_cells
-from .elevation_parameters import InputSource
-from .poses import Placement
-from .scan_queue import Scan
+from ..nodes._poses import Placement
+from ..nodes._scans import Cloud
+from .cameras import Picture, seen_cells
+from .sources import InputSource
 
 IMAGE_FUSIONS = ("color", "latest", "exponential")
 """Ways in which pixels become layers; a color is the latest one."""
@@ -42,44 +38,15 @@ class Patch:
 
     Attributes:
         length: (2,) side lengths along x and y [m].
-        height_offset: height above the origin of the robot's frame [m].
+        height_offset: height above the origin of its frame [m].
         variance: variance of its heights [m^2].
+        frame: the frame.
     """
 
     length: tuple[float, float]
     height_offset: float
     variance: float
-
-
-@dataclass(frozen=True)
-class Picture:
-    """An image of a camera.
-
-    Attributes:
-        frame_id: optical frame of the camera.
-        stamp: time of the image [ns].
-        pixels: (rows, cols, channels); colors are RGB.
-        camera: the camera.
-    """
-
-    frame_id: str
-    stamp: int
-    pixels: npt.NDArray[Any]
-    camera: Camera
-
-    def __len__(self) -> int:
-        return math.prod(self.pixels.shape[:2])
-
-
-def read_picture(message: Any, camera: Camera | None) -> Picture:
-    """Return the picture in an `Image`.
-
-    Raises:
-        MessageError: the image contradicts itself or the camera.
-    """
-    pixels = pixels_of(message, camera)
-    assert camera is not None
-    return Picture(message.header.frame_id, from_stamp(message.header.stamp), pixels, camera)
+    frame: str = ""
 
 
 @dataclass
@@ -96,7 +63,7 @@ class ElevationFusion:
         milliseconds: last durations [ms] by stage, and their moving means.
         version: number of changes of the map.
         changed: time of the last change [s], on the steady clock; None before.
-        warnings: texts for the log, which the owner takes away.
+        warnings: texts for the log, which the owner removes.
     """
 
     mapper: ElevationMapper
@@ -133,16 +100,11 @@ class ElevationFusion:
             return self.mapper.fused_map()
         return self.mapper.grid_map
 
-    def fuse(self, source: InputSource, scan: Scan, placement: Placement) -> None:
-        """Fuse a scan; after an error the map is unchanged.
-
-        Raises:
-            GridMapError: the scan has no time, or the mapper refuses it.
-        """
+    def fuse(self, source: InputSource, cloud: Cloud, placement: Placement) -> None:
+        """Fuse a cloud; after an error the map is unchanged."""
         begin = time.perf_counter()
-        if scan.stamp == 0:
+        if cloud.stamp == 0:
             raise MessageError("header.stamp", "the time of the scan", "0")
-        given, scan = len(scan), _within(scan, source, placement)
         covariance = placement.covariance
         if covariance is not None:
             covariance = self.covariance_scale * covariance
@@ -153,37 +115,42 @@ class ElevationFusion:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 self.report = self.mapper.update(
-                    scan.points,
+                    cloud.points,
                     placement.transform,
-                    timestamp=scan.stamp,
+                    timestamp=cloud.stamp,
                     pose_covariance=covariance,
-                    values=scan.columns,
+                    values=cloud.columns,
                     position=placement.center if self.follow else None,
                     sensor=source.processor.model,
+                    limits=self._limits_of(source, placement),
                 )
         except GridMapError:
             if self.clears_before_scan:
                 self.mapper.masked_replace(before)
             raise
-        if lost := given - len(scan):
-            reasons = {**self.report.reasons, "beyond the limits of the source": lost}
-            dropped = self.report.points_dropped + lost
-            self.report = replace(self.report, points_dropped=dropped, reasons=reasons)
         self.warnings += [str(entry.message) for entry in caught]
         self._note({**self.report.milliseconds, "update": 1e3 * (time.perf_counter() - begin)})
 
     def paint(self, source: InputSource, picture: Picture, placement: Placement) -> None:
-        """Put the pixels of a picture into layers, in the cells that it shows.
-
-        Raises:
-            GridMapError: the source has not as many names as the picture has channels.
-        """
+        """Put the pixels of a picture into layers, in the cells that it shows."""
         begin = time.perf_counter()
-        layers = _channels(source, picture)
+        count, names = picture.pixels.shape[2], tuple(source.settings.channels)
+        # Three channels without names are one color.
+        layers = {COLOR_LAYER: picture.pixels}
+        if count != 3 or names not in ((), ("rgb",)):
+            names = names or ("gray",)
+            if len(names) != count:
+                expected = f"expected {count} names, as the image has, got {list(names)}"
+                raise GridMapError(f"input_sources.{source.name}.channels: {expected}")
+            layers = {name: picture.pixels[..., k] for k, name in enumerate(names)}
         grid_map = self.mapper.grid_map
         cells, pixels = seen_cells(grid_map, "elevation", picture.camera, placement.transform)
-        for name, values in layers.items():
-            new = values(picture.pixels[pixels])
+        for name, channel in layers.items():
+            new = channel[pixels]
+            if new.ndim == 2:
+                is_deep = new.dtype.itemsize == 2 and new.dtype.kind == "u"
+                new = color_vector_to_value(new >> 8 if is_deep else new)
+            new = new.astype(np.float32, copy=False)
             fusion = self._fusion_of(name)
             if name not in grid_map:
                 grid_map.add(name)
@@ -212,11 +179,7 @@ class ElevationFusion:
         self._note({})
 
     def load(self, grid_map: GridMap) -> None:
-        """Take over a saved map: its place, and the layers that both have.
-
-        Raises:
-            GridMapError: it is in another frame, or has no layer in common with this map.
-        """
+        """Take over a saved map: its place, and the layers that both have."""
         kept = self.mapper.grid_map.copy()
         try:
             self.mapper.move(grid_map.position)
@@ -238,6 +201,22 @@ class ElevationFusion:
         self.mapper.clear()
         self._note({})
 
+    def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
+        """Return the parameters of the mapper with the limits of a source."""
+        given, own, processor = self.mapper.parameters, source.settings, source.processor
+        # Heights are relative to the robot there, and to the sensor here.
+        above, below = processor.above, processor.below
+        if placement.robot is not None:
+            offset = float(placement.robot[2, 3] - placement.transform[2, 3])
+            above, below = above + offset, below + offset
+        return replace(
+            given,
+            min_range=max(given.min_range, own.min_range),
+            max_range=min(given.max_range, own.max_range),
+            ignore_points_above=min(given.ignore_points_above, above),
+            ignore_points_below=max(given.ignore_points_below, below),
+        )
+
     def _fusion_of(self, name: str) -> str:
         """Return the way of fusion of a channel, by its name, or by the first matching pattern."""
         found = "color" if name == COLOR_LAYER else self.image_fusions.get(name)
@@ -249,46 +228,3 @@ class ElevationFusion:
         self.changed = time.monotonic()
         for stage, last in milliseconds.items():
             self.time(stage, last)
-
-
-def _within(scan: Scan, source: InputSource, placement: Placement) -> Scan:
-    """Return the points of a scan in the ranges and heights of its source."""
-    processor = source.processor
-    has_range = source.min_range > 0 or source.max_range < np.inf
-    has_height = processor.above < np.inf or processor.below > -np.inf
-    if not (has_range or has_height):
-        return scan
-    points, kept = scan.points, np.ones(len(scan.points), bool)
-    with np.errstate(over="ignore", invalid="ignore"):
-        if has_range:
-            squares = np.einsum("ij,ij->i", points, points, dtype=np.float64)
-            kept &= (squares >= source.min_range**2) & (squares <= source.max_range**2)
-        if has_height:
-            reference = placement.transform if placement.robot is None else placement.robot
-            heights = points @ placement.transform[2, :3]
-            heights += placement.transform[2, 3] - reference[2, 3]
-            kept &= (heights >= processor.below) & (heights <= processor.above)
-    columns = {name: values[kept] for name, values in scan.columns.items()}
-    return Scan(scan.frame_id, scan.stamp, points[kept], columns)
-
-
-def _channels(source: InputSource, picture: Picture) -> dict[str, Any]:
-    """Return functions from pixels (n, channels) to values (n,), by the names of their layers."""
-    count = picture.pixels.shape[2]
-    names = source.channels or (("rgb",) if count == 3 else ("gray",))
-    if names == ("rgb",) and count == 3:
-        return {COLOR_LAYER: _colors}
-    if len(names) != count:
-        place = f"input_sources.{source.name}.channels"
-        raise GridMapError(f"{place}: expected {count} names, as the image has, got {list(names)}")
-    return {name: _channel(number) for number, name in enumerate(names)}
-
-
-def _channel(number: int) -> Any:
-    return lambda pixels: pixels[:, number].astype(np.float32)
-
-
-def _colors(pixels: npt.NDArray[Any]) -> Any:
-    if pixels.dtype.itemsize == 2 and pixels.dtype.kind == "u":
-        pixels = pixels >> 8
-    return color_vector_to_value(pixels)

@@ -1,27 +1,67 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Poses from tf2, where it is installed."""
+"""Sources of poses that nodes offer by name, and tf2, where it is installed."""
 
 import importlib
 import importlib.util
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.time import Time
 
 from grid_map_core_py.errors import MissingPackageError
 
-from .._mapping.poses import Placement, PoseHistory, Poses, carried
 from ..messages._pose import Matrix, from_transform
 from ..messages._time import from_stamp
+from ._logs import LogThrottle
+from ._poses import Placement, PoseHistory, Poses, carried
+from ._topics import listen
 
 PACKAGE = "tf2_ros"
+
+POSE_TYPES = {
+    "odometry": Odometry,
+    "pose": PoseStamped,
+    "pose_with_covariance": PoseWithCovarianceStamped,
+}
+"""Types of messages with poses of a robot, by their names in parameters."""
+
+POSE_QUEUE = 100
+"""Depth of a subscription to poses, which arrive faster than scans are fused."""
 
 
 def has_tf() -> bool:
     """Return whether tf2 can be imported."""
     return importlib.util.find_spec(PACKAGE) is not None
+
+
+def chosen_source(name: str, without_tf: str) -> str:
+    """Return the source of poses for a parameter: `auto` is tf, or another one without tf2."""
+    if name == "auto":
+        return "tf" if has_tf() else without_tf
+    return name
+
+
+def subscribe_to_poses(
+    node: Node,
+    message_type: type,
+    topic: str,
+    history: PoseHistory,
+    then: Callable[[], object],
+    log: LogThrottle,
+    depth: int = 1,
+) -> None:
+    """Add the poses of a topic to a history, and call `then` after each of them."""
+
+    def add(message: Any) -> None:
+        history.add(message)
+        then()
+
+    listen(node, message_type, topic, add, log, "a pose", depth)
 
 
 class TfPoses(Poses):
@@ -34,9 +74,6 @@ class TfPoses(Poses):
         track_frame: frame of the track point; empty for that of the robot.
         track_point: (3,) point that the map follows [m], in that frame.
         covariances: poses of the robot whose covariances are used; None for none.
-
-    Raises:
-        MissingPackageError: tf2 is not installed.
     """
 
     def __init__(
@@ -62,7 +99,6 @@ class TfPoses(Poses):
         self.waits_for = "transforms"
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
-        """Return the placement of a scan; None while tf2 does not know it."""
         robot_frame = self._robot_frame or frame_id
         found = []
         for frame in (frame_id, robot_frame, self._track_frame or robot_frame):
@@ -81,12 +117,11 @@ class TfPoses(Poses):
         return Placement(transform, robot, center, covariance)
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the transform from a frame to the map; None while tf2 does not know it."""
         found = self._look_up(frame_id, stamp)
         return None if found is None else from_transform(found)
 
     def latest(self) -> tuple[Matrix, int] | None:
-        """Return the latest pose of the robot and its time [ns], 0 if static; None if unknown."""
+        """Return the latest pose of the robot and its time [ns], 0 if it is static."""
         found = self._look_up(self._robot_frame, 0)
         return None if found is None else (from_transform(found), from_stamp(found.header.stamp))
 
@@ -100,5 +135,5 @@ class TfPoses(Poses):
             return None
 
     def go_back(self, _stamp: int) -> None:
-        """Forget all transforms but those of `/tf_static`; tf2 would not take earlier ones."""
+        # tf2 refuses transforms earlier than those it has; those of `/tf_static` stay.
         self._buffer.clear()

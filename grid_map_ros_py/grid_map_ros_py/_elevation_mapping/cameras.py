@@ -5,6 +5,7 @@ The frame of a camera is optical (REP-103): x to the right, y down, z forward. A
 column and row; its center has whole coordinates.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,17 +13,19 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Cells, slices
 from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
+from ..messages._cdr import view
 from ..messages._checks import check_fields
 from ..messages._image import to_pixels
 from ..messages._pose import Matrix
 from ..messages._time import from_stamp
-from .scan_queue import Scan
+from ..nodes._scans import Cloud
 
 Floats = npt.NDArray[np.float64]
 
@@ -89,6 +92,7 @@ class Camera:
         return rays
 
     def _pixels(self, flat: Floats) -> Floats:
+        """Return the pixels (N, 2) of points (N, 2) at depth 1."""
         distorted = DISTORTIONS[self.model](flat, self.coefficients) if self._distorts else flat
         pixels: Floats = distorted * self.focal + self.center
         return pixels
@@ -120,12 +124,11 @@ class Camera:
         edges += [(np.full(50, x), v) for x in (u[0], u[-1])]
         border = np.concatenate([np.stack(edge, axis=1) for edge in edges])
         distances = np.linalg.norm(self._flat(border), axis=1)
-        distances = distances[np.isfinite(distances)]
-        return float(distances.max()) if len(distances) else 0.0
+        return float(np.max(distances, initial=0.0, where=np.isfinite(distances)))
 
 
 def _polynomial(flat: Floats, coefficients: tuple[float, ...]) -> Floats:
-    """Distort by `plumb_bob` (5 coefficients) or `rational_polynomial` (8)."""
+    """Apply the distortion `plumb_bob` (5 coefficients) or `rational_polynomial` (8)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *(0.0,) * 8)[:8]
     x, y = flat.T
     r2 = x * x + y * y
@@ -142,7 +145,7 @@ def _polynomial(flat: Floats, coefficients: tuple[float, ...]) -> Floats:
 
 
 def _equidistant(flat: Floats, coefficients: tuple[float, ...]) -> Floats:
-    """Distort by the fisheye model (4 coefficients); Kannala and Brandt, 2006."""
+    """Apply the distortion of a fisheye lens (4 coefficients); Kannala and Brandt, 2006."""
     k1, k2, k3, k4 = (*coefficients, *(0.0,) * 4)[:4]
     r = np.linalg.norm(flat, axis=1)
     theta = np.arctan(r)
@@ -163,12 +166,7 @@ DISTORTIONS: dict[str, Callable[[Floats, tuple[float, ...]], Floats]] = {
 
 
 def from_camera_info(message: Any) -> Camera:
-    """Return the camera of a `CameraInfo`, for its images with their binning and region.
-
-    Raises:
-        MessageError: the camera is not calibrated, or the message contradicts itself.
-        LimitError: its images have too many pixels.
-    """
+    """Return the camera of a `CameraInfo`, for its images with their binning and region."""
     check_fields(message, "sensor_msgs/CameraInfo", "k", "distortion_model")
     matrix = np.asarray(message.k, np.float64).reshape(3, 3)
     fx, fy = matrix[0, 0], matrix[1, 1]
@@ -204,12 +202,32 @@ def from_camera_info(message: Any) -> Camera:
     )
 
 
-@dataclass
-class DepthImages:
-    """Reads the points of depth images of one camera.
+@dataclass(frozen=True)
+class Picture:
+    """An image of a camera.
 
     Attributes:
-        stride: rows and columns from one pixel to the next that is used.
+        frame_id: optical frame of the camera.
+        stamp: time of the image [ns].
+        pixels: (rows, cols, channels); colors are RGB.
+        camera: the camera.
+    """
+
+    frame_id: str
+    stamp: int
+    pixels: npt.NDArray[Any]
+    camera: Camera
+
+    def __len__(self) -> int:
+        return math.prod(self.pixels.shape[:2])
+
+
+@dataclass
+class CameraImages:
+    """Reads images of one camera, and points of its depth images.
+
+    Attributes:
+        stride: rows and columns from one pixel of a depth image to the next that is used.
         camera: the camera; None before its `CameraInfo` has come.
     """
 
@@ -217,14 +235,32 @@ class DepthImages:
     camera: Camera | None = None
     _rays: tuple[Camera, npt.NDArray[np.float32]] | None = None
 
-    def read(self, message: Any) -> Scan:
-        """Return the points of a depth image, without pixels of no or infinite depth.
+    def take(self, message: Any) -> None:
+        """Take over the camera of a `CameraInfo`; see `from_camera_info`."""
+        self.camera = from_camera_info(message)
 
-        Raises:
-            MessageError: the image contradicts itself or the camera, or has no depths.
-        """
-        pixels, camera = pixels_of(message, self.camera), self.camera
-        if camera is None or pixels.shape[2] != 1 or pixels.dtype.itemsize == 1:
+    def read_picture(self, message: Any) -> Picture:
+        """Return the picture in an `Image` or its bytes."""
+        if isinstance(message, bytes):
+            message = view(message, Image)
+        pixels, order = to_pixels(message)
+        if self.camera is None:
+            raise MessageError("camera_info", "a message before the first image", None)
+        if pixels.shape[:2] != self.camera.size:
+            expected = f"those of the camera, {self.camera.size}"
+            raise MessageError("height, width", expected, pixels.shape[:2])
+        if pixels.shape[2] >= 3:
+            pixels = pixels[..., :3] if order == "rgb" else pixels[..., 2::-1]
+        stamp = from_stamp(message.header.stamp)
+        return Picture(message.header.frame_id, stamp, pixels, self.camera)
+
+    def read_depths(self, message: Any) -> Cloud:
+        """Return the points of a depth image or its bytes, for pixels with a finite depth."""
+        if isinstance(message, bytes):
+            message = view(message, Image)
+        picture = self.read_picture(message)
+        pixels, camera = picture.pixels, picture.camera
+        if pixels.shape[2] != 1 or pixels.dtype.itemsize == 1:
             raise MessageError("encoding", "16UC1, mono16, 32FC1 or 64FC1", message.encoding)
         if self._rays is None or self._rays[0] != camera:
             self._rays = camera, camera.rays(self.stride)
@@ -238,23 +274,7 @@ class DepthImages:
             points = np.empty((int(kept.sum()), 3), np.float32)
             points[:, 2] = depth[kept]
             np.multiply(rays[kept], points[:, 2:], out=points[:, :2])
-        return Scan(message.header.frame_id, from_stamp(message.header.stamp), points)
-
-
-def pixels_of(message: Any, camera: Camera | None) -> npt.NDArray[Any]:
-    """Return the pixels (rows, cols, channels) of an image of a camera; colors are RGB.
-
-    Raises:
-        MessageError: the image contradicts itself, or has not the size that the camera has.
-    """
-    pixels, order = to_pixels(message)
-    if camera is None:
-        raise MessageError("camera_info", "a message before the first image", None)
-    if pixels.shape[:2] != camera.size:
-        raise MessageError("height, width", f"those of the camera, {camera.size}", pixels.shape[:2])
-    if pixels.shape[2] >= 3:
-        pixels = pixels[..., :3] if order == "rgb" else pixels[..., 2::-1]
-    return pixels
+        return Cloud(picture.frame_id, picture.stamp, points)
 
 
 def seen_cells(

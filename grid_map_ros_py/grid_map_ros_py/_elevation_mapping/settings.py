@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parameters of the node `elevation_mapping`."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from grid_map_core_py import GridGeometry
+from grid_map_core_py._parameters import build, cast
+from grid_map_core_py.elevation import ElevationMapper, Parameters
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.limits import check_cells
+from grid_map_core_py.plugins import check
+
+from ..nodes import ConfiguredNode, read_parameter, read_parameter_tree
+from ..nodes._parameters import names_below, read_fields
+from .fusion import ElevationFusion, Patch
+from .outputs import Chain, make_chain
+from .sources import (
+    UNUSED_PARAMETERS,
+    InputSource,
+    SourceSettings,
+    channel_fusions,
+    frame_name,
+    sensor_processor,
+)
+
+POSITIVE = (
+    "length_in_x_init_submap",
+    "length_in_y_init_submap",
+    "init_submap_variance",
+    "min_update_rate",
+)
+"""Parameters that are positive numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Parameters of the node that are neither those of sources nor those of the mapper.
+
+    Attributes:
+        map_frame_id: frame of the map; it must not jump, so use that of odometry.
+        robot_base_frame_id: frame of the robot.
+        track_point_frame_id: with tf, frame of the point that the map follows; empty means that of
+            the robot.
+        track_point_x, track_point_y, track_point_z: the point that the map follows [m].
+        pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `topic`.
+        robot_pose_with_covariance_topic: topic of the poses of the robot in the map frame; tf uses
+            only their covariances, and no topic means exact poses.
+        pose_type: messages of that topic.
+        robot_pose_cache_size: number of poses that are kept.
+        pose_timeout: maximum time a scan waits for its pose [s].
+        length_in_x, length_in_y: side length of the map [m].
+        position_x, position_y: initial center of the map [m].
+        resolution: side of a cell [m].
+        visibility_cleanup_rate: 0 disables the visibility cleanup.
+        enable_continuous_cleanup: whether every scan begins a new map.
+        initialize_elevation_map: whether the map begins with a flat patch around the robot.
+        length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
+        init_submap_height_offset: height of the patch above the origin of its frame [m].
+        init_submap_variance: variance of the patch [m^2].
+        target_frame_init_submap: with tf, frame of the patch; empty means that of the robot.
+        masked_replace_service_mask_layer_name: layer in requests of `masked_replace` that is NaN
+            where cells keep their values.
+        directory: directory below which requests load and save maps; empty refuses them.
+        storage: file format of saved bags.
+        min_update_rate: rate at which changes of the raw map are published [Hz].
+        fused_map_publishing_rate: rate at which the filtered map is published [Hz]; 0 means after
+            `trigger_fusion` only, `.inf` together with the raw map.
+    """
+
+    map_frame_id: str = "map"
+    robot_base_frame_id: str = "base_link"
+    track_point_frame_id: str = ""
+    track_point_x: float = 0.0
+    track_point_y: float = 0.0
+    track_point_z: float = 0.0
+    pose_source: Literal["auto", "tf", "topic", "none"] = "auto"
+    robot_pose_with_covariance_topic: str = ""
+    pose_type: Literal["odometry", "pose", "pose_with_covariance"] = "pose_with_covariance"
+    robot_pose_cache_size: int = 200
+    pose_timeout: float = 1.0
+    length_in_x: float = 1.5
+    length_in_y: float = 1.5
+    position_x: float = 0.0
+    position_y: float = 0.0
+    resolution: float = 0.01
+    visibility_cleanup_rate: float = 1.0
+    enable_continuous_cleanup: bool = False
+    initialize_elevation_map: bool = False
+    length_in_x_init_submap: float = 1.2
+    length_in_y_init_submap: float = 1.8
+    init_submap_height_offset: float = 0.0
+    init_submap_variance: float = 0.01
+    target_frame_init_submap: str = ""
+    masked_replace_service_mask_layer_name: str = "mask"
+    directory: str = ""
+    storage: Literal["mcap", "sqlite3"] = "mcap"
+    min_update_rate: float = 2.0
+    fused_map_publishing_rate: float = 1.0
+
+    def __post_init__(self) -> None:
+        finite = bool(np.isfinite(self.track_point).all())
+        check(finite, "track_point_x, _y, _z", "finite numbers", self.track_point)
+        count = self.robot_pose_cache_size
+        check(count > 0, "robot_pose_cache_size", "at least 1", count)
+        for name in POSITIVE:
+            value = getattr(self, name)
+            check(1e-9 <= value <= 1e9, name, "a positive number from 1e-09 to 1e+09", value)
+        rate = self.fused_map_publishing_rate
+        is_rate = rate in (0.0, math.inf) or 1e-9 <= rate <= 1e9
+        check(is_rate, "fused_map_publishing_rate", "a positive number, 0 or .inf", rate)
+        path = self.directory
+        check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
+
+    @property
+    def track_point(self) -> tuple[float, float, float]:
+        """The point that the map follows [m], in its frame."""
+        return self.track_point_x, self.track_point_y, self.track_point_z
+
+    @property
+    def patch(self) -> Patch | None:
+        """The patch with which the map begins; None without a patch."""
+        if not self.initialize_elevation_map or self.pose_source == "none":
+            return None
+        return Patch(
+            (self.length_in_x_init_submap, self.length_in_y_init_submap),
+            self.init_submap_height_offset,
+            self.init_submap_variance,
+            frame_name(self.target_frame_init_submap or self.robot_base_frame_id),
+        )
+
+
+def read_sources(node: ConfiguredNode) -> list[InputSource]:
+    """Return the sources of scans and images."""
+    about = "sensor model of sources without one of their own: `type` and its parameters"
+    default = read_parameter_tree(node, "sensor_processor", description=about)
+    names = names_below(node, "input_sources")
+    about = "topic of clouds if there are no `input_sources`; deprecated"
+    topic = node.read("point_cloud_topic", "/points", about)
+    defaults = {}
+    if not names and not node.has_parameter("input_sources"):
+        names, defaults = ["points"], {"topic": topic}
+    sources = []
+    for name in names:
+        place = f"input_sources.{name}"
+        about = "sensor model of the source: `type` and its parameters"
+        processor = read_parameter_tree(node, f"{place}.sensor_processor", description=about)
+        settings = read_fields(node, SourceSettings, f"{place}.", defaults=defaults)
+        try:
+            noise = sensor_processor(processor or default)
+        except ConfigError as error:
+            raise ConfigError(f"{place}.sensor_processor: {error}") from error
+        sources.append(InputSource(name, settings, noise))
+    return sources
+
+
+def read_mapper_parameters(
+    node: ConfiguredNode, sources: Sequence[InputSource] = ()
+) -> dict[str, Any]:
+    """Return the parameters of the mapper as they are now; the first call declares them.
+
+    The default of `max_variance` is the largest one of the sensor models.
+    """
+    limits = [getattr(source.processor.model, "max_variance", 0.0) for source in sources]
+    defaults = {"max_variance": max(limits, default=Parameters.max_variance)}
+    return {**vars(read_fields(node, Parameters, defaults=defaults, read_only=False))}
+
+
+def read_fusion(
+    node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
+) -> Callable[[], ElevationFusion]:
+    """Return a function that makes the fusion, which may compile for some seconds."""
+    geometry = GridGeometry(
+        np.array([settings.length_in_x, settings.length_in_y]),
+        settings.resolution,
+        np.array([settings.position_x, settings.position_y]),
+    )
+    check_cells("length_in_x, length_in_y", geometry.size)
+    parameters = read_mapper_parameters(node, sources)
+    if settings.visibility_cleanup_rate == 0:
+        parameters["enable_visibility_cleanup"] = False
+    build(Parameters, parameters)
+    about = "`covariance_scale`: factor of covariances"
+    motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
+    scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)
+    about = "how fields of clouds become layers, by their names or regular expressions"
+    fields = read_parameter_tree(node, "pointcloud_channel_fusions", description=about)
+    about = "the same for channels of images: `color`, `latest` or `exponential`"
+    channels = read_parameter_tree(node, "image_channel_fusions", description=about)
+    frame, fusions = frame_name(settings.map_frame_id), channel_fusions(fields)
+    return lambda: ElevationFusion(
+        ElevationMapper(geometry, frame, value_fusions=fusions, **parameters),
+        follow=settings.pose_source != "none",
+        covariance_scale=scale,
+        clears_before_scan=settings.enable_continuous_cleanup,
+        image_fusions=channel_fusions(channels),
+    )
+
+
+def read_chain(node: ConfiguredNode) -> Chain | None:
+    """Return the filters of the filtered map; None without filters."""
+    about = "name of the parameter with the filter chain of `~/elevation_map`"
+    name = node.read("postprocessor_pipeline_name", "postprocessor_pipeline", about)
+    about = "the chain: `filter1`, `filter2`, ... with `name`, `type` and `params`"
+    config = read_parameter_tree(node, name, description=about)
+    about = "number of threads that the filters may use"
+    threads = node.read("postprocessor_num_threads", 1, about)
+    return make_chain(config, threads) if config else None
+
+
+def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
+    """Return the given parameters of the C++ package that have no effect, with the reasons."""
+    given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
+    for name in given:
+        value = node._parameter_overrides[name].value
+        read_parameter(node, name, type(value), value, description="no effect")
+    texts = [f"{name} ({UNUSED_PARAMETERS[name]})" for name in given]
+    for source in sources:
+        place = f"input_sources.{source.name}.sensor_processor"
+        texts += [f"{place}.{text}" for text in source.processor.unused]
+    return texts

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Scans of sensors, each of which is fused as soon as its pose is known."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy.typing as npt
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+
+from grid_map_core_py.elevation import RollingMap
+from grid_map_core_py.plugins import check
+
+from ..errors import DROPPED, reason
+from ..messages._cdr import view
+from ..messages._point_cloud import read_columns
+from ..messages._time import NANOSECONDS, from_stamp
+from ._health import health_of
+from ._logs import LogThrottle
+from ._poses import LONGEST_JITTER, Placement, Poses
+from ._spin import steady_timer
+from ._topics import warn_of_gaps
+
+WAIT_PERIOD = 0.05
+"""Time between two attempts to find the poses of waiting scans [s]."""
+
+SILENCE = 3.0
+"""Time without messages after which the log names a silent sensor [s]."""
+
+
+@dataclass
+class Statistics:
+    """Number of fused and dropped scans, of the points of the fused ones, and the time [s]."""
+
+    fused: int = 0
+    dropped: int = 0
+    points: int = 0
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        mean = 1e3 * self.seconds / max(self.fused, 1)
+        return (
+            f"{self.fused} clouds with {self.points} points fused, {mean:.1f} ms per cloud; "
+            f"{self.dropped} clouds dropped"
+        )
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Scan of a sensor as points.
+
+    Attributes:
+        frame_id: frame of the points.
+        stamp: time of the scan [ns].
+        points: (N, 3) x, y, z [m].
+        columns: (N,) values of further layers.
+    """
+
+    frame_id: str
+    stamp: int
+    points: npt.NDArray[Any]
+    columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+@dataclass
+class ScanQueue:
+    """Scans of one sensor that wait for their poses.
+
+    If a scan is more than `LONGEST_JITTER` earlier than the one before, time was reset, for example
+    because a bag is played again: poses and scans of later times are forgotten.
+
+    Attributes:
+        poses: source of the poses.
+        read: returns the scan in a message, such as a `Cloud`: any object with `frame_id`, `stamp`
+            and a length; raises `GridMapError` if the message is invalid.
+        fuse: called with a scan and its placement; raises `GridMapError` if the scan is invalid.
+        report: called with a text when a scan is dropped.
+        what: name of a message in these texts.
+        timeout: maximum time a scan waits for its pose [s].
+        queue_size: maximum number of waiting scans; a further one replaces the oldest.
+        clock: returns the time [s]; the default runs on while a simulation is paused.
+        statistics: counts of scans.
+    """
+
+    poses: Poses
+    read: Callable[[Any], Any]
+    fuse: Callable[[Any, Placement], object]
+    report: Callable[[str], object] = lambda _text: None
+    what: str = "a cloud"
+    timeout: float = 1.0
+    queue_size: int = 10
+    clock: Callable[[], float] = time.monotonic
+    statistics: Statistics = field(default_factory=Statistics)
+    _waiting: deque[tuple[Any, float]] = field(default_factory=deque, init=False)
+    _latest: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        check(self.timeout >= 0, "pose_timeout", "no negative number", self.timeout)
+        check(self.queue_size > 0, "queue_size", "at least 1", self.queue_size)
+
+    def add(self, message: Any) -> int:
+        """Add a message; return the number of scans that were fused."""
+        try:
+            scan = self.read(message)
+        except DROPPED as error:
+            self._drop(reason(error))
+            return 0
+        if scan.stamp and scan.stamp < self._latest - LONGEST_JITTER:
+            seconds = (self._latest - scan.stamp) / NANOSECONDS
+            for _ in self._waiting:
+                self._drop(f"its time is {seconds:.1f} s after that of the next")
+            self._waiting.clear()
+            self.poses.go_back(scan.stamp)
+            self._latest = scan.stamp
+        self._latest = max(self._latest, scan.stamp)
+        if len(self._waiting) == self.queue_size:
+            self._waiting.popleft()
+            self._drop(f"{self.queue_size} newer ones wait for {self.poses.waits_for}")
+        self._waiting.append((scan, self.clock()))
+        return self.work()
+
+    def work(self) -> int:
+        """Fuse the scans whose poses are known; return their number.
+
+        Call it when a pose arrives, and periodically to drop scans that have waited too long.
+        """
+        fused = self.statistics.fused
+        # A waiting scan does not delay scans of other frames.
+        self._waiting = deque(entry for entry in self._waiting if not self._finish(*entry))
+        return self.statistics.fused - fused
+
+    def _finish(self, scan: Any, received: float) -> bool:
+        """Fuse or drop a scan; return False if it has to wait longer."""
+        begin = time.perf_counter()
+        try:
+            placement = self.poses.place(scan.frame_id, scan.stamp)
+            if placement is not None:
+                self.fuse(scan, placement)
+                self.statistics.fused += 1
+                self.statistics.points += len(scan)
+                self.statistics.seconds += time.perf_counter() - begin
+            elif self.clock() - received < self.timeout:
+                return False
+            else:
+                self._drop(f"it waited {self.timeout} s for {self.poses.waits_for}")
+        except DROPPED as error:
+            self._drop(reason(error))
+        return True
+
+    def _drop(self, why: str) -> None:
+        self.statistics.dropped += 1
+        self.report(f"dropped {self.what}: {why}")
+
+
+def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
+    """Return the cloud in a `PointCloud2` or its bytes, with some of its fields as columns."""
+    if isinstance(message, bytes):
+        message = view(message, PointCloud2)
+    stamp = from_stamp(message.header.stamp)
+    return Cloud(message.header.frame_id, stamp, *read_columns(message, fields))
+
+
+def fuse_rolling(
+    rolling_map: RollingMap,
+    scan: Cloud,
+    placement: Placement,
+    *,
+    follow: bool,
+    min_range: float = 0.0,
+    max_range: float = math.inf,
+) -> None:
+    """Fuse a cloud into a `RollingMap`, which moves with the robot if `follow` is true."""
+    rolling_map.fuse(
+        scan.points,
+        scan.columns,
+        transform=placement.transform,
+        min_range=min_range,
+        max_range=max_range,
+        position=placement.center if follow else None,
+        timestamp=scan.stamp,
+    )
+
+
+class ScanInputs:
+    """Subscriptions of a node to scans.
+
+    Args:
+        node: the node.
+        log: log of dropped messages and silent sensors.
+        prepare: called before waiting scans are fused.
+
+    Attributes:
+        is_enabled: whether new scans are taken.
+    """
+
+    def __init__(
+        self, node: Node, log: LogThrottle, prepare: Callable[[], object] = lambda: None
+    ) -> None:
+        self._node, self._log, self._prepare = node, log, prepare
+        self._health = health_of(node)
+        self._sensors: list[_Sensor] = []
+        self.is_enabled = True
+        steady_timer(node, WAIT_PERIOD, self.work)
+
+    def subscribe(
+        self,
+        message_type: type,
+        topic: str,
+        queue: ScanQueue,
+        on_fused: Callable[[], object],
+        *,
+        name: str = "a sensor",
+        is_reliable: bool = False,
+    ) -> str:
+        """Put the messages of a topic into a queue, and call `on_fused` after scans were fused.
+
+        Returns the full name of the topic. `name` is the name of the sensor in the log.
+        """
+        queue.report = self._drop
+        sensor = _Sensor(name, topic, queue, on_fused, time.monotonic())
+        self._sensors.append(sensor)
+        policy = ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT
+        subscription = self._node.create_subscription(
+            message_type,
+            topic,
+            partial(self._receive, sensor),
+            QoSProfile(depth=queue.queue_size, reliability=policy),
+            event_callbacks=SubscriptionEventCallbacks(
+                message_lost=warn_of_gaps(self._node, topic)
+            ),
+            raw=True,
+        )
+        return str(subscription.topic_name)
+
+    def work(self) -> None:
+        """Fuse the scans whose poses are known, and warn of silent sensors."""
+        self._prepare()
+        now = time.monotonic()
+        for sensor in self._sensors:
+            self._count(sensor, sensor.queue.work())
+            if now - sensor.heard > SILENCE:
+                sensor.heard = math.inf
+                self._log.warning(f"no messages of {sensor.name} on {sensor.topic}")
+
+    def _receive(self, sensor: "_Sensor", data: bytes) -> None:
+        sensor.heard = time.monotonic()
+        if self.is_enabled:
+            self._health.receive()
+            self._count(sensor, sensor.queue.add(data))
+
+    def _count(self, sensor: "_Sensor", fused: int) -> None:
+        if fused:
+            self._health.use(fused)
+            sensor.on_fused()
+
+    def _drop(self, text: str) -> None:
+        self._health.drop(text)
+        self._log.error(text)
+
+
+@dataclass
+class _Sensor:
+    """A sensor, and the time of its last message [s]: infinite once it is known to be silent."""
+
+    name: str
+    topic: str
+    queue: ScanQueue
+    on_fused: Callable[[], object]
+    heard: float
