@@ -263,7 +263,7 @@ def test_other_targets_are_refused(tmp_path: Path, path: str, text: str) -> None
 
 def test_names_with_slashes_are_refused(target: Path) -> None:
     from grid_map_core_py.tiled import open_map
-    from grid_map_core_py.tiled._xarray import to_dataset
+    from grid_map_core_py.tiled._datasets import to_dataset
 
     site = open_map(to_dataset(GridMap((1, 1), 0.1, layers={"a/b": 1.0})))
     with pytest.raises(GridMapError, match=r"names that a Zarr store can hold.*'a/b'"):

@@ -90,7 +90,7 @@ def test_stores_of_xarray_of_both_formats(tmp_path: Path, form: int) -> None:
     import zarr
 
     from grid_map_core_py.tiled import open_map
-    from grid_map_core_py.tiled._xarray import to_dataset
+    from grid_map_core_py.tiled._datasets import to_dataset
 
     if zarr.__version__.startswith("2."):
         pytest.skip("writes format 2 only")

@@ -184,7 +184,7 @@ def test_write_refuses_other_maps(
 
 def test_write_refuses_maps_that_are_no_stores(store: Path) -> None:
     from grid_map_core_py.tiled import open_map
-    from grid_map_core_py.tiled._xarray import to_dataset
+    from grid_map_core_py.tiled._datasets import to_dataset
 
     dataset = open_map(to_dataset(opened(store).to_map()))
     with pytest.raises(GridMapError, match="expected a map of a Zarr store to write to"):

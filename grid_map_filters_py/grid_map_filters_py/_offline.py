@@ -11,7 +11,8 @@ from typing import Any, Generic, TypeVar
 
 from grid_map_core_py import GridMap
 
-from ._chain import FilterChain, StepObserver, message_of
+from ._chain import FilterChain
+from ._step import StepObserver, message_of
 from .errors import FilterError
 
 T = TypeVar("T")

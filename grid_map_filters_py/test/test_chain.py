@@ -21,11 +21,10 @@ from grid_map_filters_py import (
     FilterWarning,
     Step,
     StepConfig,
-    StepTimes,
     warn,
 )
-from grid_map_filters_py._chain import OPENCV_KEEPS_READ_ONLY, describe_parameters
-from grid_map_filters_py._config import nested
+from grid_map_filters_py._chain import describe_parameters
+from grid_map_filters_py._times import StepTimes
 
 DUPLICATION = "gridMapFilters/DuplicationFilter"
 MATH = "gridMapFilters/MathExpressionFilter"
@@ -393,7 +392,7 @@ class NotCallable:
 
 @pytest.mark.parametrize("cls", [NotCallable, dict, print], ids=["no call", "no dataclass", "none"])
 def test_classes_that_are_no_filters_are_refused(monkeypatch, cls):
-    monkeypatch.setattr("grid_map_filters_py._chain.FILTERS", {"my/Filter": cls})
+    monkeypatch.setattr("grid_map_filters_py._step.FILTERS", {"my/Filter": cls})
     with pytest.raises(FilterConfigError) as caught:
         FilterChain.from_config(with_params("my/Filter"))
     assert str(caught.value) == (

@@ -27,7 +27,7 @@ SIDES = st.tuples(st.integers(3, 17), st.integers(3, 17))
 def tiled(grid_map, side):
     """Return a map as a tiled one; `side` is that of a tile, or both."""
     from grid_map_core_py.tiled import open_map
-    from grid_map_core_py.tiled._xarray import to_dataset
+    from grid_map_core_py.tiled._datasets import to_dataset
 
     return replace(open_map(to_dataset(grid_map)), tile=np.broadcast_to(side, 2).tolist())
 

@@ -6,16 +6,16 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._arrays._checks import Positions, as_array, as_positions
 from ..errors import ConfigError, GeometryError, GridMapError, required, short
+from ._source import TiledData
 
-if TYPE_CHECKING:
-    from ._tiled_map import TiledMap
+M = TypeVar("M", bound=TiledData)
 
 _REMEDY = "pip install 'grid_map_core_py[geo]'"
 
@@ -54,7 +54,7 @@ def latitude_longitude_of(crs: str, positions: ArrayLike) -> Positions:
     return _finite((latitude, longitude))
 
 
-def moved_map(site: "TiledMap", origin: ArrayLike) -> "TiledMap":
+def moved_map(site: M, origin: ArrayLike) -> M:
     """Return a map in the frame whose origin is at a position in its present frame [m]."""
     crs = moved_crs(site.crs, origin)
     return replace(site, geometry=site.geometry.at(site.position - np.asarray(origin)), crs=crs)

@@ -22,8 +22,9 @@ from grid_map_core_py.commands import (
     write_tiles,
 )
 
-from .._chain import FilterChain, StepTimes
+from .._chain import FilterChain
 from .._offline import Failure, filter_maps
+from .._times import StepTimes
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
