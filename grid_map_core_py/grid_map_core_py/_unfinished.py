@@ -2,6 +2,7 @@
 """Files and folders that are removed unless they are finished."""
 
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,10 +23,15 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 def remove(path: Path) -> None:
     """Remove a file, a link or a folder, if it is there."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
+    if path.is_symlink() or not path.is_dir():
         path.unlink(missing_ok=True)
+        return
+    for _ in range(50):
+        shutil.rmtree(path, ignore_errors=True)
+        if not path.exists():
+            return
+        # After an error, threads of Zarr may still write into the folder.
+        time.sleep(0.02)
 
 
 def remove_all() -> None:

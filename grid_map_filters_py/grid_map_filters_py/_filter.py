@@ -83,7 +83,7 @@ class WideningFilter(LocalFilter, Protocol):
     """Filter whose reach depends on the data; `reach` is where it begins."""
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:
-        """Return the number of cells by which the border around a window of a tile is too narrow."""
+        """Return by how many cells the border around a window of a tile is too narrow."""
 
 
 class CellFilter:

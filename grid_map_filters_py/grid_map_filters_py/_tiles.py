@@ -128,11 +128,12 @@ class FilteredTiles:
         while True:
             wanted = widened(window, int(min(border, max(size))), size)
             given, around = self._block(count - 1, wanted, needed)
-            widens = isinstance(function, WideningFilter)
-            most = math.prod(shape(wanted)) * (1.0 if widens else _MOST)
-            if math.prod(shape(around)) > most:
+            most = 1.0 if isinstance(function, WideningFilter) else _MOST
+            if math.prod(shape(around)) > most * math.prod(shape(wanted)):
                 given, around = given.get_block(*within(wanted, around)).copy(), wanted
-            more = function.missing(given, within(window, around)) if widens else 0
+            more = 0
+            if isinstance(function, WideningFilter):
+                more = function.missing(given, within(window, around))
             if not more:
                 break
             border += more

@@ -13,6 +13,7 @@ from filter_cases import TO_OUT, step_of
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.plugins import nested
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
 from grid_map_filters_py import (
     FilterChain,

@@ -143,7 +143,10 @@ def formats() -> dict[str, Format]:
     warning.
     """
     known = {one.name: one for one in _BUILT_IN}
-    for entry in sorted(entry_points(group=GROUP), key=lambda one: one.name):
+    # Those of this package come first: a bag may be any folder.
+    own = f"{__package__.partition('.')[0]}."
+    entries = entry_points(group=GROUP)
+    for entry in sorted(entries, key=lambda one: (not one.value.startswith(own), one.name)):
         try:
             known.setdefault(entry.name, entry.load())
         # Any error of a plug-in leaves the other formats usable.

@@ -15,7 +15,7 @@ from ._axis import BORDER_TOLERANCE
 from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
-    from ..tiled import TiledMap
+    from ..tiled._source import TiledData
     from ._grid_map import GridMap
 
 _BLOCK = 1 << 15  # number of cells copied at a time, which fit into the cache
@@ -78,7 +78,7 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     return grid_map._with(layers, geometry, (0, 0))
 
 
-def check_frames(grid_map: GridMap | TiledMap, other: GridMap) -> None:
+def check_frames(grid_map: GridMap | TiledData, other: GridMap) -> None:
     """Raise `GridMapError` unless `other` is a map in the frame of `grid_map`."""
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {short(other)}")

@@ -371,9 +371,7 @@ def open_dataset(
 def turned(ascends: Sequence[bool]) -> dict[str, slice]:
     """Return the index that turns ascending coordinates around, for `isel`."""
     return {
-        name: slice(None, None, -1)
-        for name, each in zip(DIMENSIONS, ascends, strict=True)
-        if each
+        name: slice(None, None, -1) for name, each in zip(DIMENSIONS, ascends, strict=True) if each
     }
 
 

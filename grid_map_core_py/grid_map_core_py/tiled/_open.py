@@ -11,9 +11,9 @@ from ..files._formats import Format
 from ..files._shared import map_facts
 from ..map._grid_map import GridMap
 from ..plugins import check
-from ._tiled_map import TiledMap, register
 from ._datasets import open_dataset
 from ._source import TILE
+from ._tiled_map import TiledMap, register
 from ._zarr_source import open_store
 
 if TYPE_CHECKING:
@@ -88,7 +88,9 @@ def _save(
 
 def _describe(path: str | PathLike[str]) -> dict[str, Any]:
     opened = open_map(path)
-    about = {"frame_id": opened.frame_id, "timestamp": opened.timestamp}
+    empty = GridMap.from_geometry(
+        opened.geometry, frame_id=opened.frame_id, timestamp=opened.timestamp
+    )
     names = {"layers": [*opened.layers], "basic_layers": [*opened.basic_layers]}
     crs = opened.crs
     with suppress(Exception):  # without pyproj, or a code
@@ -96,7 +98,7 @@ def _describe(path: str | PathLike[str]) -> dict[str, Any]:
 
         crs = ":".join(CRS.from_user_input(crs).to_authority() or [crs])
     facts = {"crs": crs} if crs else {}
-    facts |= map_facts(GridMap.from_geometry(opened.geometry, **about)) | names
+    facts |= map_facts(empty) | names
     # Counting the files of a store may take minutes.
     return {"bytes": None, "map": facts | {"chunks": [*opened.tile]}}
 

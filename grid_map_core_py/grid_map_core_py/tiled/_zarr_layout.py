@@ -55,8 +55,13 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
     group = zarr.open_group(str(path), mode="a", **form)
 
     def create(
-        name: str, dtype: str, shape: Size | tuple[int, ...], chunks: Size | tuple[int, ...],
-        dimensions: Sequence[str], about: dict[str, Any], **options: Any,
+        name: str,
+        dtype: str,
+        shape: Size | tuple[int, ...],
+        chunks: Size | tuple[int, ...],
+        dimensions: Sequence[str],
+        about: dict[str, Any],
+        **options: Any,
     ) -> Any:
         options |= {"shape": shape, "chunks": chunks, "dtype": dtype}
         if hasattr(group, "create_array"):
@@ -75,9 +80,7 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
         create(name, "<f4", geometry.size, tuple(tiled_map.tile), DIMENSIONS, about_crs, **packing)
     for name, (_, values, about) in coordinates(geometry).items():
         # Values that equal the fill value are read as NaN.
-        array = create(
-            name, "<f8", values.shape, values.shape, [name], about, fill_value=np.nan
-        )
+        array = create(name, "<f8", values.shape, values.shape, [name], about, fill_value=np.nan)
         array[:] = values
     if crs:
         create(CRS_VARIABLE, "<i4", (), (), [], grid_mapping(crs))

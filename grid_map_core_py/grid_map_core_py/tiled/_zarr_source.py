@@ -82,8 +82,9 @@ def _stamp(name: str) -> object:
     if not is_local(name):
         return None
     with data_errors(name, "read"):
-        about = metadata_file(Path(name)).stat()
-        return about.st_ino, about.st_mtime_ns
+        files = [metadata_file(Path(name)), Path(name, ".zmetadata"), Path(name, ".zattrs")]
+        found = [file.stat() for file in files if file.exists()]
+        return tuple((about.st_ino, about.st_mtime_ns) for about in found)
 
 
 @lru_cache(maxsize=_OPENED)
@@ -95,9 +96,7 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
 
         # Without the choice, xarray warns of stores without metadata in one place.
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
-        dataset = xarray.open_zarr(
-            name, chunks=None, decode_times=False, consolidated=consolidated
-        )
+        dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
         layers = layers_of(dataset)
         stored = dataset[layers[0]].encoding.get("chunks") if layers else None
         if stored and dataset[layers[0]].dims != DIMENSIONS:
