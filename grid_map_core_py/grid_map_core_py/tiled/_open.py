@@ -26,7 +26,6 @@ def open_map(
     chunks: int | None = None,
     crs: str = "",
     origin: tuple[float, float] | None = None,
-    virtual: bool = False,
 ) -> TiledMap:
     """Open a map of any size; only its description is read.
 
@@ -34,15 +33,14 @@ def open_map(
     overlap, the first one with a value wins.
 
     Args:
-        path: a Zarr store (a folder, or an address for fsspec), one or more GeoTIFF files, or a
-            dataset of xarray.
+        path: a Zarr store (a folder, or an address for fsspec), one or more GeoTIFF files (also
+            virtual ones of GDAL, such as `/vsicurl/https://.../dem.tif`), or a dataset of xarray.
         chunks: side of the tiles that are computed and written at once [cells]; by default the
             chunks of the store, otherwise 1024.
         crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
             when they are read, with bilinear interpolation and square pixels.
         origin: latitude and longitude [deg, WGS 84] of the place that is (0, 0) in the frame; None
             keeps the coordinates of the reference system. See `TiledMap.with_origin`.
-        virtual: let paths name virtual files of GDAL, such as `/vsicurl/https://.../dem.tif`.
 
     Raises:
         ConfigError: `crs` is malformed, or given for another kind of map.
@@ -58,7 +56,7 @@ def open_map(
 
         paths = [source] if is_name else [*source]
         check(bool(paths), "path", "at least one file", paths)
-        data = open_rasters(paths, side or (TILE, TILE), crs, virtual=virtual)
+        data = open_rasters(paths, side or (TILE, TILE), crs)
     else:
         check(not crs, "crs", "none: only GeoTIFF files are projected when they are read", crs)
         data = open_dataset(source, side) if is_dataset else open_store(fspath(source), chunks)

@@ -92,8 +92,6 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
     with data_errors(name, "read"):
         xarray = required("xarray", f"{name}: a Zarr store", REMEDY)
         required("zarr", f"{name}: a Zarr store", REMEDY)
-        from . import _packed_chunks as _packed_chunks
-
         # Without the choice, xarray warns of stores without metadata in one place.
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
         dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
