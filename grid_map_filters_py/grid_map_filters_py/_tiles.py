@@ -170,26 +170,21 @@ def filtered_tiles(
             )
         if reason:
             raise FilterError(f"{step.config}: cannot run on tiles: {reason}")
-        grid_map, new = _try(step, grid_map, warnings)
-        tried.append(new)
+        given = _Watched.of(grid_map)
+        result = step(given, warnings)
+        reads = frozenset(given.looked_at & {*grid_map})
+        if result.geometry != grid_map.geometry:
+            raise FilterError(f"{step.config}: cannot run on tiles: it changes the grid of the map")
+        writes = frozenset(
+            name for name in result if name not in grid_map or result[name] is not given[name]
+        )
+        if type(step.filter) not in BUILT_IN.values():
+            # The layers that other filters look at, and change, may depend on the data.
+            reads, writes = frozenset(grid_map), frozenset(result)
+        tried.append(_TileStep(step, reads, writes, result.layers, result.basic_layers))
+        grid_map = result
     pass_on(warnings, None, stacklevel=4)
     return FilteredTiles(tiled_map, tuple(tried), options)
-
-
-def _try(step: Step, grid_map: GridMap, warnings: list[str]) -> tuple[GridMap, _TileStep]:
-    """Run a step on a small map; return its result, and which layers the step reads and writes."""
-    given = _Watched.of(grid_map)
-    result = step(given, warnings)
-    looked_at = frozenset(given.looked_at & {*grid_map})
-    if result.geometry != grid_map.geometry:
-        raise FilterError(f"{step.config}: cannot run on tiles: it changes the grid of the map")
-    writes = frozenset(
-        name for name in result if name not in grid_map or result[name] is not given[name]
-    )
-    if type(step.filter) not in BUILT_IN.values():
-        # The layers that other filters look at, and change, may depend on the data.
-        looked_at, writes = frozenset(grid_map), frozenset(result)
-    return result, _TileStep(step, looked_at, writes, result.layers, result.basic_layers)
 
 
 class _Watched(GridMap):

@@ -57,6 +57,20 @@ class StepTimes:
         """Sum of the mean durations of all steps [ms]."""
         return sum(time.mean for time in self)
 
+    def facts(self) -> list[dict[str, object]]:
+        """Return the numbers of all steps, for JSON."""
+        return [
+            {
+                "name": time.config.name,
+                "type": time.config.type,
+                "maps": time.runs,
+                "last_ms": time.last,
+                "mean_ms": time.mean,
+                "max_ms": time.longest,
+            }
+            for time in self
+        ]
+
     def __str__(self) -> str:
         total = sum(time.total for time in self)
         rows = [["step", "type", "maps", "last ms", "mean ms", "max ms", "share"]]

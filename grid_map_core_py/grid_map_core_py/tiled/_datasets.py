@@ -140,7 +140,8 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Return the dataset of a dataset or an array, with one variable per band.
 
-    Values marked as missing become NaN; scales and offsets are applied.
+    Bands without names are numbered behind the name of their variable. Values marked as missing
+    become NaN; scales and offsets are applied.
     """
     xr = required("xarray", "a dataset", REMEDY)
     dataset: Any = data
@@ -152,30 +153,22 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
         expected = "a Dataset or DataArray of xarray"
         raise GridMapError(f"dataset: expected {expected}, got {short(data)}")
     if _BAND in dataset.dims:
-        dataset = _unstacked(dataset, prefix)
+        layers: dict[str, Any] = {}
+        for name, array in dataset.data_vars.items():
+            if _BAND not in array.dims:
+                layers[str(name)] = array
+                continue
+            count, names = array.sizes[_BAND], array.attrs.get("long_name", ())
+            if count == 1:
+                names = [name]
+            elif isinstance(names, str) or len({*names}) != count:
+                names = [f"{prefix or name}_{number}" for number in range(1, count + 1)]
+            for number, band in enumerate(names):
+                layers[str(band)] = array.isel({_BAND: number}, drop=True)
+        dataset = dataset.drop_dims(_BAND).assign(layers)
     if any({*_ENCODED} & {*variable.attrs} for variable in dataset.data_vars.values()):
         dataset = xr.decode_cf(dataset, decode_times=False, decode_coords=False)
     return dataset  # type: ignore[no-any-return]
-
-
-def _unstacked(dataset: "xarray.Dataset", prefix: str | None) -> "xarray.Dataset":
-    """Return a dataset with a variable for each band.
-
-    Bands without names are numbered behind `prefix` or the name of their variable.
-    """
-    layers: dict[str, Any] = {}
-    for name, array in dataset.data_vars.items():
-        if _BAND not in array.dims:
-            layers[str(name)] = array
-            continue
-        count, names = array.sizes[_BAND], array.attrs.get("long_name", ())
-        if count == 1:
-            names = [name]
-        elif isinstance(names, str) or len({*names}) != count:
-            names = [f"{prefix or name}_{number}" for number in range(1, count + 1)]
-        for number, band in enumerate(names):
-            layers[str(band)] = array.isel({_BAND: number}, drop=True)
-    return dataset.drop_dims(_BAND).assign(layers)
 
 
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
@@ -260,18 +253,6 @@ def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
     return tuple(sorted(layers, key=order.index))
 
 
-def described(about: Mapping[Any, Any], layers: Sequence[str]) -> tuple[str, int, tuple[str, ...]]:
-    """Return frame, time and basic layers in the attributes of a dataset."""
-    basic = about.get("basic_layers", ())
-    names = [basic] if isinstance(basic, str) else [str(name) for name in basic]
-    timestamp = about.get("timestamp", 0)
-    if not isinstance(timestamp, int | np.integer):
-        expected = "an integer of nanoseconds"
-        raise GridMapError(f"timestamp: expected {expected}, got {short(timestamp)}")
-    frame_id = str(about.get("frame_id", "map"))
-    return frame_id, int(timestamp), tuple(name for name in names if name in layers)
-
-
 def crs_of(dataset: "xarray.Dataset") -> str:
     """Return the reference system of a dataset as WKT; empty if it has none."""
     names = [
@@ -345,7 +326,12 @@ def open_dataset(
     layers = layers_of(dataset)
     lazy = [dataset[name].chunksizes for name in layers if dataset[name].chunks]
     chunks = [lazy[0][side][0] for side in DIMENSIONS] if lazy else [TILE, TILE]
-    frame_id, timestamp, basic_layers = described(dataset.attrs, layers)
+    about = dataset.attrs
+    timestamp, basic = about.get("timestamp", 0), about.get("basic_layers", ())
+    if not isinstance(timestamp, int | np.integer):
+        expected = "an integer of nanoseconds"
+        raise GridMapError(f"timestamp: expected {expected}, got {short(timestamp)}")
+    basic = [basic] if isinstance(basic, str) else [str(each) for each in basic]
     crs = crs_of(dataset)
     if _DEGREES.match(crs) or "degree" in str(dataset["x"].attrs.get("units")):
         warnings.warn(
@@ -361,9 +347,9 @@ def open_dataset(
         DatasetSource(ordered, layers, name),
         geometry,
         tile or (chunks[0], chunks[1]),
-        frame_id=frame_id,
-        timestamp=timestamp,
-        basic_layers=basic_layers,
+        frame_id=str(about.get("frame_id", "map")),
+        timestamp=int(timestamp),
+        basic_layers=tuple(each for each in basic if each in layers),
         crs=crs,
     )
 

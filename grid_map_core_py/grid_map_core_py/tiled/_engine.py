@@ -6,6 +6,7 @@ its cluster; `dask.config.set(scheduler=...)` selects another local scheduler.
 """
 
 import itertools
+import pickle
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -63,17 +64,12 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
     rest = iter(parts)
     if hasattr(client, "submit") and hasattr(client, "scatter"):
         yield from _on_cluster(client, function, rest)
-    elif get is None or get is threaded.get:
-        yield from _in_threads(threads, function, rest)
-    else:
+        return
+    if get is not None and get is not threaded.get:
         while batch := [*itertools.islice(rest, _PER_BATCH * threads)]:
             calls = {f"tile-{number}": (function, part) for number, part in enumerate(batch)}
             yield from zip(batch, get(calls, [*calls]), strict=True)
-
-
-def _in_threads(
-    threads: int, function: Callable[[P], T], rest: Iterator[P]
-) -> Iterator[tuple[P, T]]:
+        return
     running: dict[Future[T], P] = {}
     with ThreadPoolExecutor(threads, "tiles") as pool:
         try:
@@ -103,7 +99,13 @@ def _on_cluster(
     try:
         while True:
             if time.monotonic() - counted > _PERIOD:
-                most, counted = _TASKS * _threads_of(client), time.monotonic()
+                if client.status != "running":
+                    raise _error(client)
+                try:
+                    counts: dict[str, int] = client.nthreads()
+                except (OSError, TimeoutError) as error:
+                    raise _error(client) from error
+                most, counted = _TASKS * max(1, sum(counts.values())), time.monotonic()
             while len(running) < most:
                 # The last tasks are small, so that all threads finish at about the same time.
                 share = length_hint(rest, _PER_TASK * most) // most
@@ -118,7 +120,7 @@ def _on_cluster(
             future, result = next(ready)
             # A result counts even if its worker died after it was fetched.
             if not isinstance(result, list):
-                raise _error_of(result, client)
+                raise _error(client, result)
             future.release()
             yield from zip(running.pop(future), result, strict=True)
     finally:
@@ -128,22 +130,12 @@ def _on_cluster(
             future.release()
 
 
-def _threads_of(client: Any) -> int:
-    if client.status != "running":
-        raise _lost(client)
-    try:
-        threads: dict[str, int] = client.nthreads()
-    except (OSError, TimeoutError) as error:
-        raise _lost(client) from error
-    return max(1, sum(threads.values()))
-
-
-def _error_of(result: Any, client: Any) -> BaseException:
-    """Return the error of a task that gave no results."""
+def _error(client: Any, result: Any = None) -> BaseException:
+    """Return the error of a task that gave no results, or that the cluster is lost."""
     from distributed import KilledWorker
 
     if not isinstance(result, tuple):
-        return _lost(client)
+        return GridMapError(f"the cluster at {client.scheduler.address} is lost")
     error: BaseException = result[1]
     if isinstance(error, KilledWorker):
         return GridMapError(
@@ -153,15 +145,7 @@ def _error_of(result: Any, client: Any) -> BaseException:
     return error
 
 
-def _lost(client: Any) -> GridMapError:
-    return GridMapError(f"the cluster at {client.scheduler.address} is lost")
-
-
-@lru_cache(maxsize=4)
-def _unpickled(pickled: bytes) -> Any:
-    import pickle
-
-    return pickle.loads(pickled)
+_unpickled = lru_cache(maxsize=4)(pickle.loads)
 
 
 def _call_each(pickled: bytes, group: list[Any]) -> list[Any]:

@@ -15,7 +15,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays._checks import Layer, Size, select_layers
+from .._arrays._checks import Size, select_layers
 from ..errors import required
 from ._datasets import attributes, dataset_of
 from ._engine import REMEDY
@@ -56,7 +56,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
         )
         for number, name in enumerate(group):
             arrays[name] = map_blocks(
-                partial(_one_of, number),
+                lambda tile, number=number: tile[0, 0][number],
                 tiles,
                 chunks=chunks,
                 dtype=np.float32,
@@ -76,11 +76,6 @@ def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray
     window = tiles[block_id[0] * tiles.counts[1] + block_id[1]]
     result[0, 0] = tiled_map.source.read(window, names)
     return result
-
-
-def _one_of(number: int, tile: NDArray[np.object_]) -> Layer:
-    layer: Layer = tile[0, 0][number]
-    return layer
 
 
 def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:

@@ -68,11 +68,6 @@ def open_map(
 # --- the file format ------------------------------------------------------------------------------
 
 
-def _is_store(path: Path) -> bool:
-    names = (".zgroup", "zarr.json")
-    return path.suffix.lower() == ".zarr" or any((path / name).is_file() for name in names)
-
-
 def _load(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
     return open_map(path).to_map(layers)
 
@@ -105,7 +100,10 @@ ZARR = Format(
     name="zarr",
     description="Zarr store of layers in chunks, for maps of any size",
     endings=(".zarr",),
-    reads=_is_store,
+    reads=lambda path: (
+        path.suffix.lower() == ".zarr"
+        or any(Path(path, name).is_file() for name in (".zgroup", "zarr.json"))
+    ),
     load=_load,
     save=_save,
     describe=_describe,

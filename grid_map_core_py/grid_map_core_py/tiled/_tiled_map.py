@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -32,7 +32,7 @@ from ._datasets import (
 )
 from ._engine import in_any_order
 from ._lazy import origin_of, remember, to_lazy_dataset
-from ._source import Progress, Source, TiledData, widened
+from ._source import Progress, TiledData, widened
 from ._zarr_run import create_store, to_zarr
 from ._zarr_source import merge, open_store
 
@@ -43,26 +43,11 @@ T = TypeVar("T")
 
 
 class Chain(Protocol):
-    """Chain for `TiledMap.filter`, such as `FilterChain` of grid_map_filters_py."""
+    """Filters for maps and tiled maps: `FilterChain` of grid_map_filters_py."""
 
     @property
-    def on_tiles(self) -> Callable[..., FilteredSource]:
-        """Function of a `TiledMap` and options.
-
-        It returns the filtered layers, which are computed when they are read.
-        """
-
-
-class FilteredSource(Source, Protocol):
-    """Layers after a chain."""
-
-    @property
-    def basic_layers(self) -> tuple[str, ...]:
-        """Names of the basic layers."""
-
-
-class MapChain(Chain, Protocol):
-    """Chain for `filter` of the accessor, such as `FilterChain`."""
+    def on_tiles(self) -> Callable[..., Any]:
+        """Function of a `TiledMap` and options that returns a source with `basic_layers`."""
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         """Return the filtered map."""
@@ -162,8 +147,6 @@ class TiledMap(TiledData):
 
         Raises:
             OutOfMapError: the rectangle does not overlap the map.
-            LayerNotFoundError: a layer does not exist.
-            LimitError: the rectangle has more cells than the limits allow.
         """
         return self.block(*self.geometry.overlapped(position, length), layers)
 
@@ -192,9 +175,7 @@ class TiledMap(TiledData):
             A float for one position, else (N,) float64.
 
         Raises:
-            LayerNotFoundError: the layer does not exist.
             OutOfMapError: a position is NaN or not on the map.
-            GridMapError: the layer cannot be read or computed.
         """
         select_layers(self.layers, (layer,))
         method, points = method_of(interpolation), as_positions(positions)
@@ -232,10 +213,6 @@ class TiledMap(TiledData):
 
         Args:
             layers: names of the layers; None means all.
-
-        Raises:
-            LayerNotFoundError: a layer does not exist.
-            MissingPackageError: xarray or Dask is not installed.
         """
         dataset = to_lazy_dataset(self, layers)
         register()
@@ -251,11 +228,6 @@ class TiledMap(TiledData):
         Args:
             step: number of rows, and of columns, for one of the result.
             layers: names of the layers to read; None means all.
-
-        Raises:
-            LayerNotFoundError: a layer does not exist.
-            LimitError: the result has more cells than the limits allow.
-            GridMapError: the layers cannot be read or computed.
         """
         from ._thinned import thinned_map
 
@@ -281,9 +253,11 @@ class TiledMap(TiledData):
         names = select_layers(self.layers, layers)
         self.source.prepare()
         tiles = self.tiles
-        results: dict[int, T] = dict(
-            in_any_order(partial(_of_tile, self, function, names), range(len(tiles)))
-        )
+
+        def of_tile(number: int) -> T:
+            return function(self.block(*tiles[number], names))
+
+        results = dict(in_any_order(of_tile, range(len(tiles))))
         return [results[number] for number in range(len(tiles))]
 
     def filter(self, chain: Chain, **options: Any) -> TiledMap:
@@ -322,7 +296,6 @@ class TiledMap(TiledData):
             progress: called after each tile.
 
         Raises:
-            LayerNotFoundError: a layer does not exist.
             GridMapError: a tile cannot be read, computed or written; the store exists; another
                 process is writing it; or the unfinished run was another one.
         """
@@ -350,7 +323,6 @@ class TiledMap(TiledData):
 
         Raises:
             OutOfMapError: no cell of the map is on the store.
-            LayerNotFoundError: the map lacks a layer that `layers` names.
             GeometryError: the map has another resolution.
             GridMapError: this map is not that of a Zarr store on this machine, the store lacks a
                 layer, the frames differ, or the store cannot be written.
@@ -384,9 +356,7 @@ class TiledMap(TiledData):
             progress: called after each window.
 
         Raises:
-            LayerNotFoundError: a layer does not exist.
-            GridMapError: a window cannot be read, computed or written; the file exists; or rasterio
-                is not installed.
+            GridMapError: a window cannot be read, computed or written, or the file exists.
         """
         from ._raster_files import to_geotiff
 
@@ -403,7 +373,7 @@ class TiledMap(TiledData):
             (2,) or (N, 2) x, y [m]; NaN outside the area of the reference system.
 
         Raises:
-            GridMapError: the map has no reference system, or pyproj is not installed.
+            GridMapError: the map has no reference system.
         """
         from ._earth import position_of
 
@@ -417,9 +387,6 @@ class TiledMap(TiledData):
 
         Returns:
             (2,) or (N, 2) latitude and longitude [deg, WGS 84].
-
-        Raises:
-            GridMapError: the map has no reference system, or pyproj is not installed.
         """
         from ._earth import latitude_longitude_of
 
@@ -438,18 +405,12 @@ class TiledMap(TiledData):
             latitude, longitude: the place [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or one that cannot be moved; the place
-                has no coordinates in it; or pyproj is not installed.
+            GridMapError: the map has no reference system, or one that cannot be moved; or the place
+                has no coordinates in it.
         """
         from ._earth import moved_map
 
         return moved_map(self, self.position_of(latitude, longitude))
-
-
-def _of_tile(
-    tiled_map: TiledMap, function: Callable[[GridMap], T], names: Sequence[str], number: int
-) -> T:
-    return function(tiled_map.block(*tiled_map.tiles[number], names))
 
 
 # --- datasets -------------------------------------------------------------------------------------
@@ -486,7 +447,7 @@ class GridMapAccessor:
         """Return the map in memory; see `GridMap.from_xarray`."""
         return self._opened.to_map(layers)
 
-    def filter(self, chain: MapChain, **options: Any) -> xarray.Dataset:
+    def filter(self, chain: Chain, **options: Any) -> xarray.Dataset:
         """Return the filtered dataset, with the dimensions and coordinates of this one.
 
         Args:

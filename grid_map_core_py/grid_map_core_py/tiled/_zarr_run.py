@@ -7,12 +7,13 @@ the chunks of all layers exist, so that a later run computes only the others.
 """
 
 import fcntl
-import hashlib
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
@@ -63,17 +64,33 @@ def to_zarr(
                 raise GridMapError("exists already; 'overwrite' replaces it")
             # Raises an error if the folder is no store.
             metadata_file(target)
-        run = _description(tiled_map, names)
+        # All that must be the same for a later run to continue this one.
+        run = {
+            "input and filters": sha256(tiled_map.source.describe().encode()).hexdigest(),
+            "layers": [*names],
+            "tiles": [*tiled_map.size, *tiled_map.tile],
+            "place": [tiled_map.resolution, *tiled_map.position.tolist(), tiled_map.crs],
+        }
         if part.exists():
-            _check_unfinished(part, run, resume=resume)
+            with _locked(part) as stream:
+                found = json.load(stream)
+            if not resume:
+                raise GridMapError(
+                    f"{part.name} is left from a run that did not finish; "
+                    "'resume' (--resume) continues it; remove it to begin anew"
+                )
+            if different := [key for key in run if found.get(key) != run[key]]:
+                raise GridMapError(
+                    f"{part.name} was begun with another {', '.join(different)}; remove it, or "
+                    "resume with the same input, filters and tiles"
+                )
         tiled_map.source.prepare()
         if not part.exists():
             with new_folder(part, _refuse) as folder:
                 create_layers(folder, tiled_map, names)
                 # Zarr warns of files that are not its own.
                 (folder / _RUN).write_text(json.dumps(run), encoding="utf-8")
-        with (part / _RUN).open("r+") as stream:
-            _lock(stream)
+        with _locked(part):
             _compute(tiled_map, part, names, progress)
             # Workers that were killed leave files that they had begun.
             for leftover in part.glob("*/*.partial"):
@@ -88,36 +105,15 @@ def to_zarr(
         (target / _RUN).unlink()
 
 
-def _description(tiled_map: TiledData, names: Sequence[str]) -> dict[str, Any]:
-    """Return what must be the same for a later run to continue this one."""
-    source = hashlib.sha256(tiled_map.source.describe().encode()).hexdigest()
-    tiles = [*tiled_map.size, *tiled_map.tile]
-    place = [tiled_map.resolution, *tiled_map.position.tolist(), tiled_map.crs]
-    return {"input and filters": source, "layers": [*names], "tiles": tiles, "place": place}
-
-
-def _check_unfinished(part: Path, run: dict[str, Any], *, resume: bool) -> None:
-    """Raise an error unless an unfinished store is to be continued, and is that of this run."""
+@contextmanager
+def _locked(part: Path) -> Iterator[IO[str]]:
+    """Let one process at a time compute an unfinished store; yield the description of its run."""
     with (part / _RUN).open("r+") as stream:
-        _lock(stream)
-        found = json.load(stream)
-    if not resume:
-        raise GridMapError(
-            f"{part.name} is left from a run that did not finish; "
-            "'resume' (--resume) continues it; remove it to begin anew"
-        )
-    if different := [key for key in run if found.get(key) != run[key]]:
-        raise GridMapError(
-            f"{part.name} was begun with another {', '.join(different)}; remove it, or "
-            "resume with the same input, filters and tiles"
-        )
-
-
-def _lock(stream: IO[str]) -> None:
-    try:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise GridMapError("another process is writing it") from None
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise GridMapError("another process is writing it") from None
+        yield stream
 
 
 def _compute(
