@@ -52,11 +52,12 @@ _DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
 # --- from maps ------------------------------------------------------------------------------------
 
 
-def coordinates(geometry: GridGeometry) -> dict[str, Any]:
-    """Return the coordinates of a dataset: centers of cells [m]."""
+def coordinates(geometry: GridGeometry, origin: Sequence[float] = (0.0, 0.0)) -> dict[str, Any]:
+    """Return the coordinates of a dataset: centers of cells in the reference system [m]."""
+    axes = zip(DIMENSIONS, geometry.axes_in_map_order(), origin, strict=True)
     return {
-        name: (name, axis, {"units": "m", "standard_name": f"projection_{name}_coordinate"})
-        for name, axis in zip(DIMENSIONS, geometry.axes_in_map_order(), strict=True)
+        name: (name, axis + start, {"units": "m", "standard_name": f"projection_{name}_coordinate"})
+        for name, axis, start in axes
     }
 
 
@@ -66,6 +67,7 @@ def attributes(
     frame_id: str,
     timestamp: int,
     basic_layers: Iterable[str],
+    origin: Sequence[float] = (0.0, 0.0),
 ) -> dict[str, Any]:
     """Return the attributes of the dataset of a map."""
     names = [*layers]
@@ -78,7 +80,7 @@ def attributes(
         "resolution": geometry.resolution,
         # The mean of two coordinates has a rounding error.
         "position": geometry.position.tolist(),
-    }
+    } | ({"origin": [*origin]} if any(origin) else {})
 
 
 def to_dataset(grid_map: GridMap, crs: str = "") -> "xarray.Dataset":
@@ -101,7 +103,7 @@ def dataset_of(
     variables = {
         name: xr.Variable(DIMENSIONS, data, encoding=mapping) for name, data in layers.items()
     }
-    known = coordinates(geometry)
+    known = coordinates(geometry, about.get("origin", (0.0, 0.0)))
     if crs:
         known[CRS_VARIABLE] = ((), 0, grid_mapping(crs))
     dataset: xarray.Dataset = xr.Dataset(variables, known, about)
@@ -172,20 +174,25 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
 
 
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
-    """Return the geometry of a dataset, and whether x and y ascend.
+    """Return the geometry of a dataset in the frame, and whether x and y ascend.
 
     Raises:
         GeometryError: a coordinate is missing or not evenly spaced, or cells are no squares.
     """
     axes = [_centers(dataset, name) for name in DIMENSIONS]
     resolution = _resolution(dataset, axes)
-    middle = np.array([0.5 * (axis[0] + axis[-1]) for axis in axes])
+    middle = np.array([0.5 * (axis[0] + axis[-1]) for axis in axes]) - _origin_of(dataset)
     given = np.asarray(dataset.attrs.get("position", middle))
     # A part of a dataset has the attributes of the whole one.
     fits = given.shape == (2,) and given.dtype.kind in "iuf"
     position = given if fits and np.abs(given - middle).max() < 1e-6 * resolution else middle
     geometry = GridGeometry.from_size((axes[0].size, axes[1].size), resolution, position)
     return geometry, (bool(axes[0][-1] > axes[0][0]), bool(axes[1][-1] > axes[1][0]))
+
+
+def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
+    x, y = map(float, dataset.attrs.get("origin", (0.0, 0.0)))
+    return x, y
 
 
 def _centers(dataset: "xarray.Dataset", name: str) -> Positions:
@@ -351,6 +358,7 @@ def open_dataset(
         timestamp=int(timestamp),
         basic_layers=tuple(each for each in basic if each in layers),
         crs=crs,
+        origin=_origin_of(dataset),
     )
 
 

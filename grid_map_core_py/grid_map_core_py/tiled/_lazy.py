@@ -63,7 +63,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
                 meta=np.empty((0, 0), np.float32),
                 name=f"layer-{uuid4().hex}",
             )
-    about = tiled_map.frame_id, tiled_map.timestamp, tiled_map.basic_layers
+    about = tiled_map.frame_id, tiled_map.timestamp, tiled_map.basic_layers, tiled_map.origin
     described = attributes(tiled_map.geometry, names, *about)
     dataset = dataset_of(tiled_map.geometry, arrays, described, tiled_map.crs)
     remember(dataset, tiled_map)

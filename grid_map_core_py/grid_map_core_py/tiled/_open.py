@@ -90,7 +90,8 @@ def _describe(path: str | PathLike[str]) -> dict[str, Any]:
         from pyproj import CRS
 
         crs = ":".join(CRS.from_user_input(crs).to_authority() or [crs])
-    facts = {"crs": crs} if crs else {}
+    facts: dict[str, Any] = {"crs": crs} if crs else {}
+    facts |= {"origin": [*opened.origin]} if any(opened.origin) else {}
     facts |= map_facts(empty) | names
     # Counting the files of a store may take minutes.
     return {"bytes": None, "map": facts | {"chunks": [*opened.tile]}}

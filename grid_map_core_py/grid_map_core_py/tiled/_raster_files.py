@@ -18,7 +18,6 @@ from ..files._atomic import new_file
 from ..files._geotiff import check_crs, raster_profile, raster_tags
 from ..files._image_files import to_north_up
 from ..files._shared import check_ending, package_for, storage_errors
-from ._earth import unmoved_crs
 from ._engine import in_any_order
 from ._rasters import bound_cache
 from ._source import Progress, TiledData, Tiles, Window
@@ -84,8 +83,7 @@ def _write_windows(
 ) -> list[tuple[Window, int]]:
     """Write the layers into a file of blocks; return the windows and their checksums."""
     blocks = {"tiled": True, "blockxsize": _BLOCK, "blockysize": _BLOCK, "interleave": "band"}
-    # Other programs know the reference system itself, and GeoTIFF cannot hold each moved one.
-    crs, origin = unmoved_crs(site.crs)
+    crs, origin = site.crs, site.origin
     geometry = site.geometry.at(site.position + origin)
     profile = raster_profile(geometry, len(names), crs, compress=compress) | blocks
     basic = [name for name in site.basic_layers if name in names]

@@ -62,6 +62,7 @@ class TiledData:
     timestamp: int = 0
     basic_layers: tuple[str, ...] = ()
     crs: str = ""
+    origin: tuple[float, float] = (0.0, 0.0)
 
     @property
     def layers(self) -> tuple[str, ...]:

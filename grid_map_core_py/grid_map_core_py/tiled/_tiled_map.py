@@ -66,7 +66,8 @@ class TiledMap(TiledData):
         frame_id: frame of the map.
         timestamp: time [ns].
         basic_layers: see `GridMap.basic_layers`.
-        crs: coordinate reference system of the frame, as text; empty if unknown.
+        crs: coordinate reference system, as text; empty if unknown.
+        origin: coordinates of the origin of the frame in the reference system [m].
     """
 
     @classmethod
@@ -377,7 +378,7 @@ class TiledMap(TiledData):
         """
         from ._earth import position_of
 
-        return position_of(self.crs, latitude, longitude)
+        return position_of(self.crs, latitude, longitude) - self.origin
 
     def latitude_longitude_of(self, positions: ArrayLike) -> Positions:
         """Return the places on the earth of positions; the inverse of `position_of`.
@@ -390,23 +391,21 @@ class TiledMap(TiledData):
         """
         from ._earth import latitude_longitude_of
 
-        return latitude_longitude_of(self.crs, positions)
+        return latitude_longitude_of(self.crs, as_positions(positions) + self.origin)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
         """Return the map in a frame whose origin is a place on the earth.
 
         Coordinates in a reference system are millions of meters; those in a frame near the robot
-        are small. The axes keep their directions. The reference system of the result is that of the
-        map with another false easting and northing, and stores keep it. GeoTIFF files keep the
-        coordinates of the original reference system and a tag with the origin, from which
-        `open_map` and `load_geotiff` restore the frame.
+        are small. The axes keep their directions. Datasets, stores and GeoTIFF files have the
+        coordinates of the reference system, and hold the origin, from which `open_map` and
+        `load_geotiff` restore the frame.
 
         Args:
             latitude, longitude: the place [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or one that cannot be moved; or the place
-                has no coordinates in it.
+            GridMapError: the map has no reference system, or the place has no coordinates in it.
         """
         from ._earth import moved_map
 
@@ -463,6 +462,8 @@ class GridMapAccessor:
             filtered = tiled_map.to_xarray()
         else:
             filtered = to_dataset(chain(self.to_map()), opened.crs)
+            if any(opened.origin):
+                filtered.attrs["origin"] = [*opened.origin]
         filtered = filtered.isel(turned(geometry_of(mine)[1]))
         if opened.layers:
             filtered = filtered.transpose(*mine[opened.layers[0]].dims)

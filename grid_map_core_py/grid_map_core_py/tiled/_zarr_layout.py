@@ -78,13 +78,13 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
     packing = {"compressor": blosc("lz4", 1, blosc.SHUFFLE), "fill_value": np.nan, "order": "F"}
     for name in names:
         create(name, "<f4", geometry.size, tuple(tiled_map.tile), DIMENSIONS, about_crs, **packing)
-    for name, (_, values, about) in coordinates(geometry).items():
+    for name, (_, values, about) in coordinates(geometry, tiled_map.origin).items():
         # Values that equal the fill value are read as NaN.
         array = create(name, "<f8", values.shape, values.shape, [name], about, fill_value=np.nan)
         array[:] = values
     if crs:
         create(CRS_VARIABLE, "<i4", (), (), [], grid_mapping(crs))
-    about = tiled_map.frame_id, tiled_map.timestamp, tiled_map.basic_layers
+    about = tiled_map.frame_id, tiled_map.timestamp, tiled_map.basic_layers, tiled_map.origin
     group.attrs.put(attributes(geometry, names, *about))
     # One file with the metadata of all layers is read at once.
     zarr.consolidate_metadata(str(path))

@@ -69,7 +69,10 @@ def to_zarr(
             "input and filters": sha256(tiled_map.source.describe().encode()).hexdigest(),
             "layers": [*names],
             "tiles": [*tiled_map.size, *tiled_map.tile],
-            "place": [tiled_map.resolution, *tiled_map.position.tolist(), tiled_map.crs],
+            "place": [
+                *(tiled_map.resolution, *tiled_map.position.tolist()),
+                *(tiled_map.crs, *tiled_map.origin),
+            ],
         }
         if part.exists():
             with _locked(part) as stream:
