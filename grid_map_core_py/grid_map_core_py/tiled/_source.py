@@ -11,6 +11,9 @@ from .._arrays._checks import Layer, Positions, Size
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..map._geometry import GridGeometry
 
+__all__ = ["shape", "widened", "within"]
+"""Names for other packages of the suite."""
+
 Window: TypeAlias = tuple[slice, slice]
 """Rows and columns of a rectangle of cells, in map order; with a start and a stop, no step."""
 
