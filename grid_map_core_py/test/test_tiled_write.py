@@ -70,17 +70,6 @@ def chunk_files(store: Path) -> dict[str, bytes]:
     }
 
 
-def test_new_store_is_an_empty_map(store: Path) -> None:
-    site = opened(store)
-    assert (site.size, site.layers, site.basic_layers) == (
-        SIZE,
-        ("elevation", "variance"),
-        ("elevation",),
-    )
-    assert np.isnan(site.to_map()["variance"]).all()
-    assert chunk_files(store) == {}
-
-
 patches = st.builds(
     dict,
     size=st.tuples(st.integers(1, 12), st.integers(1, 12)),
@@ -167,15 +156,6 @@ def test_write_refuses_other_maps(
     with pytest.raises(error, match=text):
         opened(store).write(part)
     assert chunk_files(store) == {}
-
-
-def test_write_refuses_maps_that_are_no_stores(store: Path) -> None:
-    from grid_map_core_py.tiled import open_map
-    from grid_map_core_py.tiled._datasets import to_dataset
-
-    dataset = open_map(to_dataset(opened(store).to_map()))
-    with pytest.raises(GridMapError, match="expected a map of a Zarr store to write to"):
-        dataset.write(patch())
 
 
 @pytest.mark.parametrize("transposed", [False, True])
@@ -296,7 +276,7 @@ def test_write_tells_that_the_store_was_replaced(tmp_path: Path) -> None:
         site.write(patch(), layers=["elevation"])
 
 
-@pytest.mark.parametrize("name", ["a/b", "a\\b", ".hidden", "__x", "x", "spatial_ref", ""])
+@pytest.mark.parametrize("name", ["a/b", ".hidden", "x", ""])
 def test_names_that_a_store_cannot_hold(tmp_path: Path, name: str) -> None:
     from grid_map_core_py.tiled import TiledMap
 

@@ -179,7 +179,27 @@ def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bo
     Raises:
         GeometryError: a coordinate is missing or not evenly spaced, or cells are no squares.
     """
-    axes = [_centers(dataset, name) for name in DIMENSIONS]
+    axes: list[Positions] = []
+    for name in DIMENSIONS:
+        if name not in dataset.coords or dataset[name].dims != (name,):
+            raise GeometryError(
+                f"{name}: expected the dimensions x and y with coordinates [m], got the dimensions "
+                f"{short([*dataset.sizes])} and the coordinates {short([*dataset.coords])}; "
+                "dataset.rename(lon='x', lat='y') changes names"
+            )
+        centers = as_array(dataset[name].values, np.float64, name)
+        if not centers.size or not np.isfinite(centers).all():
+            raise GeometryError(f"{name}: expected finite coordinates, got {short(centers)}")
+        even = np.linspace(centers[0], centers[-1], centers.size)
+        step = abs(even[-1] - even[0]) / max(centers.size - 1, 1)
+        is_even = np.abs(centers - even).max() <= _LARGEST_DIFFERENCE * step
+        if centers.size > 1 and not (step > 0 and is_even):
+            steps = np.diff(centers)
+            raise GeometryError(
+                f"{name}: expected evenly spaced coordinates, got steps from {steps.min():.6g} to "
+                f"{steps.max():.6g}"
+            )
+        axes.append(centers)
     resolution = _resolution(dataset, axes)
     middle = np.array([0.5 * (axis[0] + axis[-1]) for axis in axes]) - _origin_of(dataset)
     given = np.asarray(dataset.attrs.get("position", middle))
@@ -193,29 +213,6 @@ def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bo
 def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
     x, y = map(float, dataset.attrs.get("origin", (0.0, 0.0)))
     return x, y
-
-
-def _centers(dataset: "xarray.Dataset", name: str) -> Positions:
-    """Return a coordinate that is evenly spaced."""
-    if name not in dataset.coords or dataset[name].dims != (name,):
-        raise GeometryError(
-            f"{name}: expected the dimensions x and y with coordinates [m], got the dimensions "
-            f"{short([*dataset.sizes])} and the coordinates {short([*dataset.coords])}; "
-            "dataset.rename(lon='x', lat='y') changes names"
-        )
-    centers: Positions = as_array(dataset[name].values, np.float64, name)
-    if not centers.size or not np.isfinite(centers).all():
-        raise GeometryError(f"{name}: expected finite coordinates, got {short(centers)}")
-    if centers.size > 1:
-        even = np.linspace(centers[0], centers[-1], centers.size)
-        step = abs(even[1] - even[0])
-        if not step > 0 or np.abs(centers - even).max() > _LARGEST_DIFFERENCE * step:
-            steps = np.diff(centers)
-            raise GeometryError(
-                f"{name}: expected evenly spaced coordinates, got steps from {steps.min():.6g} to "
-                f"{steps.max():.6g}"
-            )
-    return centers
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
