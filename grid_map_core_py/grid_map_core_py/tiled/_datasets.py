@@ -341,7 +341,7 @@ def open_dataset(
         warnings.warn(
             f"{name}: x and y are in degrees, which are taken for meters; "
             "dataset.rio.reproject(...) of rioxarray projects it",
-            stacklevel=4,
+            stacklevel=3,
         )
     # Coordinates would be sent along to every process.
     bare = dataset.drop_vars([*dataset.coords])[[*layers]]

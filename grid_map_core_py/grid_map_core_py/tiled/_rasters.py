@@ -302,7 +302,7 @@ def _warn(raster: Any, path: str) -> None:
         warnings.warn(
             f"{path}: is in {unit}, which are taken for meters; open_map(..., crs={code!r}) "
             "projects it into meters",
-            stacklevel=6,
+            stacklevel=5,
         )
     if raster.block_shapes[0][1] == raster.width > _WIDEST_STRIP and raster.compression:
         target = f"{Path(path).with_name(Path(path).stem)}_tiled.tif"
@@ -312,7 +312,7 @@ def _warn(raster: Any, path: str) -> None:
         warnings.warn(
             f"{path}: is stored in strips of {raster.width} pixels, so that windows are slow to "
             f"read; to mend it: {line}",
-            stacklevel=6,
+            stacklevel=5,
         )
 
 
