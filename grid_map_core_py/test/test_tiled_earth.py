@@ -75,8 +75,6 @@ def test_errors_say_what_is_missing():
         site.position_of([1.0, 2.0], [1.0, 2.0, 3.0])
     with pytest.raises(GridMapError, match="origin: expected a place with coordinates in"):
         site.with_origin(math.nan, 11.0)
-    with pytest.raises(GridMapError, match="origin: expected the map in a projection"):
-        replace(without, crs="EPSG:4326").with_origin(*PLACE)
 
 
 PROJECTIONS = [UTM, "EPSG:3857", "EPSG:2154", "EPSG:3035", "EPSG:32661", "EPSG:2056", "EPSG:31468"]
@@ -126,7 +124,7 @@ def test_frame_survives_files(crs):
     np.testing.assert_allclose(site.position, -1000, atol=0.01)
     site.to_geotiff("out.tif", cog=False)
     back = open_map("out.tif")
-    assert back.crs == site.crs
+    assert (back.crs, back.origin) == (site.crs, site.origin)
     assert_maps_equal(back.to_map(), site.to_map())
     assert_maps_equal(load_geotiff("out.tif"), site.to_map())
     # Other programs find the raster where it was.
@@ -143,6 +141,12 @@ def test_frame_survives_stores():
     back = open_map("out.zarr")
     np.testing.assert_allclose(back.position_of(*PLACE), 0.0, atol=1e-6)
     assert_maps_equal(back.to_map(), site.to_map())
+    for dataset in (back.to_xarray(), back.to_xarray().compute()):
+        assert dataset.grid_map.to_map() == back.to_map()
+        found = dataset.grid_map.submap(back.position, (5.0, 5.0)).grid_map.to_map()
+        assert_maps_equal(found, back.submap(back.position, (5.0, 5.0)))
+        # Other programs find the map where it was.
+        np.testing.assert_allclose(dataset.x, open_map("a.tif").to_xarray().x, atol=1e-6)
     # A store can get another origin, too.
     other = open_map("out.zarr", origin=(48.2, 11.6))
     expected = open_map("a.tif", origin=(48.2, 11.6))

@@ -4,7 +4,6 @@
 import pickle
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +89,7 @@ def test_stores_of_xarray_of_both_formats(tmp_path: Path, form: int) -> None:
     import zarr
 
     from grid_map_core_py.tiled import open_map
-    from grid_map_core_py.tiled._xarray import to_dataset
+    from grid_map_core_py.tiled._datasets import to_dataset
 
     if zarr.__version__.startswith("2."):
         pytest.skip("writes format 2 only")
@@ -125,14 +124,6 @@ def test_window_of_a_billion_cells_reads_four_chunks(tmp_path: Path) -> None:
     site = open_map(tmp_path / "a.zarr")
     window = site.submap(center, (20.0, 20.0))
     np.testing.assert_array_equal(window["elevation"], values[400:600, 400:600].astype("f4"))
-    times = []
-    for _ in range(10):
-        begin = time.perf_counter()
-        site.submap(center, (20.0, 20.0))
-        times.append(time.perf_counter() - begin)
-    # Benchmarks measure it; here other processes may disturb.
-    assert min(times) < 0.1
-
     opened: list[str] = []
     sys.addaudithook(lambda event, about: opened.append(str(about[0])) if event == "open" else None)
     site.submap(center, (20.0, 20.0))

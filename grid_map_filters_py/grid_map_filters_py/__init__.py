@@ -2,18 +2,17 @@
 """Chains of grid map filters, configured in YAML, and an expression language over layers; no ROS.
 
 A filter takes a `GridMap` and returns another. `FilterChain` builds a sequence of them from the
-YAML that the C++ filters read. The room `builtin` has the filters as Python classes, `expression`
-the expression language, `parts` helpers for fast filters of your own. The executable `filter_chain`
-runs a chain on a topic; it alone needs ROS.
+YAML that the C++ filters read. The subpackage `builtin` has the filters as Python classes,
+`expression` the expression language, `parts` helpers for fast filters of your own. The executable
+`filter_chain` runs a chain on a topic; it alone needs ROS.
 """
 
-from grid_map_core_py._commands import ProgressBar
-
-from ._chain import FilterChain, Step, StepTimes
+from ._chain import FilterChain
 from ._config import StepConfig
 from ._filter import WHOLE_MAP, Filter, FilterWarning, in_map_order, warn
 from ._offline import Failure, Filtered, filter_maps
 from ._registry import FILTERS
+from ._step import Step
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
 
@@ -31,10 +30,8 @@ __all__ = [
     "FilterError",
     "FilterWarning",
     "Filtered",
-    "ProgressBar",
     "Step",
     "StepConfig",
-    "StepTimes",
     "filter_maps",
     "in_map_order",
     "warn",

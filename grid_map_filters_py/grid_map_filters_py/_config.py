@@ -9,7 +9,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from grid_map_core_py._parameters import nested, node_sections
 from grid_map_core_py.errors import ConfigError, GridMapError, short
@@ -41,7 +40,18 @@ def parse_steps(config: object) -> list[StepConfig]:
         FilterConfigError: naming the filter, the expected and the found configuration.
     """
     if isinstance(config, Mapping):
-        entries = _numbered(config)
+        numbered = {}
+        for key, entry in config.items():
+            match = re.fullmatch("filter([1-9][0-9]{0,5})", str(key))
+            if not match:
+                raise FilterConfigError(f"filters: expected filter1 .. filterN, got {key!r}")
+            numbered[int(match[1])] = entry
+        for expected, number in enumerate(sorted(numbered), start=1):
+            if number != expected:
+                raise FilterConfigError(
+                    f"filters: filter{expected} is missing before filter{number}"
+                )
+        entries = [numbered[number] for number in sorted(numbered)]
     elif isinstance(config, Sequence) and not isinstance(config, str):
         entries = list(config)
     else:
@@ -79,22 +89,18 @@ def read_chain(path: str | Path, name: str) -> object:
     if not isinstance(content, Mapping):
         raise _unexpected(path, "a list of filters or a mapping", content)
     try:
-        return _chain_in(content, name)
+        sections = ((node, nested(params)) for node, params in node_sections(content))
+        nodes = {node: params for node, params in sections if name in params}
     except ConfigError as error:
         raise FilterConfigError(f"{path}: {error}") from None
-
-
-def _chain_in(content: Mapping[str, Any], name: str) -> object:
-    sections = ((node, nested(params)) for node, params in node_sections(content))
-    nodes = {node: params for node, params in sections if name in params}
     if len(nodes) > 1:
-        raise FilterConfigError(f"more than one node has {name!r}: {', '.join(nodes)}")
+        raise FilterConfigError(f"{path}: more than one node has {name!r}: {', '.join(nodes)}")
     for parameters in [*nodes.values(), content]:
         if name in parameters:
             return parameters[name]
     lists = [value for value in content.values() if isinstance(value, list)]
     if len(lists) != 1:
-        raise FilterConfigError(f"found no filter chain {name!r}")
+        raise FilterConfigError(f"{path}: found no filter chain {name!r}")
     return lists[0]
 
 
@@ -120,20 +126,6 @@ def flat(parameters: Mapping[object, object]) -> dict[str, object]:
             raise FilterConfigError(f"parameter {entry!r} is given twice, in two spellings")
         result |= entries
     return result
-
-
-def _numbered(config: Mapping[object, object]) -> list[object]:
-    """Return the entries filter1 .. filterN in numeric order."""
-    numbers = {}
-    for key, entry in config.items():
-        match = re.fullmatch("filter([1-9][0-9]{0,5})", str(key))
-        if not match:
-            raise FilterConfigError(f"filters: expected filter1 .. filterN, got {key!r}")
-        numbers[int(match[1])] = entry
-    for expected, number in enumerate(sorted(numbers), start=1):
-        if number != expected:
-            raise FilterConfigError(f"filters: filter{expected} is missing before filter{number}")
-    return [numbers[number] for number in sorted(numbers)]
 
 
 def _step(number: int, entry: object) -> StepConfig:

@@ -1,32 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The filter protocol, and warnings of filters.
-
-A filter is a frozen dataclass that can be called. Its fields are its YAML parameters:
-`FilterChain` checks their names and types, `__post_init__` their values. A call
-takes a map whose start index is (0, 0), and returns a new map that shares the unchanged layers. It
-never writes into its input. A filter raises an error if it cannot do its work, and calls `warn` if
-the user should know something about the result.
-
-A filter may say how far it looks, by a method `reach(resolution)`: a cell of its output depends on
-the cells of its input that are at most this number of rows and columns away. Other filters look at
-the whole map.
-
-On tiled maps, further methods are possible. `for_tiles_of(site, options)` returns another filter,
-with the quantities of the whole map put in that it needs; `site` is the `TiledMap` before it, whose
-`over_tiles` reduces. That filter has a `reach`, and if this depends on the data, a method
-`missing(grid_map, window)`: the number of cells by which the border around a window of `grid_map`
-is too narrow. `why_whole_map(names)` explains why a map with these layers cannot be tiled; its text
-is empty if it can.
-"""
+"""Protocols of filters, and warnings of filters."""
 
 import functools
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 
@@ -34,22 +16,74 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.errors import short
 from grid_map_core_py.plugins import check
 
-from ._memory import keep_temporaries
 from .errors import FilterError
 
 if TYPE_CHECKING:
-    from grid_map_core_py.tiled import TiledMap
+    from grid_map_core_py.tiled import TiledMap, Window
+
+WHOLE_MAP = math.inf
+"""Reach of filters that may look at all cells; the default of filters without a reach."""
 
 
 class Filter(Protocol):
-    """Callable from map to map; filters with a type name in YAML are dataclasses."""
+    """Callable from map to map.
+
+    Filters with a type name in YAML are frozen dataclasses. Their fields are the YAML parameters:
+    `grid_map_core_py.plugins.build` checks names and types, `__post_init__` the values. A filter
+    raises an error if it cannot do its work, and calls `warn` if the user should know something
+    about the result. The protocols below it describe methods that a filter may have besides.
+    """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        """Return the filtered map; the input stays unchanged."""
+        """Return the filtered map, which shares unchanged layers with the input.
+
+        Args:
+            grid_map: its start index is (0, 0), and its layers must stay unchanged.
+        """
 
 
-WHOLE_MAP = math.inf
-"""Reach of a filter that may look at all cells; the reach of filters that declare none."""
+@runtime_checkable
+class LocalFilter(Filter, Protocol):
+    """Filter that declares how far it looks; others look at the whole map."""
+
+    def reach(self, resolution: float) -> float:
+        """Return a number of cells, or `WHOLE_MAP`.
+
+        A cell of the output depends on the cells of the input that are at most this number of rows
+        and columns away.
+
+        Args:
+            resolution: side of a cell [m].
+        """
+
+
+@runtime_checkable
+class GlobalFilter(Filter, Protocol):
+    """Filter that needs quantities of the whole map, such as a mean, but is local otherwise."""
+
+    def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
+        """Return the filter for the tiles of a map: a `LocalFilter` that knows the quantities.
+
+        Args:
+            tiled_map: the map before the filter, whose `over_tiles` reduces.
+            options: choices of the user.
+        """
+
+
+@runtime_checkable
+class PartlyLocalFilter(Filter, Protocol):
+    """Filter that runs on tiles with some parameters only."""
+
+    def why_whole_map(self, names: Container[str], /) -> str:
+        """Return why a map with these layers cannot be tiled; empty if it can."""
+
+
+@runtime_checkable
+class WideningFilter(LocalFilter, Protocol):
+    """Filter whose reach depends on the data; `reach` is where it begins."""
+
+    def missing(self, tile: GridMap, window: "Window", /) -> int:
+        """Return by how many cells the border around a window of a tile is too narrow."""
 
 
 class CellFilter:
@@ -63,16 +97,10 @@ class CellFilter:
 def reach_of(function: Filter, resolution: float) -> float:
     """Return how far a filter looks: a whole number of cells, or `WHOLE_MAP`.
 
-    Args:
-        function: any filter.
-        resolution: side of a cell [m].
-
     Raises:
         FilterError: the filter gives neither.
     """
-    reach = getattr(function, "reach", None)
-    # A filter may have a parameter of this name.
-    cells = reach(resolution) if callable(reach) else WHOLE_MAP
+    cells = function.reach(resolution) if isinstance(function, LocalFilter) else WHOLE_MAP
     is_number = isinstance(cells, int | float | np.integer | np.floating)
     if not (is_number and cells >= 0 and (cells == WHOLE_MAP or float(cells).is_integer())):
         raise FilterError(f"reach: expected a number of cells or WHOLE_MAP, got {short(cells)}")
@@ -90,19 +118,6 @@ class TileOptions:
         check(self.max_hole >= 1, "max_hole", "a number of cells", self.max_hole)
         known = self.large_holes in ("refuse", "leave")
         check(known, "large_holes", "'refuse' or 'leave'", self.large_holes)
-
-
-def for_tiles_of(function: Filter, site: "TiledMap", options: TileOptions) -> Filter:
-    """Return the filter for the tiles of a map, with the quantities of the whole map put in.
-
-    Args:
-        function: a filter; its method of the same name, if any, does it.
-        site: the map before the filter.
-        options: choices of the user.
-    """
-    bind = getattr(function, "for_tiles_of", None)
-    bound: Filter = bind(site, options) if callable(bind) else function
-    return bound
 
 
 class FilterWarning(UserWarning):
@@ -145,18 +160,27 @@ def pass_on(texts: Iterable[str], collected: list[str] | None, stacklevel: int =
 
 C = TypeVar("C", bound=Callable[..., GridMap])
 
+_kept = [0]
+"""Bytes of the largest block that `in_map_order` has freed."""
+
 
 def in_map_order(call: C) -> C:
-    """Decorator for `__call__` of a filter that needs maps in map order.
+    """Decorate `__call__` of a filter that needs maps in map order.
 
-    A map that has moved is unwrapped, and the result is stored from its start index again. Filters
-    that use neighboring cells need it outside of chains; a chain does the same. Memory that the
+    A moved map is unwrapped, and the result gets its start index again. Filters that look at
+    neighboring cells need the decorator outside of chains; a chain does the same. Memory that the
     filter frees is kept for the next one.
     """
 
     @functools.wraps(call)
     def wrapped(self: object, grid_map: GridMap) -> GridMap:
-        keep_temporaries(grid_map.size)
+        # glibc keeps twice the largest block that was freed, here 64 bytes per cell and at most
+        # 64 MB; otherwise the system clears the pages of all temporaries, which takes half of the
+        # time of a chain on 400 x 400 cells.
+        block = min(64 * math.prod(grid_map.size), 2**25 - 2**16)
+        if block > _kept[0]:
+            _kept[0] = block
+            np.empty(block, np.uint8)
         start = grid_map.start_index
         if start == (0, 0):
             return call(self, grid_map)

@@ -11,7 +11,8 @@ from typing import Any, Generic, TypeVar
 
 from grid_map_core_py import GridMap
 
-from ._chain import FilterChain, StepObserver, message_of
+from ._chain import FilterChain
+from ._step import StepObserver, message_of
 from .errors import FilterError
 
 T = TypeVar("T")
@@ -59,9 +60,9 @@ def filter_maps(
         load: returns the map of an item. Its errors count as failures of that map.
         failures: list for the maps that fail; the others are still yielded. None raises at the
             first failure.
-        observer: is called after every step of every map; `StepTimes` collects the durations.
-        progress: is called after every map, failed ones included, with the number of finished maps
-            and of all maps, None if `items` has no length; `ProgressBar` shows it.
+        observer: called after every step of every map.
+        progress: called after every map, also after failed ones, with the number of finished maps
+            and of all maps, None if `items` has no length.
 
     Raises:
         FilterError: a map could not be loaded or filtered; the message names its index. Errors of

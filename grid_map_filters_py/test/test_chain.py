@@ -4,9 +4,7 @@
 import threading
 import warnings
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import pytest
 from filter_cases import TO_OUT, step_of
@@ -21,11 +19,10 @@ from grid_map_filters_py import (
     FilterWarning,
     Step,
     StepConfig,
-    StepTimes,
     warn,
 )
-from grid_map_filters_py._chain import OPENCV_KEEPS_READ_ONLY, describe_parameters
-from grid_map_filters_py._config import nested
+from grid_map_filters_py._chain import describe_parameters
+from grid_map_filters_py._times import StepTimes
 
 DUPLICATION = "gridMapFilters/DuplicationFilter"
 MATH = "gridMapFilters/MathExpressionFilter"
@@ -127,28 +124,16 @@ def moves_in_place(grid_map):
     return grid_map
 
 
-def writes_with_opencv(grid_map):
-    cv2.GaussianBlur(grid_map["elevation"].T, (3, 3), 1.0, dst=grid_map["elevation"].T)
-    return grid_map
-
-
-@pytest.mark.parametrize("function", [writes, moves_in_place, writes_with_opencv])
+@pytest.mark.parametrize("function", [writes, moves_in_place])
 @pytest.mark.parametrize("before", [(), (adds_a_layer_twice,)])
 @pytest.mark.parametrize("start_index", [(0, 0), (1, 2)])
 def test_a_filter_that_writes_into_its_input_fails(grid_map, function, before, start_index):
     grid_map.start_index = start_index
     untouched = grid_map.copy()
-    if function is writes_with_opencv and not OPENCV_KEEPS_READ_ONLY:
-        chain_of(*before, function)(grid_map)
-        assert_maps_equal(grid_map, untouched)
-        return
     with pytest.raises(FilterError) as caught:
         chain_of(*before, function)(grid_map)
     name = f"filter {len(before) + 1} {function.__name__!r} (my/Filter): "
-    assert str(caught.value).startswith(name)
-    if function is not writes_with_opencv:
-        assert str(caught.value).startswith(f"{name}it writes into a layer of its input (")
-        assert "with_layers" in str(caught.value)
+    assert str(caught.value).startswith(f"{name}it writes into a layer of its input (")
     assert_maps_equal(grid_map, untouched)
 
 
@@ -164,18 +149,6 @@ def test_result_keeps_the_start_index_unless_normalized(grid_map):
         normalized = FilterChain.from_config(config)(grid_map)
         assert normalized.start_index == (0, 0)
         assert_maps_equal(normalized, result)
-
-
-def test_step_times_are_collected_over_maps(grid_map):
-    times = StepTimes()
-    chain = FilterChain.from_config([step("one", "1"), step("two", "2")])
-    for _ in range(3):
-        chain(grid_map, times)
-    assert len(chain) == len(times) == 2
-    assert [(time.config.name, time.runs) for time in times] == [("one", 3), ("two", 3)]
-    for time in times:
-        assert 0 < time.last <= time.longest <= time.total
-    assert times.last == sum(time.last for time in times)
 
 
 def test_step_times_print_as_a_table():
@@ -218,20 +191,6 @@ def test_errors_of_a_filter_name_the_filter(grid_map):
         name = f"filter 1 '{function.__name__}' "
         with pytest.raises(FilterError, match=rf"^{name}\(my/Filter\): {message}"):
             chain_of(function)(grid_map)
-
-
-def test_only_warnings_of_filters_name_the_filter(grid_map):
-    def warns(grid_map):
-        warn("careful")
-        warnings.warn("old", DeprecationWarning, stacklevel=1)
-        return grid_map
-
-    with pytest.warns() as caught:
-        chain_of(warns)(grid_map)
-    assert {(str(w.message), w.category) for w in caught} == {
-        ("filter 1 'warns' (my/Filter): careful", FilterWarning),
-        ("old", DeprecationWarning),
-    }
 
 
 def test_warnings_go_to_the_list_of_the_caller(grid_map):
@@ -286,28 +245,13 @@ def test_maps_are_unwrapped_after_a_filter_that_moves_them(grid_map):
         moved.move(grid_map.position + grid_map.resolution)
         return moved
 
-    seen = []
+    def looks(given):
+        assert given.start_index == (0, 0)
+        assert_maps_equal(given, moves(grid_map))
+        return given
 
-    def looks(grid_map):
-        seen.append(grid_map)
-        return grid_map
-
-    chain_of(moves, looks)(grid_map)
     assert moves(grid_map).start_index != (0, 0)
-    assert_maps_equal(seen[0], moves(grid_map))
-    assert seen[0].start_index == (0, 0)
-
-
-def test_yaml_merge_keys_and_short_numbers_are_read(tmp_path):
-    path = tmp_path / "chain.yaml"
-    path.write_text("""
-defaults: &layers {input_layer: a, output_layer: b}
-filters:
-  - {name: n, type: MeanInRadius, params: {<<: *layers, output_layer: c, radius: .5e-1}}
-""")
-    (step,) = FilterChain.from_yaml(path).steps
-    assert (step.filter.input_layer, step.filter.output_layer) == ("a", "c")
-    assert step.filter.radius == 0.05
+    chain_of(moves, looks)(grid_map)
 
 
 GOOD = {"name": "n", "type": DUPLICATION, "params": {"input_layer": "a", "output_layer": "b"}}
@@ -321,16 +265,12 @@ def with_params(type_name, **params):
     ("config", "message"),
     [
         (None, "filters: expected filter1 .. filterN or a list, got nothing"),
-        ("filter1", "filters: expected filter1 .. filterN or a list, got 'filter1' (str)"),
-        ([], "filters: expected at least one filter, got none"),
+        ("x" * 5000, "filters: expected filter1 .. filterN or a list, got 'xxx"),
         ({}, "filters: expected at least one filter, got none"),
         ({"filter1": GOOD, "filter3": GOOD}, "filters: filter2 is missing before filter3"),
-        ({"filter2": GOOD}, "filters: filter1 is missing before filter2"),
-        ({"filter0": GOOD}, "filters: expected filter1 .. filterN, got 'filter0'"),
         ({"filter1": GOOD, "fliter2": GOOD}, "expected filter1 .. filterN, got 'fliter2'"),
         ({"filter1": 3}, "filter 1: expected name, type and params, got 3 (int)"),
         ([{"type": DUPLICATION}], "filter 1: name: expected a string, got nothing"),
-        ([{"name": "a"}], "filter 1: type: expected a string, got nothing"),
         (
             [{**GOOD, "parms": {}}],
             "filter 1: unknown entry 'parms'; expected name, type and params",
@@ -341,7 +281,6 @@ def with_params(type_name, **params):
             with_params("gridMapFilters/TresholdFilter"),
             "unknown type 'gridMapFilters/TresholdFilter'; did you mean gridMapFilters/Threshold",
         ),
-        (with_params("nothing"), "unknown type 'nothing'; known: gridMapCv/InpaintFilter"),
         (
             with_params(DUPLICATION, input_layer="a", ouput_layer="b"),
             "unknown parameter 'ouput_layer'; known: input_layer, output_layer",
@@ -349,10 +288,6 @@ def with_params(type_name, **params):
         (
             with_params(DUPLICATION, input_layer="a", output_layer=""),
             "'output_layer': expected the name of a layer",
-        ),
-        (
-            with_params(DUPLICATION, input_layer="a"),
-            f"filter 1 'n' ({DUPLICATION}): missing parameter 'output_layer'",
         ),
         (
             with_params(DUPLICATION, input_layer="a", output_layer=3),
@@ -368,6 +303,7 @@ def test_wrong_configurations_are_refused_with_the_place(config, message):
     with pytest.raises(FilterConfigError) as caught:
         FilterChain.from_config(config)
     assert message in str(caught.value)
+    assert len(str(caught.value)) < 400
     assert isinstance(caught.value, ConfigError)
 
 
@@ -385,45 +321,6 @@ def test_parameters_are_described():
     assert found["filter1.name"] == "name of filter1"
     assert found["filter2.type"] == "type of filter2"
     assert {"filter1.params.nonsense", "filter2.params.radius", "filter3"}.isdisjoint(found)
-
-
-@dataclass(frozen=True)
-class NotCallable:
-    layer: str = "a"
-
-
-@pytest.mark.parametrize("cls", [NotCallable, dict, print], ids=["no call", "no dataclass", "none"])
-def test_classes_that_are_no_filters_are_refused(monkeypatch, cls):
-    monkeypatch.setattr("grid_map_filters_py._chain.FILTERS", {"my/Filter": cls})
-    with pytest.raises(FilterConfigError) as caught:
-        FilterChain.from_config(with_params("my/Filter"))
-    assert str(caught.value) == (
-        f"filter 1 'n' (my/Filter): expected a dataclass that can be called, got {cls!r}"
-    )
-
-
-@pytest.mark.parametrize(
-    "parameters",
-    [
-        {"filter1.params": None, "filter1.params.radius": 1},
-        {"filter1.params.radius": 1, "filter1.params": None},
-        {"filter1": {"params": {"radius": 1}}},
-    ],
-)
-def test_parameters_below_replace_an_empty_value(parameters):
-    assert nested(parameters) == {"filter1": {"params": {"radius": 1}}}
-
-
-@pytest.mark.parametrize("parts", [1, 2, 7, 50])
-def test_depth_of_parameters_is_limited(parts):
-    def tree(levels: int) -> dict[str, object]:
-        name = ".".join("x" * min(parts, levels))
-        return {name: tree(levels - parts) if levels > parts else 1}
-
-    assert nested(tree(50)) == nested({".".join("x" * 50): 1})
-    for levels in (51, 3000):
-        with pytest.raises(ConfigError, match=r"'x.*': expected at most 50 nested levels, got"):
-            nested(tree(levels) if parts > 3 or levels < 100 else {"x." * levels: 1})
 
 
 A = """{name: a, type: gridMapFilters/MathExpressionFilter,
@@ -487,19 +384,13 @@ def test_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
     ("text", "message"),
     [
         ("a: [", "no valid YAML"),
-        ("a: &b [*b]", "the alias 'b' stands for itself"),
         ("3", "expected a list of filters or a mapping, got 3"),
         ("filters: {filter1: {name: a}, filter1: {name: b}}", "'filter1' occurs twice"),
         (
             "a: {ros__parameters: {filters: 1, filters.filter1.name: a}}",
             "'filters': expected no value, as there are parameters below it, got 1",
         ),
-        (
-            "a: {ros__parameters: {filters.filter1.name: a, filters: 1}}",
-            "'filters': expected no value, as there are parameters below it, got 1",
-        ),
         ("a: {ros__parameters: {x: 1}}", "found no filter chain 'filters'"),
-        ("a: [1]\nb: [2]", "found no filter chain 'filters'"),
         (
             "a: {ros__parameters: {filters: {}}}\nb: {ros__parameters: {filters: {}}}",
             "more than one node has 'filters': /a, /b",
@@ -513,25 +404,3 @@ def test_file_without_exactly_one_chain_is_refused(tmp_path, text, message):
         FilterChain.from_yaml(path)
     assert message in str(caught.value)
     assert str(caught.value).startswith(f"{path}: ")
-
-
-@pytest.mark.parametrize(
-    ("config", "message"),
-    [
-        ("x" * 5000, "filters: expected filter1 .. filterN or a list, got 'xxx"),
-        ([[GOOD] * 500], "filter 1: expected name, type and params, got [{'name': 'n', "),
-        ([{"name": ["x"] * 500}], "filter 1: name: expected a string, got ['x', 'x', "),
-        (with_params(DUPLICATION, input_layer=["x"] * 500, output_layer="a"), ", got ['x', 'x', "),
-    ],
-    ids=["text", "entry", "name", "parameter"],
-)
-def test_errors_shorten_values(config, message):
-    with pytest.raises(FilterConfigError) as caught:
-        FilterChain.from_config(config)
-    assert message in str(caught.value)
-    assert len(str(caught.value)) < 250
-
-
-def test_missing_file_is_an_os_error(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        FilterChain.from_yaml(tmp_path / "nowhere.yaml")

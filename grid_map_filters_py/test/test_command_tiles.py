@@ -80,24 +80,6 @@ def test_holes_that_are_too_long(command, refused):
     assert np.isnan(load("out.zarr")["filled"][21, 31])
 
 
-def test_full_disk_then_resume(command, full_disk):
-    assert command("filter chain.yaml site.zarr whole.zarr --quiet --chunks 40")[0] == 0
-    expected = contents("whole.zarr")
-    largest = max(len(data) for name, data in expected.items() if name[-1].isdecimal())
-    with full_disk(largest - 1):
-        code, _, error = command("filter chain.yaml site.zarr out.zarr --quiet --chunks 40")
-    assert (code, error.count("\n"), "cannot be written: File too" in error) == (1, 1, True)
-    code, _, error = command("filter chain.yaml site.zarr out.zarr --quiet --chunks 40")
-    assert (code, "out.zarr.part is left from a run that did not finish" in error) == (1, True)
-    assert command("filter chain.yaml site.zarr out.zarr --quiet --chunks 40 --resume")[0] == 0
-    assert contents("out.zarr") == expected
-
-
-def contents(store: str) -> dict[str, bytes]:
-    files = (file for file in Path(store).rglob("*") if file.is_file())
-    return {str(file.relative_to(store)): file.read_bytes() for file in files}
-
-
 @pytest.mark.parametrize(
     ("words", "text"),
     [

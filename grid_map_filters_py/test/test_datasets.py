@@ -71,18 +71,6 @@ def horn(heights, side: float):
     return slope
 
 
-def test_slope_of_noise_differs_from_horn_as_the_weights_do():
-    heights = np.random.default_rng(2).normal(0.0, 0.001, (120, 90)).astype(np.float32)
-    grid_map = GridMap(np.multiply(heights.shape, 0.5), 0.5, layers={"elevation": heights})
-    expected = np.nanmean(horn(heights, 0.5))
-    inner = slice(1, -1), slice(1, -1)
-    # The slopes of noise are as large as the root of the sum of the squares of the weights.
-    of_horn = np.sqrt(2 * (1 + 4 + 1)) / 8
-    for cells, weights in ((0.0, np.sqrt(2) / 2), (1.5, np.sqrt(6) / 6)):
-        slope = slopes(cells * 0.5)(grid_map)["slope"][inner]
-        assert slope.mean() / expected == pytest.approx(weights / of_horn, rel=0.03)
-
-
 @pytest.mark.parametrize("cells", [0.0, 1.5, 2.5])
 def test_slope_of_a_plane_is_that_of_horn(cells):
     grid_map = GridMap((6.0, 5.0), 0.5, layers=["elevation"])

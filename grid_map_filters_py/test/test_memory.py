@@ -14,12 +14,8 @@ from filter_cases import TO_OUT, step_of
 
 from grid_map_core_py import GridMap
 from grid_map_filters_py import FilterChain, Step
-from grid_map_filters_py.expression import Expression
 
 SIDE = 800
-DEVIATION = "sqrt(sumOfFinites(square(slope - meanOfFinites(slope))) ./ numberOfFinites(slope))"
-
-
 # The first two steps only normalize and delete.
 CHAIN = FilterChain.from_yaml(Path(__file__).parent / "data" / "traversability.yaml").steps[2:]
 
@@ -81,17 +77,6 @@ def test_a_filter_needs_memory_for_less_than_five_layers(grid_map, filter_step, 
     given = FilterChain(before)(grid_map)
     above, _ = peak_above_result(lambda: filter_step.filter(given), given["elevation"].nbytes)
     assert above < 5
-
-
-@pytest.mark.parametrize("edge_handling", ["inside", "crop", "empty", "mean"])
-@pytest.mark.parametrize("expression", [DEVIATION, "max(slope) - min(slope)"])
-def test_windows_free_all_memory(grid_map, edge_handling, expression):
-    layer = grid_map["elevation"]
-    over_windows = Expression(expression).over_windows
-    _, result = peak_above_result(
-        lambda: over_windows("slope", layer, 3, edge_handling), layer.nbytes
-    )
-    assert result == pytest.approx(1.0, abs=0.1)
 
 
 NEW_PAGES = """

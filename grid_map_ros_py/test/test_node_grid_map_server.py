@@ -173,11 +173,11 @@ def test_parts_of_a_source_are_read_for_each_request(client: Client, tmp_path: P
         assert "/grid_map" not in topics
     for reason in (
         "set_grid_map: the map is that of the parameter 'source'",
-        "get_grid_map: submap: expected at most 50000 cells, got 401 x 253",
+        "get_grid_map: map: expected at most 50000 cells, got 401 x 253",
         "get_grid_map: frame_id: expected 'map', that of the map, got 'odom'",
         "get_grid_map: no layer 'slope'; available: elevation, variance",
         "does not overlap the map",
-        "site.zarr: variance, chunk of cells [0:64, 0:64]: cannot be read: error during blosc",
-        "save_map: submap: expected at most 50000 cells",
+        "site.zarr/variance: cannot be read: error during blosc",
+        "save_map: map: expected at most 50000 cells",
     ):
         assert reason in node.text, node.text

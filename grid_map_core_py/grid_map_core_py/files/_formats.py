@@ -21,7 +21,6 @@ from ._image_folder import YAML_NAME, describe_images, load_images, part_of_maps
 from ._map_server import load_map_server, save_map_server
 from ._npz import describe_npz, load_npz, save_npz
 from ._yaml import load_yaml
-from ._zarr import describe_zarr, is_store, load_zarr, save_zarr
 
 GROUP = "grid_map_core_py.formats"
 
@@ -144,7 +143,10 @@ def formats() -> dict[str, Format]:
     warning.
     """
     known = {one.name: one for one in _BUILT_IN}
-    for entry in sorted(entry_points(group=GROUP), key=lambda one: one.name):
+    # Those of this package come first: a bag may be any folder.
+    own = f"{__package__.partition('.')[0]}."
+    entries = entry_points(group=GROUP)
+    for entry in sorted(entries, key=lambda one: (not one.value.startswith(own), one.name)):
         try:
             known.setdefault(entry.name, entry.load())
         # Any error of a plug-in leaves the other formats usable.
@@ -281,14 +283,5 @@ _BUILT_IN = (
         endings=(".ply", ".obj", ".stl"),
         load=load_cloud,
         describe=describe_cloud,
-    ),
-    Format(
-        name="zarr",
-        description="Zarr store of layers in chunks, for maps of any size",
-        endings=(".zarr",),
-        reads=is_store,
-        load=load_zarr,
-        save=save_zarr,
-        describe=describe_zarr,
     ),
 )

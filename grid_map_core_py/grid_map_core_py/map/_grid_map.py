@@ -692,9 +692,12 @@ class GridMap(MutableMapping[str, Layer]):
             ConfigError: `crs` is unknown.
             GridMapError: a layer is called x, y or spatial_ref.
         """
-        from ..tiled._xarray import to_dataset
+        from ..tiled._datasets import to_dataset
+        from ..tiled._tiled_map import register
 
-        return to_dataset(self, crs)
+        dataset = to_dataset(self, crs)
+        register()
+        return dataset
 
     @classmethod
     def from_xarray(
@@ -720,9 +723,9 @@ class GridMap(MutableMapping[str, Layer]):
             GridMapError: a layer has further dimensions or no numbers, the values cannot be read,
                 or an attribute is wrong.
         """
-        from ..tiled._xarray import from_dataset
+        from ..tiled._tiled_map import GridMapAccessor
 
-        return from_dataset(dataset, layers)
+        return GridMapAccessor(dataset).to_map(layers)
 
     # Pictures
 

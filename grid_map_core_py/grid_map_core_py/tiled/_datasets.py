@@ -1,15 +1,29 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The description of a map by a dataset of xarray: grid, layers, frame, reference system."""
+"""Maps as datasets of xarray, and datasets as sources of layers.
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+Layers are variables of the dimensions ("x", "y") in map order: both coordinates descend.
+"""
+
+import re
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._arrays._checks import Positions, as_array
-from ..errors import GeometryError, GridMapError, required, short
+from .._arrays._checks import Layer, Positions, Size, as_array, as_layer
+from ..errors import (
+    ConfigError,
+    GeometryError,
+    GridMapError,
+    MissingPackageError,
+    required,
+    short,
+)
 from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ._source import TILE, TiledData, Window, data_errors, shape
 
 if TYPE_CHECKING:
     import xarray
@@ -19,10 +33,10 @@ REMEDY = "pip install 'grid_map_core_py[xarray]'"
 DIMENSIONS = ("x", "y")
 
 CRS_VARIABLE = "spatial_ref"
-"""Variable that holds the reference system, as CF has it and rioxarray finds it."""
+"""Variable that holds the coordinate reference system: the name that rioxarray uses."""
 
 _BAND = "band"
-"""Dimension of the bands of a raster, as rioxarray has it."""
+"""Dimension of the bands of a raster in rioxarray."""
 
 _ENCODED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 """Attributes of values that xarray has not decoded."""
@@ -30,11 +44,106 @@ _ENCODED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 _LARGEST_DIFFERENCE = 1e-3
 """Largest difference of a coordinate from its place in the grid [cells]."""
 
+_WKT = re.compile(r"\s*[A-Z]\w*\s*\[", re.IGNORECASE)
+
+_DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
+"""Beginning of the WKT of latitudes and longitudes."""
+
+# --- from maps ------------------------------------------------------------------------------------
+
+
+def coordinates(geometry: GridGeometry, origin: Sequence[float] = (0.0, 0.0)) -> dict[str, Any]:
+    """Return the coordinates of a dataset: centers of cells in the reference system [m]."""
+    axes = zip(DIMENSIONS, geometry.axes_in_map_order(), origin, strict=True)
+    return {
+        name: (name, axis + start, {"units": "m", "standard_name": f"projection_{name}_coordinate"})
+        for name, axis, start in axes
+    }
+
+
+def attributes(
+    geometry: GridGeometry,
+    layers: Iterable[str],
+    frame_id: str,
+    timestamp: int,
+    basic_layers: Iterable[str],
+    origin: Sequence[float] = (0.0, 0.0),
+) -> dict[str, Any]:
+    """Return the attributes of the dataset of a map."""
+    names = [*layers]
+    return {
+        # Stores do not keep the order of variables.
+        "layers": names,
+        "frame_id": frame_id,
+        "timestamp": timestamp,
+        "basic_layers": [name for name in basic_layers if name in names],
+        "resolution": geometry.resolution,
+        # The mean of two coordinates has a rounding error.
+        "position": geometry.position.tolist(),
+    } | ({"origin": [*origin]} if any(origin) else {})
+
+
+def to_dataset(grid_map: GridMap, crs: str = "") -> "xarray.Dataset":
+    """Return the dataset of a map; see `GridMap.to_xarray`."""
+    layers = {name: grid_map.unwrapped(name) for name in grid_map}
+    about = grid_map.frame_id, grid_map.timestamp, grid_map.basic_layers
+    return dataset_of(grid_map.geometry, layers, attributes(grid_map.geometry, layers, *about), crs)
+
+
+def dataset_of(
+    geometry: GridGeometry, layers: Mapping[str, Any], about: Mapping[str, Any], crs: str
+) -> "xarray.Dataset":
+    """Return a dataset of NumPy or Dask arrays in map order; they are not copied."""
+    xr = required("xarray", "a dataset", REMEDY)
+    if taken := {*layers} & {*DIMENSIONS, CRS_VARIABLE}:
+        raise GridMapError(
+            f"layers: expected other names than those of coordinates, got {min(taken)!r}"
+        )
+    mapping = {"grid_mapping": CRS_VARIABLE} if crs else {}
+    variables = {
+        name: xr.Variable(DIMENSIONS, data, encoding=mapping) for name, data in layers.items()
+    }
+    known = coordinates(geometry, about.get("origin", (0.0, 0.0)))
+    if crs:
+        known[CRS_VARIABLE] = ((), 0, grid_mapping(crs))
+    dataset: xarray.Dataset = xr.Dataset(variables, known, about)
+    return dataset
+
+
+def grid_mapping(crs: str) -> dict[str, Any]:
+    """Return the attributes of the variable that holds a reference system.
+
+    Args:
+        crs: WKT, a code such as "EPSG:25832", or a string of PROJ.
+
+    Raises:
+        ConfigError: the reference system is unknown.
+        MissingPackageError: `crs` is no WKT, and pyproj is not installed.
+    """
+    is_wkt = bool(_WKT.match(crs))
+    wkt, about = crs, {}
+    try:
+        pyproj = required("pyproj", f"crs {short(crs)}", "pip install 'grid_map_core_py[geo]'")
+        found = pyproj.CRS.from_user_input(crs)
+        wkt, about = crs if is_wkt else found.to_wkt(), found.to_cf()
+    except MissingPackageError:
+        if not is_wkt:
+            raise
+    except RuntimeError:  # that of pyproj is one
+        if not is_wkt:
+            expected = "WKT, a code such as 'EPSG:25832', or a string of PROJ"
+            raise ConfigError(f"crs: expected {expected}, got {short(crs)}") from None
+    return {**about, "crs_wkt": wkt, "spatial_ref": wkt}
+
+
+# --- from datasets --------------------------------------------------------------------------------
+
 
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Return the dataset of a dataset or an array, with one variable per band.
 
-    Values that are marked as no data become NaN; scales and offsets are applied.
+    Bands without names are numbered behind the name of their variable. Values marked as missing
+    become NaN; scales and offsets are applied.
     """
     xr = required("xarray", "a dataset", REMEDY)
     dataset: Any = data
@@ -46,41 +155,53 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
         expected = "a Dataset or DataArray of xarray"
         raise GridMapError(f"dataset: expected {expected}, got {short(data)}")
     if _BAND in dataset.dims:
-        dataset = _unstacked(dataset, prefix)
+        layers: dict[str, Any] = {}
+        for name, array in dataset.data_vars.items():
+            if _BAND not in array.dims:
+                layers[str(name)] = array
+                continue
+            count, names = array.sizes[_BAND], array.attrs.get("long_name", ())
+            if count == 1:
+                names = [name]
+            elif isinstance(names, str) or len({*names}) != count:
+                names = [f"{prefix or name}_{number}" for number in range(1, count + 1)]
+            for number, band in enumerate(names):
+                layers[str(band)] = array.isel({_BAND: number}, drop=True)
+        dataset = dataset.drop_dims(_BAND).assign(layers)
     if any({*_ENCODED} & {*variable.attrs} for variable in dataset.data_vars.values()):
         dataset = xr.decode_cf(dataset, decode_times=False, decode_coords=False)
     return dataset  # type: ignore[no-any-return]
 
 
-def _unstacked(dataset: "xarray.Dataset", prefix: str | None) -> "xarray.Dataset":
-    """Return a dataset whose bands are variables of their own.
-
-    Those without names are called by numbers behind `prefix` or the name of their variable.
-    """
-    layers: dict[str, Any] = {}
-    for name, array in dataset.data_vars.items():
-        if _BAND not in array.dims:
-            layers[str(name)] = array
-            continue
-        count, names = array.sizes[_BAND], array.attrs.get("long_name", ())
-        if count == 1:
-            names = [name]
-        elif isinstance(names, str) or len({*names}) != count:
-            names = [f"{prefix or name}_{number}" for number in range(1, count + 1)]
-        for number, band in enumerate(names):
-            layers[str(band)] = array.isel({_BAND: number}, drop=True)
-    return dataset.drop_dims(_BAND).assign(layers)
-
-
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
-    """Return the geometry of a dataset, and whether x and y ascend.
+    """Return the geometry of a dataset in the frame, and whether x and y ascend.
 
     Raises:
         GeometryError: a coordinate is missing or not evenly spaced, or cells are no squares.
     """
-    axes = [_centers(dataset, name) for name in DIMENSIONS]
+    axes: list[Positions] = []
+    for name in DIMENSIONS:
+        if name not in dataset.coords or dataset[name].dims != (name,):
+            raise GeometryError(
+                f"{name}: expected the dimensions x and y with coordinates [m], got the dimensions "
+                f"{short([*dataset.sizes])} and the coordinates {short([*dataset.coords])}; "
+                "dataset.rename(lon='x', lat='y') changes names"
+            )
+        centers = as_array(dataset[name].values, np.float64, name)
+        if not centers.size or not np.isfinite(centers).all():
+            raise GeometryError(f"{name}: expected finite coordinates, got {short(centers)}")
+        even = np.linspace(centers[0], centers[-1], centers.size)
+        step = abs(even[-1] - even[0]) / max(centers.size - 1, 1)
+        is_even = np.abs(centers - even).max() <= _LARGEST_DIFFERENCE * step
+        if centers.size > 1 and not (step > 0 and is_even):
+            steps = np.diff(centers)
+            raise GeometryError(
+                f"{name}: expected evenly spaced coordinates, got steps from {steps.min():.6g} to "
+                f"{steps.max():.6g}"
+            )
+        axes.append(centers)
     resolution = _resolution(dataset, axes)
-    middle = np.array([0.5 * (axis[0] + axis[-1]) for axis in axes])
+    middle = np.array([0.5 * (axis[0] + axis[-1]) for axis in axes]) - _origin_of(dataset)
     given = np.asarray(dataset.attrs.get("position", middle))
     # A part of a dataset has the attributes of the whole one.
     fits = given.shape == (2,) and given.dtype.kind in "iuf"
@@ -89,27 +210,9 @@ def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bo
     return geometry, (bool(axes[0][-1] > axes[0][0]), bool(axes[1][-1] > axes[1][0]))
 
 
-def _centers(dataset: "xarray.Dataset", name: str) -> Positions:
-    """Return a coordinate that is evenly spaced."""
-    if name not in dataset.coords or dataset[name].dims != (name,):
-        raise GeometryError(
-            f"{name}: expected the dimensions x and y with coordinates [m], got the dimensions "
-            f"{short([*dataset.sizes])} and the coordinates {short([*dataset.coords])}; "
-            "dataset.rename(lon='x', lat='y') changes names"
-        )
-    centers: Positions = as_array(dataset[name].values, np.float64, name)
-    if not centers.size or not np.isfinite(centers).all():
-        raise GeometryError(f"{name}: expected finite coordinates, got {short(centers)}")
-    if centers.size > 1:
-        even = np.linspace(centers[0], centers[-1], centers.size)
-        step = abs(even[1] - even[0])
-        if not step > 0 or np.abs(centers - even).max() > _LARGEST_DIFFERENCE * step:
-            steps = np.diff(centers)
-            raise GeometryError(
-                f"{name}: expected evenly spaced coordinates, got steps from {steps.min():.6g} to "
-                f"{steps.max():.6g}"
-            )
-    return centers
+def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
+    x, y = map(float, dataset.attrs.get("origin", (0.0, 0.0)))
+    return x, y
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
@@ -119,28 +222,18 @@ def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
         raise GeometryError(
             f"dataset: expected cells that are squares, got {steps[0]:.6g} x {steps[1]:.6g} m"
         )
-    for given in (dataset.attrs.get("resolution"), _transform(dataset)):
-        side = float(given) if isinstance(given, int | float | np.number) else 0.0
-        if side > 0 and all(abs(step - side) <= _LARGEST_DIFFERENCE * side for step in steps):
-            return side
+    given = dataset.attrs.get("resolution")
+    side = float(given) if isinstance(given, int | float | np.number) else 0.0
+    if side > 0 and all(abs(step - side) <= _LARGEST_DIFFERENCE * side for step in steps):
+        return side
     if not steps:
-        raise GeometryError(
-            "dataset: expected the attribute 'resolution' [m] of one cell, got "
-            f"{short(dataset.attrs.get('resolution'))}"
-        )
+        expected = "the attribute 'resolution' [m] of one cell"
+        raise GeometryError(f"dataset: expected {expected}, got {short(given)}")
     return float(steps[0])
 
 
-def _transform(dataset: "xarray.Dataset") -> float | None:
-    """Return the side of a pixel that rioxarray has written down."""
-    words = str(_mapping(dataset).get("GeoTransform", "")).split()
-    with suppress(ValueError):
-        return float(words[1]) if len(words) == 6 else None
-    return None
-
-
 def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
-    """Return the names of the variables that are layers, in the order of the attribute `layers`.
+    """Return the names of the layers, in the order of the attribute `layers`.
 
     Raises:
         GridMapError: a variable has further dimensions, or holds no numbers.
@@ -164,31 +257,119 @@ def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
     return tuple(sorted(layers, key=order.index))
 
 
-def described(about: Mapping[Any, Any], layers: Sequence[str]) -> tuple[str, int, tuple[str, ...]]:
-    """Return frame, time and basic layers in the attributes of a dataset."""
-    basic = about.get("basic_layers", ())
-    names = [basic] if isinstance(basic, str) else [str(name) for name in basic]
-    timestamp = about.get("timestamp", 0)
-    if not isinstance(timestamp, int | np.integer):
-        expected = "an integer of nanoseconds"
-        raise GridMapError(f"timestamp: expected {expected}, got {short(timestamp)}")
-    frame_id = str(about.get("frame_id", "map"))
-    return frame_id, int(timestamp), tuple(name for name in names if name in layers)
-
-
 def crs_of(dataset: "xarray.Dataset") -> str:
     """Return the reference system of a dataset as WKT; empty if it has none."""
-    about = _mapping(dataset)
-    return str(about.get("crs_wkt") or about.get("spatial_ref") or "")
-
-
-def _mapping(dataset: "xarray.Dataset") -> Mapping[Any, Any]:
-    """Return the attributes of the grid mapping of a dataset; empty if it has none."""
     names = [
         variable.encoding.get("grid_mapping") or variable.attrs.get("grid_mapping")
         for variable in dataset.data_vars.values()
     ]
     for name in (*names, CRS_VARIABLE):
         if name in dataset.variables:
-            return dataset[name].attrs
-    return {}
+            about = dataset[name].attrs
+            return str(about.get("crs_wkt") or about.get("spatial_ref") or "")
+    return ""
+
+
+# --- windows --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetSource:
+    """Layers in the variables of a dataset, which may be in memory, in a file, or of Dask.
+
+    Args:
+        dataset: holds the layers in map order.
+        layers: names of the layers.
+        name: name of the dataset in errors.
+    """
+
+    dataset: "xarray.Dataset"
+    layers: tuple[str, ...]
+    name: str
+
+    reads_layers_alone: ClassVar[bool] = True
+
+    def describe(self) -> str:
+        return str(required("dask.base", "tiled maps", REMEDY).tokenize(self.dataset))
+
+    def prepare(self) -> None:
+        """Do nothing: windows share nothing."""
+
+    def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
+        with data_errors(f"{self.name}/{names[0]}" if len(names) == 1 else self.name, "read"):
+            part = dict(zip(DIMENSIONS, window, strict=True))
+            layers = [self.dataset.variables[name].isel(part) for name in names]
+            if any(layer.chunks for layer in layers):
+                compute = required("dask.base", "a dataset of Dask", REMEDY).compute
+                # In a task of Dask, another scheduler would wait for the threads of this one.
+                values = compute(*(layer.data for layer in layers), scheduler="synchronous")
+            else:
+                values = [layer.values for layer in layers]
+            return [
+                as_layer(np.asarray(each), shape(window), name)
+                for name, each in zip(names, values, strict=True)
+            ]
+
+
+def open_dataset(
+    data: "xarray.Dataset | xarray.DataArray", tile: Size | None = None, name: str = "dataset"
+) -> TiledData:
+    """Return a dataset as a tiled map.
+
+    Args:
+        data: see `GridMap.from_xarray`; values are read, or computed, window by window.
+        tile: rows and columns of a tile; None means the chunks of Dask, otherwise 1024 cells.
+        name: name of the dataset in errors.
+
+    Raises:
+        GeometryError: coordinates are missing or no grid of squares.
+        GridMapError: an attribute is wrong, or a layer has other dimensions or no numbers.
+    """
+    dataset = as_dataset(data)
+    geometry, ascends = geometry_of(dataset)
+    layers = layers_of(dataset)
+    lazy = [dataset[name].chunksizes for name in layers if dataset[name].chunks]
+    chunks = [lazy[0][side][0] for side in DIMENSIONS] if lazy else [TILE, TILE]
+    about = dataset.attrs
+    timestamp, basic = about.get("timestamp", 0), about.get("basic_layers", ())
+    if not isinstance(timestamp, int | np.integer):
+        expected = "an integer of nanoseconds"
+        raise GridMapError(f"timestamp: expected {expected}, got {short(timestamp)}")
+    basic = [basic] if isinstance(basic, str) else [str(each) for each in basic]
+    crs = crs_of(dataset)
+    if _DEGREES.match(crs) or "degree" in str(dataset["x"].attrs.get("units")):
+        warnings.warn(
+            f"{name}: x and y are in degrees, which are taken for meters; "
+            "dataset.rio.reproject(...) of rioxarray projects it",
+            stacklevel=3,
+        )
+    # Coordinates would be sent along to every process.
+    bare = dataset.drop_vars([*dataset.coords])[[*layers]]
+    ordered = bare.isel(turned(ascends), missing_dims="ignore")
+    ordered = ordered.transpose(*DIMENSIONS, missing_dims="ignore")
+    return TiledData(
+        DatasetSource(ordered, layers, name),
+        geometry,
+        tile or (chunks[0], chunks[1]),
+        frame_id=str(about.get("frame_id", "map")),
+        timestamp=int(timestamp),
+        basic_layers=tuple(each for each in basic if each in layers),
+        crs=crs,
+        origin=_origin_of(dataset),
+    )
+
+
+def turned(ascends: Sequence[bool]) -> dict[str, slice]:
+    """Return the index that turns ascending coordinates around, for `isel`."""
+    return {
+        name: slice(None, None, -1) for name, each in zip(DIMENSIONS, ascends, strict=True) if each
+    }
+
+
+def mirrored(window: Window, size: Size, ascends: Sequence[bool]) -> Window:
+    """Convert a window from map order to the order of a dataset (x, y), or back."""
+    rows, columns = (
+        slice(length - part.stop, length - part.start) if each else part
+        for part, length, each in zip(window, size, ascends, strict=True)
+    )
+    return rows, columns

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`open_map`: stores, rasters and datasets as tiled maps."""
+"""`open_map`: stores, rasters and datasets as tiled maps; stores as files of `load` and `save`."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..files._formats import Format
+from ..files._shared import map_facts
+from ..map._grid_map import GridMap
 from ..plugins import check
+from ._datasets import open_dataset
 from ._source import TILE
-from ._tiled_map import TiledMap
+from ._tiled_map import TiledMap, register
+from ._zarr_source import open_store
 
 if TYPE_CHECKING:
     import xarray
@@ -20,48 +26,86 @@ def open_map(
     chunks: int | None = None,
     crs: str = "",
     origin: tuple[float, float] | None = None,
-    virtual: bool = False,
 ) -> TiledMap:
-    """Return a map of any size; nothing but its description is read.
+    """Open a map of any size; only its description is read.
 
     Several GeoTIFF files are one map if their pixels are on one grid: gaps are NaN, and where files
     overlap, the first one with a value wins.
 
     Args:
-        path: a Zarr store (a folder, or an address that fsspec knows), GeoTIFF files, or a dataset
-            of xarray.
+        path: a Zarr store (a folder, or an address for fsspec), one or more GeoTIFF files (also
+            virtual ones of GDAL, such as `/vsicurl/https://.../dem.tif`), or a dataset of xarray.
         chunks: side of the tiles that are computed and written at once [cells]; by default the
             chunks of the store, otherwise 1024.
-        crs: coordinate reference system, such as "EPSG:25832", into which GeoTIFF files are
-            projected when they are read: by bilinear interpolation, to square pixels.
+        crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
+            when they are read, with bilinear interpolation and square pixels.
         origin: latitude and longitude [deg, WGS 84] of the place that is (0, 0) in the frame; None
-            takes the coordinates of the reference system. See `TiledMap.with_origin`.
-        virtual: let paths name virtual files of GDAL, such as `/vsicurl/https://.../dem.tif`.
+            keeps the coordinates of the reference system. See `TiledMap.with_origin`.
 
     Raises:
-        ConfigError: `crs` is of another form, or given for another kind of map.
+        ConfigError: `crs` is malformed, or given for another kind of map.
         MissingPackageError: a package that the kind of map needs is not installed.
-        GridMapError: it cannot be read, or is no map.
+        GridMapError: the map cannot be read, or is no map.
     """
     check(chunks is None or chunks >= 1, "chunks", "a number of cells", chunks)
-    site = _opened(path, chunks, crs, virtual=virtual)
-    return site if origin is None else site.with_origin(*origin)
-
-
-def _opened(path: Any, chunks: int | None, crs: str, *, virtual: bool) -> TiledMap:
     side = (chunks, chunks) if chunks else None
+    source: Any = path
     is_name, is_dataset = isinstance(path, str | PathLike), hasattr(path, "dims")
-    if not is_dataset and (not is_name or Path(path).suffix.lower() in (".tif", ".tiff")):
+    if not is_dataset and (not is_name or Path(source).suffix.lower() in (".tif", ".tiff")):
         from ._rasters import open_rasters
 
-        paths = [path] if is_name else [*path]
-        check(bool(paths), "path", "a file at least", paths)
-        return open_rasters(paths, side or (TILE, TILE), crs, virtual=virtual)
-    check(not crs, "crs", "none: only GeoTIFF files are projected when they are read", crs)
-    if is_dataset:
-        from ._xarray import open_dataset
+        paths = [source] if is_name else [*source]
+        check(bool(paths), "path", "at least one file", paths)
+        data = open_rasters(paths, side or (TILE, TILE), crs)
+    else:
+        check(not crs, "crs", "none: only GeoTIFF files are projected when they are read", crs)
+        data = open_dataset(source, side) if is_dataset else open_store(fspath(source), chunks)
+        register()
+    opened = TiledMap(**vars(data))
+    return opened if origin is None else opened.with_origin(*origin)
 
-        return open_dataset(path, side)
-    from ._stores import open_store
 
-    return open_store(fspath(path), chunks)
+# --- the file format ------------------------------------------------------------------------------
+
+
+def _load(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
+    return open_map(path).to_map(layers)
+
+
+def _save(
+    grid_map: GridMap, path: str | PathLike[str], *, chunks: int = 1024, crs: str = ""
+) -> None:
+    opened = open_map(grid_map.to_xarray(crs=crs), chunks=chunks)
+    opened.to_zarr(path, overwrite=True)
+
+
+def _describe(path: str | PathLike[str]) -> dict[str, Any]:
+    opened = open_map(path)
+    empty = GridMap.from_geometry(
+        opened.geometry, frame_id=opened.frame_id, timestamp=opened.timestamp
+    )
+    names = {"layers": [*opened.layers], "basic_layers": [*opened.basic_layers]}
+    crs = opened.crs
+    with suppress(Exception):  # without pyproj, or a code
+        from pyproj import CRS
+
+        crs = ":".join(CRS.from_user_input(crs).to_authority() or [crs])
+    facts: dict[str, Any] = {"crs": crs} if crs else {}
+    facts |= {"origin": [*opened.origin]} if any(opened.origin) else {}
+    facts |= map_facts(empty) | names
+    # Counting the files of a store may take minutes.
+    return {"bytes": None, "map": facts | {"chunks": [*opened.tile]}}
+
+
+ZARR = Format(
+    name="zarr",
+    description="Zarr store of layers in chunks, for maps of any size",
+    endings=(".zarr",),
+    reads=lambda path: (
+        path.suffix.lower() == ".zarr"
+        or any(Path(path, name).is_file() for name in (".zgroup", "zarr.json"))
+    ),
+    load=_load,
+    save=_save,
+    describe=_describe,
+)

@@ -18,18 +18,16 @@ from ..files._atomic import new_file
 from ..files._geotiff import check_crs, raster_profile, raster_tags
 from ..files._image_files import to_north_up
 from ..files._shared import check_ending, package_for, storage_errors
-from ._earth import unmoved_crs
 from ._engine import in_any_order
 from ._rasters import bound_cache
-from ._source import Tiles, Window
-from ._tiled_map import Progress, TiledMap
+from ._source import Progress, TiledData, Tiles, Window
 
 _BLOCK = 512
 """Side of a block of a file [cells]."""
 
 
 def to_geotiff(
-    site: TiledMap,
+    site: TiledData,
     path: str | PathLike[str],
     names: Sequence[str],
     progress: Progress | None,
@@ -64,7 +62,7 @@ class _Compute:
     """Computes a window and hands it to a function, or returns it to the process that has this."""
 
     def __init__(
-        self, site: TiledMap, names: Sequence[str], write: Callable[..., object] | None = None
+        self, site: TiledData, names: Sequence[str], write: Callable[..., object] | None = None
     ) -> None:
         self.site, self.names, self.write = site, names, write
 
@@ -81,12 +79,11 @@ class _Compute:
 
 
 def _write_windows(
-    site: TiledMap, file: Path, names: Sequence[str], progress: Progress | None, *, compress: bool
+    site: TiledData, file: Path, names: Sequence[str], progress: Progress | None, *, compress: bool
 ) -> list[tuple[Window, int]]:
     """Write the layers into a file of blocks; return the windows and their checksums."""
     blocks = {"tiled": True, "blockxsize": _BLOCK, "blockysize": _BLOCK, "interleave": "band"}
-    # Other programs know the reference system itself, and GeoTIFF cannot hold each moved one.
-    crs, origin = unmoved_crs(site.crs)
+    crs, origin = site.crs, site.origin
     geometry = site.geometry.at(site.position + origin)
     profile = raster_profile(geometry, len(names), crs, compress=compress) | blocks
     basic = [name for name in site.basic_layers if name in names]

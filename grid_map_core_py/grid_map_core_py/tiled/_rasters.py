@@ -13,7 +13,7 @@ from functools import cached_property
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,10 @@ from ..files._shared import StoredMap, storage_errors
 from ..limits import check_bytes
 from ..map._geometry import GridGeometry
 from ._earth import moved_map
-from ._source import Tiles, Window, common, shape, within
-from ._tiled_map import TiledMap
+from ._source import TiledData, Tiles, Window, common, shape, within
+
+if TYPE_CHECKING:
+    from ._tiled_map import TiledMap
 
 _LARGEST_SHIFT = 1e-3
 """Largest distance between the cells of a raster and the grid of its mosaic [cells]."""
@@ -176,7 +178,7 @@ class RasterSource:
 
 def open_rasters(
     paths: Sequence[str | PathLike[str]], tile: Size, crs: str = "", *, virtual: bool = False
-) -> TiledMap:
+) -> TiledData:
     """Return the tiled map of one raster, or of several on one grid; see `open_map`."""
     check_crs(crs)
     headers = []
@@ -200,7 +202,7 @@ def open_rasters(
         grid = _Grid(corner[0] + box[0] * step, corner[1] - box[1] * step, step) if crs else None
         parts.append(_Part(header.path, place, header.stamp, grid))
     size = east - west, south - north
-    site = TiledMap(
+    site = TiledData(
         RasterSource(tuple(parts), tuple(first.stored.layers), crs, virtual),
         GridGeometry.from_size(size, step, first.geometry.position + offset),
         tile,
@@ -212,7 +214,7 @@ def open_rasters(
     return moved_map(site, first.origin) if first.origin else site
 
 
-def overview_of(site: TiledMap, step: int) -> tuple[TiledMap, int]:
+def overview_of(site: "TiledMap", step: int) -> tuple["TiledMap", int]:
     """Return the smallest overview of a raster whose cells are at most `step` times as large.
 
     Returns:
@@ -300,7 +302,7 @@ def _warn(raster: Any, path: str) -> None:
         warnings.warn(
             f"{path}: is in {unit}, which are taken for meters; open_map(..., crs={code!r}) "
             "projects it into meters",
-            stacklevel=6,
+            stacklevel=5,
         )
     if raster.block_shapes[0][1] == raster.width > _WIDEST_STRIP and raster.compression:
         target = f"{Path(path).with_name(Path(path).stem)}_tiled.tif"
@@ -310,7 +312,7 @@ def _warn(raster: Any, path: str) -> None:
         warnings.warn(
             f"{path}: is stored in strips of {raster.width} pixels, so that windows are slow to "
             f"read; to mend it: {line}",
-            stacklevel=6,
+            stacklevel=5,
         )
 
 

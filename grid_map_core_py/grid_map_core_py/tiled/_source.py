@@ -1,22 +1,35 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where the layers of a tiled map come from, and windows of cells."""
+"""Sources of layers that are read window by window, and the arithmetic of windows."""
 
-from collections.abc import Iterator, Sequence
-from typing import Protocol, TypeAlias
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from os import PathLike, fspath
+from typing import Any, Protocol, TypeAlias
 
-from .._arrays._checks import Layer, Size
+from .._arrays._checks import Layer, Positions, Size
+from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
+from ..map._geometry import GridGeometry
+
+__all__ = ["shape", "widened", "within"]
+"""Names for other packages of the suite."""
 
 Window: TypeAlias = tuple[slice, slice]
 """Rows and columns of a rectangle of cells, in map order; with a start and a stop, no step."""
 
+Progress = Callable[[int, int], Any]
+"""Function that is called after each tile, with the number of finished tiles and of all."""
+
 TILE = 1024
-"""Side of a tile, if neither the caller nor the source says it [cells]."""
+"""Default side of a tile [cells]."""
 
 
 class Source(Protocol):
     """Layers that are read window by window.
 
-    It is sent to other processes and machines: it can be pickled, and opens files when it reads.
+    Sources are pickled and sent to other processes and machines, so they open files only when they
+    read. A source for which several layers cost as much together as one after the other may set
+    `reads_layers_alone`.
     """
 
     @property
@@ -24,28 +37,71 @@ class Source(Protocol):
         """Names of the layers in their order."""
 
     def describe(self) -> str:
-        """Return a text that is the same in a later process if all windows are."""
+        """Return a text that is equal in a later process if, and only if, the data are the same."""
 
     def prepare(self) -> None:
-        """Compute what all windows need, before windows are read in several processes."""
+        """Compute what all windows share; called once before windows are read in parallel."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         """Return the named layers of a window: float32, (rows, cols), Fortran order, own memory.
 
         Args:
-            window: a rectangle of cells on the map, not empty.
-            names: layers that exist.
+            window: a non-empty rectangle of cells of the map.
+            names: names of existing layers.
 
         Raises:
             GridMapError: the layers cannot be read or computed.
         """
 
 
+@dataclass(frozen=True, eq=False)
+class TiledData:
+    """Source, grid and frame of a tiled map; see `TiledMap`, which adds its methods."""
+
+    source: Source
+    geometry: GridGeometry
+    tile: Size
+    frame_id: str = "map"
+    timestamp: int = 0
+    basic_layers: tuple[str, ...] = ()
+    crs: str = ""
+    origin: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the layers in their order."""
+        return self.source.layers
+
+    @property
+    def size(self) -> Size:
+        """Rows and columns."""
+        return self.geometry.size
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell [m]."""
+        return self.geometry.resolution
+
+    @property
+    def position(self) -> Positions:
+        """Center of the map, (2,) [m]."""
+        return self.geometry.position
+
+    @property
+    def length(self) -> Positions:
+        """Sides of the map along x and y, (2,) [m]."""
+        return self.geometry.length
+
+    @property
+    def tiles(self) -> "Tiles":
+        """The tiles, as windows of cells."""
+        return Tiles(self.size, self.tile)
+
+
 class Tiles(Sequence[Window]):
     """The tiles of a map: windows of at most `side` rows and columns, row after row of tiles."""
 
     def __init__(self, size: Size, side: Size) -> None:
-        """Cut `size` cells into tiles of `side` cells; the last ones may be smaller."""
         self.size, self.side = size, side
         self.counts = tuple(-(-length // part) for length, part in zip(size, side, strict=True))
 
@@ -63,21 +119,16 @@ class Tiles(Sequence[Window]):
         return rows, columns
 
     def touching(self, window: Window) -> Iterator[Window]:
-        """Yield the tiles that have cells of a window."""
-        firsts, lasts = (
-            [(end - last) // part for end, part in zip(ends, self.side, strict=True)]
-            for ends, last in (
-                ([part.start for part in window], 0),
-                ([part.stop for part in window], 1),
-            )
+        """Return the tiles that overlap a window."""
+        rows, columns = (
+            range(part.start // side, (part.stop - 1) // side + 1)
+            for part, side in zip(window, self.side, strict=True)
         )
-        for row in range(firsts[0], lasts[0] + 1):
-            for column in range(firsts[1], lasts[1] + 1):
-                yield self[row * self.counts[1] + column]
+        return (self[row * self.counts[1] + column] for row in rows for column in columns)
 
 
 def widened(window: Window, cells: int, size: Size) -> Window:
-    """Return a window with a border of some cells, as far as the map goes."""
+    """Return a window widened by a number of `cells`, clipped to a map of `size`."""
     rows, columns = (
         slice(max(part.start - cells, 0), min(part.stop + cells, length))
         for part, length in zip(window, size, strict=True)
@@ -86,7 +137,7 @@ def widened(window: Window, cells: int, size: Size) -> Window:
 
 
 def within(window: Window, outer: Window) -> Window:
-    """Return a window counted from the first cell of one around it."""
+    """Return a window relative to the first cell of a window around it."""
     rows, columns = (
         slice(part.start - around.start, part.stop - around.start)
         for part, around in zip(window, outer, strict=True)
@@ -95,7 +146,7 @@ def within(window: Window, outer: Window) -> Window:
 
 
 def common(one: Window, other: Window) -> Window:
-    """Return the cells that are in two windows; slices end before they start if there are none."""
+    """Return the intersection of two windows; slices stop before they start if it is empty."""
     rows, columns = (
         slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
     )
@@ -103,10 +154,32 @@ def common(one: Window, other: Window) -> Window:
 
 
 def shape(window: Window) -> Size:
-    """Return the numbers of rows and columns of a window."""
+    """Return the number of rows and columns of a window."""
     return window[0].stop - window[0].start, window[1].stop - window[1].start
 
 
 def tile_name(window: Window) -> str:
-    """Return the name of a window for messages."""
+    """Return a window as text for messages."""
     return f"cells [{', '.join(f'{part.start}:{part.stop}' for part in window)}]"
+
+
+@contextmanager
+def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
+    """Turn every error of reading or writing layers into one GridMapError that names them.
+
+    Args:
+        path: name of a store or dataset, or of a part of it.
+        doing: "read" or "written".
+    """
+    try:
+        yield
+    except (LayerNotFoundError, MissingPackageError):
+        raise
+    except GridMapError as error:
+        if fspath(path) not in str(error):
+            error.args = (f"{path}: {error}",)
+        raise
+    # Zarr and its codecs raise errors of many types.
+    except Exception as error:
+        reason = getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
+        raise GridMapError(f"{path}: cannot be {doing}: {reason.splitlines()[0]}") from error

@@ -4,7 +4,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,15 @@ from ..plugins import check
 from ._engine import in_any_order
 from ._rasters import overview_of
 from ._source import Window
-from ._tiled_map import TiledMap
+
+if TYPE_CHECKING:
+    from ._tiled_map import TiledMap
 
 _MOST_TILES = 4096
 """Tiles that are read at most: this takes about half a minute."""
 
 
-def thinned_map(site: TiledMap, step: int, names: Sequence[str]) -> GridMap:
+def thinned_map(site: "TiledMap", step: int, names: Sequence[str]) -> GridMap:
     """Return every `step`-th cell of a map; see `TiledMap.thinned`."""
     check(step >= 1, "step", "a number of cells", step)
     site, factor = overview_of(site, step)
@@ -49,7 +51,7 @@ def thinned_map(site: TiledMap, step: int, names: Sequence[str]) -> GridMap:
     return site._map(geometry, names, layers)
 
 
-def _affordable(site: TiledMap, step: int) -> int:
+def _affordable(site: "TiledMap", step: int) -> int:
     """Return a step, as large as given or larger, with which few enough tiles have a cell."""
 
     def tiles(step: int) -> int:
@@ -64,7 +66,7 @@ def _affordable(site: TiledMap, step: int) -> int:
     return step
 
 
-def _blocks(site: TiledMap, lines: Sequence[NDArray[Any]]) -> Any:
+def _blocks(site: "TiledMap", lines: Sequence[NDArray[Any]]) -> Any:
     """Yield the tiles that have a cell of the result: windows from its first to its last one."""
     parts = []
     for line, side in zip(lines, site.tile, strict=True):
@@ -81,7 +83,7 @@ def _blocks(site: TiledMap, lines: Sequence[NDArray[Any]]) -> Any:
 class _Read:
     """Reads every n-th cell of a window, the first one included."""
 
-    site: TiledMap
+    site: "TiledMap"
     step: int
     names: Sequence[str]
 

@@ -1,57 +1,63 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map of any size, of which only windows are in memory."""
+"""Maps of any size, and the accessor `grid_map` of datasets of xarray."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays._checks import Layer, Positions, Size, as_names, select_layers
+from .._arrays._checks import Layer, Positions, as_names, as_positions, select_layers
+from ..errors import required
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..map._interpolation import Interpolation
+from ..map._interpolation import REACH, Interpolation, Surface, check_inside, method_of
+from ..plugins import check
+from ._datasets import (
+    DIMENSIONS,
+    REMEDY,
+    as_dataset,
+    geometry_of,
+    layers_of,
+    mirrored,
+    open_dataset,
+    to_dataset,
+    turned,
+)
 from ._engine import in_any_order
-from ._source import Source, Tiles
+from ._lazy import origin_of, remember, to_lazy_dataset
+from ._source import Progress, TiledData, widened
+from ._zarr_run import create_store, to_zarr
+from ._zarr_source import merge, open_store
 
 if TYPE_CHECKING:
     import xarray
 
 T = TypeVar("T")
 
-Progress = Callable[[int, int], Any]
-"""Function that is called after each tile, with the number of finished tiles and of all."""
-
 
 class Chain(Protocol):
-    """Chain for `TiledMap.filter`, such as `FilterChain` of grid_map_filters_py."""
+    """Filters for maps and tiled maps: `FilterChain` of grid_map_filters_py."""
 
     @property
-    def on_tiles(self) -> Callable[..., FilteredSource]:
-        """Function of a `TiledMap` and options.
+    def on_tiles(self) -> Callable[..., Any]:
+        """Function of a `TiledMap` and options that returns a source with `basic_layers`."""
 
-        It returns the filtered layers, which are computed when they are read.
-        """
-
-
-class FilteredSource(Source, Protocol):
-    """Layers after a chain."""
-
-    @property
-    def basic_layers(self) -> tuple[str, ...]:
-        """Names of the basic layers."""
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        """Return the filtered map."""
 
 
 @dataclass(frozen=True, eq=False)
-class TiledMap:
-    """A map whose layers are read, or computed, window by window.
+class TiledMap(TiledData):
+    """Map of any size whose layers are read, or computed, window by window.
 
-    Make one by `open_map`. It is immutable, but for `write`; like its source it can be pickled.
+    `open_map` makes one. It is immutable, except for `write`, and can be pickled like its source.
 
     Args:
         source: where the layers come from.
@@ -60,16 +66,9 @@ class TiledMap:
         frame_id: frame of the map.
         timestamp: time [ns].
         basic_layers: see `GridMap.basic_layers`.
-        crs: coordinate reference system of the frame, as text; empty if unknown.
+        crs: coordinate reference system, as text; empty if unknown.
+        origin: coordinates of the origin of the frame in the reference system [m].
     """
-
-    source: Source
-    geometry: GridGeometry
-    tile: Size
-    frame_id: str = "map"
-    timestamp: int = 0
-    basic_layers: tuple[str, ...] = ()
-    crs: str = ""
 
     @classmethod
     def create(
@@ -84,10 +83,10 @@ class TiledMap:
         timestamp: int = 0,
         crs: str = "",
     ) -> TiledMap:
-        """Make a Zarr store without data for `write`, and return its map.
+        """Create an empty Zarr store, to be filled with `write`, and return its map.
 
-        Whatever its size, the store takes a few kilobytes. A chunk takes room when data is written
-        into it; cells of other chunks are NaN.
+        The store takes a few kilobytes, whatever its size. A chunk uses disk space only once it is
+        written; until then its cells are NaN.
 
         Args:
             path: the folder of the store, which must not exist.
@@ -98,57 +97,20 @@ class TiledMap:
             crs: see `TiledMap`.
 
         Raises:
-            GridMapError: there is something at the path, a name is not allowed, or the store cannot
-                be written.
+            GridMapError: the path exists, a name is not allowed, or the store cannot be written.
         """
-        from ._store import create_store
-
-        return create_store(
-            path,
-            geometry,
-            as_names(layers),
-            chunks=chunks,
-            basic_layers=as_names(basic_layers),
-            frame_id=frame_id,
-            timestamp=timestamp,
-            crs=crs,
-        )
-
-    @property
-    def layers(self) -> tuple[str, ...]:
-        """Names of the layers in their order."""
-        return self.source.layers
-
-    @property
-    def size(self) -> Size:
-        """Rows and columns."""
-        return self.geometry.size
-
-    @property
-    def resolution(self) -> float:
-        """Side of a cell [m]."""
-        return self.geometry.resolution
-
-    @property
-    def position(self) -> Positions:
-        """Center of the map, (2,) [m]."""
-        return self.geometry.position
-
-    @property
-    def length(self) -> Positions:
-        """Sides of the map along x and y, (2,) [m]."""
-        return self.geometry.length
-
-    @property
-    def tiles(self) -> Tiles:
-        """The tiles, as windows of cells."""
-        return Tiles(self.size, self.tile)
+        check(chunks >= 1, "chunks", "a number of cells", chunks)
+        names = as_names(layers)
+        basic = select_layers(names, basic_layers)
+        no_source: Any = None
+        empty = cls(no_source, geometry, (chunks, chunks), frame_id, timestamp, basic, crs)
+        return cls(**vars(open_store(str(create_store(path, empty, names)), chunks)))
 
     def block(self, rows: slice, columns: slice, layers: Iterable[str] | None = None) -> GridMap:
-        """Return the map of a rectangle of cells.
+        """Return a rectangle of cells as a map in memory.
 
         Args:
-            rows, columns: slices of the map in map order: with a start and a stop on the map.
+            rows, columns: slices in map order, with a start and a stop on the map.
             layers: names of the layers to read; None means all.
 
         Raises:
@@ -159,16 +121,15 @@ class TiledMap:
         names = select_layers(self.layers, layers)
         window = rows, columns
         is_whole = window == (slice(0, self.size[0]), slice(0, self.size[1]))
-        # That of a part has rounding errors.
+        # The geometry of a part has rounding errors.
         geometry = self.geometry if is_whole else self.geometry.cropped(*window)
-        check_cells("submap", geometry.size, len(names))
+        check_cells("map", geometry.size, len(names))
         self.source.prepare()
         return self._map(geometry, names, self.source.read(window, names))
 
     def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
-        """Return a map of some layers."""
+        """Return a map with the frame and time of this one, which adopts the layers."""
         empty = GridMap.from_geometry(geometry, frame_id=self.frame_id, timestamp=self.timestamp)
-        # Adopts the layers, which belong to nobody else.
         grid_map = empty.with_layers(dict(zip(names, layers, strict=True)))
         grid_map.basic_layers = [name for name in self.basic_layers if name in names]
         return grid_map
@@ -176,7 +137,7 @@ class TiledMap:
     def submap(
         self, position: ArrayLike, length: ArrayLike, layers: Iterable[str] | None = None
     ) -> GridMap:
-        """Return the map of a rectangle; only the chunks that it touches are read.
+        """Return the map of a rectangle; only the chunks under it are read.
 
         The cells are those of `GridMap.get_submap`.
 
@@ -186,9 +147,7 @@ class TiledMap:
             layers: names of the layers to read; None means all.
 
         Raises:
-            OutOfMapError: no cell of the map is in the rectangle.
-            LayerNotFoundError: a layer does not exist.
-            LimitError: the rectangle has more cells than the limits allow.
+            OutOfMapError: the rectangle does not overlap the map.
         """
         return self.block(*self.geometry.overlapped(position, length), layers)
 
@@ -205,8 +164,8 @@ class TiledMap:
     ) -> float | Positions:
         """Return the values of a layer at positions; only cells around them are read.
 
-        The values are those of `GridMap.at_position`, also beside the borders of tiles. Tiles are
-        read by the scheduler of Dask that the program has chosen.
+        The values equal those of `GridMap.at_position`, also at the borders of tiles. The Dask
+        scheduler of the program reads the tiles.
 
         Args:
             positions: (2,) or (N, 2) x, y [m].
@@ -217,55 +176,66 @@ class TiledMap:
             A float for one position, else (N,) float64.
 
         Raises:
-            LayerNotFoundError: there is no such layer.
             OutOfMapError: a position is NaN or not on the map.
-            GridMapError: the layer cannot be read or computed.
         """
-        from ._at import at
+        select_layers(self.layers, (layer,))
+        method, points = method_of(interpolation), as_positions(positions)
+        flat = points.reshape(-1, 2)
+        check_inside(self.geometry, flat)
+        cells, _ = self.geometry.cells_at(flat)
+        tiles = cells[0] // self.tile[0] * self.tiles.counts[1] + cells[1] // self.tile[1]
+        order = np.argsort(tiles, kind="stable")
+        groups = np.split(order, np.flatnonzero(np.diff(tiles[order])) + 1) if order.size else []
+        self.source.prepare()
 
-        return at(self, positions, layer, interpolation)
+        def read(number: int) -> Positions:
+            chosen = groups[number]
+            rows, columns = (
+                slice(int(line[chosen].min()), int(line[chosen].max()) + 1) for line in cells
+            )
+            window = widened((rows, columns), REACH, self.size)
+            (values,) = self.source.read(window, [layer])
+            corner = window[0].start, window[1].start
+            return Surface(self.geometry, (0, 0), values, corner).at(flat[chosen], method)
+
+        values = np.empty(len(flat))
+        # For one tile, the scheduler takes longer than reading.
+        found = in_any_order(read, range(len(groups))) if len(groups) > 1 else None
+        for number, part in found or ((n, read(n)) for n in range(len(groups))):
+            values[groups[number]] = part
+        return float(values[0]) if points.ndim == 1 else values.reshape(points.shape[:-1])
 
     def to_xarray(self, layers: Iterable[str] | None = None) -> xarray.Dataset:
         """Return a dataset of Dask arrays, whose tiles are computed when they are used.
 
-        A chunk is a tile. A tile is computed once, however many of its layers are used together.
-        The rest is as with `GridMap.to_xarray`; `crs` is a variable as CF has it. Quantities of the
-        whole map that a filter needs are computed at once.
+        A chunk is a tile, and is computed once, however many of its layers are used together. In
+        all else the dataset is like that of `GridMap.to_xarray`, with `crs` as a CF grid mapping.
+        Quantities of the whole map that a filter needs are computed at once.
 
         Args:
             layers: names of the layers; None means all.
-
-        Raises:
-            LayerNotFoundError: a layer does not exist.
-            MissingPackageError: xarray or Dask is not installed.
         """
-        from ._lazy import to_lazy_dataset
-
-        return to_lazy_dataset(self, layers)
+        dataset = to_lazy_dataset(self, layers)
+        register()
+        return dataset
 
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
-        """Return the map of every `step`-th row and column, for pictures.
+        """Return every `step`-th row and column as a map in memory, for pictures.
 
-        The cells are `step` times as large; the center of each is that of the cell of this map
-        whose value it has. A raster is read from its overviews, where cells are those of the
-        overview. Tiles are read one by one. Of a map of very many tiles, some are left out, and
-        `step` is larger than given.
+        Cells of the result are `step` times as large; the center of each is that of the cell whose
+        value it has. A raster is read from its overviews, whose cells count instead. If very many
+        tiles would have to be read, `step` becomes larger than given.
 
         Args:
             step: number of rows, and of columns, for one of the result.
             layers: names of the layers to read; None means all.
-
-        Raises:
-            LayerNotFoundError: a layer does not exist.
-            LimitError: the result has more cells than the limits allow.
-            GridMapError: the layers cannot be read or computed.
         """
         from ._thinned import thinned_map
 
         return thinned_map(self, step, select_layers(self.layers, layers))
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
-        """Draw as much as a picture can show, and return the axes; see `GridMap.plot`."""
+        """Draw as many cells as a picture can show, and return the axes; see `GridMap.plot`."""
         from ..map._plots import plot
 
         return plot(self, layer, ax, style, options)
@@ -275,18 +245,20 @@ class TiledMap:
     ) -> list[T]:
         """Return `function` of the map of every tile, in the order of the tiles.
 
-        The tiles are computed by the scheduler of Dask that the program has chosen.
+        The Dask scheduler of the program computes the tiles.
 
         Args:
-            function: takes a `GridMap` with the layers; is pickled if other processes compute.
-            layers: names of the layers that it needs; None means all.
+            function: takes a `GridMap` with the layers; pickled if other processes compute.
+            layers: names of the layers that the function needs; None means all.
         """
         names = select_layers(self.layers, layers)
         self.source.prepare()
         tiles = self.tiles
-        results: dict[int, T] = dict(
-            in_any_order(partial(_of_tile, self, function, names), range(len(tiles)))
-        )
+
+        def of_tile(number: int) -> T:
+            return function(self.block(*tiles[number], names))
+
+        results = dict(in_any_order(of_tile, range(len(tiles))))
         return [results[number] for number in range(len(tiles))]
 
     def filter(self, chain: Chain, **options: Any) -> TiledMap:
@@ -297,7 +269,7 @@ class TiledMap:
             options: see `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter needs the whole map in memory, or fails on all maps.
+            FilterError: a filter needs the whole map in memory, or fails on every map.
         """
         source = chain.on_tiles(self, **options)
         return replace(self, source=source, basic_layers=source.basic_layers)
@@ -313,24 +285,21 @@ class TiledMap:
     ) -> None:
         """Compute the map and write it into a Zarr store, tile by tile.
 
-        The store has its name when it is complete. Until then its tiles are in a folder beside it,
-        whose name has `.part` at the end.
+        The store appears under its name when it is complete. Until then its tiles are in a folder
+        beside it, whose name ends in `.part`.
 
         Args:
             path: the folder of the store.
             layers: names of the layers to write; None means all.
             resume: continue a run that did not finish: only missing tiles are computed, and the
-                bytes are those of a run that was not disturbed.
-            overwrite: replace a store that exists.
-            progress: is called after each tile.
+                bytes equal those of a run without a break.
+            overwrite: replace an existing store.
+            progress: called after each tile.
 
         Raises:
-            LayerNotFoundError: a layer does not exist.
             GridMapError: a tile cannot be read, computed or written; the store exists; another
                 process is writing it; or the unfinished run was another one.
         """
-        from ._store import to_zarr
-
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
 
@@ -343,27 +312,23 @@ class TiledMap:
     ) -> None:
         """Merge a map into the store that this map was opened from.
 
-        Finite cells of the map replace those of the store; the others leave the store as it is.
-        Every cell of the store takes the cell of the map that its center is in, as with
-        `GridMap.add_data_from`; cells of the map outside the store are ignored. Only chunks under
-        the map are read and written. A reader finds every chunk as it was before or after; several
-        processes can write at once, and none of their data is lost.
+        Finite cells of the map replace those of the store. Each cell of the store gets the value of
+        the map cell that contains its center, as with `GridMap.add_data_from`; cells of the map
+        outside the store are ignored. Only chunks under the map are read and written, each of them
+        atomically. Several processes may write at the same time without losing data.
 
         Args:
             grid_map: a map of the same resolution, and in the same frame or without one.
-            position: (2,) where its center is [m]; None takes its own position.
+            position: (2,) center of the map [m]; None takes its own position.
             layers: names of the layers to write; None means all of the map.
 
         Raises:
             OutOfMapError: no cell of the map is on the store.
-            LayerNotFoundError: the map lacks a layer that `layers` names.
             GeometryError: the map has another resolution.
             GridMapError: this map is not that of a Zarr store on this machine, the store lacks a
                 layer, the frames differ, or the store cannot be written.
         """
-        from ._write import write
-
-        write(self, grid_map, position, layers)
+        merge(self, grid_map, position, layers)
 
     def to_geotiff(
         self,
@@ -377,24 +342,22 @@ class TiledMap:
     ) -> None:
         """Compute the map and write it into a GeoTIFF file, window by window.
 
-        The file has its name when it is complete. A layer is a band of float32, named after it; NaN
-        is no data; a tag holds frame, time and basic layers, so that `open_map` and `load_geotiff`
-        return the same map. While it is written, a cloud-optimized file takes the space of the
-        uncompressed layers, besides.
+        The file appears under its name when it is complete. Each layer is a band of float32 with
+        its name; NaN is no data. A tag holds frame, time and basic layers, so that `open_map` and
+        `load_geotiff` return the same map. While a cloud-optimized file is written, it also needs
+        disk space for the uncompressed layers.
 
         Args:
             path: the file.
             cog: write a cloud-optimized GeoTIFF (COG), with overviews. A cell of an overview is the
-                mean of the finite ones of its four cells, which means nothing for packed colors.
+                mean of the finite ones of its four cells, which is meaningless for packed colors.
             layers: names of the layers to write; None means all.
-            compress: pack the values by deflate.
-            overwrite: replace a file that exists.
-            progress: is called after each window.
+            compress: pack the values with deflate.
+            overwrite: replace an existing file.
+            progress: called after each window.
 
         Raises:
-            LayerNotFoundError: a layer does not exist.
-            GridMapError: a window cannot be read, computed or written; the file exists; or rasterio
-                is not installed.
+            GridMapError: a window cannot be read, computed or written, or the file exists.
         """
         from ._raster_files import to_geotiff
 
@@ -402,59 +365,139 @@ class TiledMap:
         to_geotiff(self, path, names, progress, overwrite=overwrite, **options)
 
     def position_of(self, latitude: ArrayLike, longitude: ArrayLike) -> Positions:
-        """Return places on the earth in the frame of the map.
+        """Return positions in the frame of the map for places on the earth.
 
         Args:
             latitude, longitude: numbers, or (N,) each [deg, WGS 84].
 
         Returns:
-            (2,) or (N, 2) x, y [m]; NaN where the reference system does not reach.
+            (2,) or (N, 2) x, y [m]; NaN outside the area of the reference system.
 
         Raises:
-            GridMapError: the map has no reference system, or pyproj is not installed.
+            GridMapError: the map has no reference system.
         """
         from ._earth import position_of
 
-        return position_of(self.crs, latitude, longitude)
+        return position_of(self.crs, latitude, longitude) - self.origin
 
     def latitude_longitude_of(self, positions: ArrayLike) -> Positions:
-        """Return where positions are on the earth, the inverse of `position_of`.
+        """Return the places on the earth of positions; the inverse of `position_of`.
 
         Args:
             positions: (2,) or (N, 2) x, y [m], in the frame of the map.
 
         Returns:
             (2,) or (N, 2) latitude and longitude [deg, WGS 84].
-
-        Raises:
-            GridMapError: the map has no reference system, or pyproj is not installed.
         """
         from ._earth import latitude_longitude_of
 
-        return latitude_longitude_of(self.crs, positions)
+        return latitude_longitude_of(self.crs, as_positions(positions) + self.origin)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
         """Return the map in a frame whose origin is a place on the earth.
 
-        Coordinates of the earth are millions of meters; those of a frame near the robot are small.
-        The axes keep their directions. The reference system of the result is that of the map with
-        another false easting and northing, so that its coordinates are those of the frame. Stores
-        keep it. GeoTIFF files have the coordinates of the reference system before, and a tag with
-        the origin, from which `open_map` and `load_geotiff` get the frame again.
+        Coordinates in a reference system are millions of meters; those in a frame near the robot
+        are small. The axes keep their directions. Datasets, stores and GeoTIFF files have the
+        coordinates of the reference system, and hold the origin, from which `open_map` and
+        `load_geotiff` restore the frame.
 
         Args:
             latitude, longitude: the place [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or one that cannot be moved; the place
-                has no coordinates in it; or pyproj is not installed.
+            GridMapError: the map has no reference system, or the place has no coordinates in it.
         """
         from ._earth import moved_map
 
         return moved_map(self, self.position_of(latitude, longitude))
 
 
-def _of_tile(
-    site: TiledMap, function: Callable[[GridMap], T], names: Sequence[str], number: int
-) -> T:
-    return function(site.block(*site.tiles[number], names))
+# --- datasets -------------------------------------------------------------------------------------
+
+
+class GridMapAccessor:
+    """Abilities of a grid map, as `dataset.grid_map` and `array.grid_map`.
+
+    Datasets in memory are computed at once, those of Dask later and tile by tile, like a
+    `TiledMap`. `GridMap.from_xarray` says which datasets are maps.
+    """
+
+    def __init__(self, data: xarray.Dataset | xarray.DataArray) -> None:
+        """Take a dataset or an array; it is examined on the first call."""
+        self._data = data
+
+    @cached_property
+    def _dataset(self) -> xarray.Dataset:
+        return as_dataset(self._data)
+
+    @cached_property
+    def _is_lazy(self) -> bool:
+        return any(self._dataset[name].chunks for name in layers_of(self._dataset))
+
+    @cached_property
+    def _opened(self) -> TiledMap:
+        opened = TiledMap(**vars(open_dataset(self._dataset)))
+        if not self._is_lazy:
+            return replace(opened, tile=opened.size)
+        origin = origin_of(self._dataset, opened.layers)
+        return replace(opened, source=origin.source) if origin else opened
+
+    def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
+        """Return the map in memory; see `GridMap.from_xarray`."""
+        return self._opened.to_map(layers)
+
+    def filter(self, chain: Chain, **options: Any) -> xarray.Dataset:
+        """Return the filtered dataset, with the dimensions and coordinates of this one.
+
+        Args:
+            chain: a `FilterChain`.
+            options: for datasets of Dask, those of `FilterChain.on_tiles`.
+
+        Raises:
+            FilterError: a filter fails, or needs the whole map, which Dask does not have in memory.
+        """
+        mine, opened = self._dataset, self._opened
+        if self._is_lazy:
+            tiled_map = opened.filter(chain, **options)
+            filtered = tiled_map.to_xarray()
+        else:
+            filtered = to_dataset(chain(self.to_map()), opened.crs)
+            if any(opened.origin):
+                filtered.attrs["origin"] = [*opened.origin]
+        filtered = filtered.isel(turned(geometry_of(mine)[1]))
+        if opened.layers:
+            filtered = filtered.transpose(*mine[opened.layers[0]].dims)
+        # Coordinates with other rounding errors would not be aligned.
+        filtered = filtered.assign_coords({name: mine[name].variable for name in DIMENSIONS})
+        if self._is_lazy:
+            remember(filtered, tiled_map)
+        return filtered
+
+    def submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
+        """Return the cells that a rectangle overlaps without a copy; see `TiledMap.submap`."""
+        geometry, ascends = geometry_of(self._dataset)
+        window = geometry.overlapped(position, length)
+        stored = zip(DIMENSIONS, mirrored(window, geometry.size, ascends), strict=True)
+        part = self._dataset.isel(dict(stored))
+        return part.assign_attrs(position=geometry.cropped(*window).position.tolist())
+
+    def at(
+        self,
+        positions: ArrayLike,
+        layer: str,
+        interpolation: Interpolation | str = Interpolation.NEAREST,
+    ) -> float | Positions:
+        """Return the values of a layer at positions; see `TiledMap.at`."""
+        return self._opened.at(positions, layer, interpolation)
+
+    def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
+        """Draw the map with Matplotlib, and return the axes; see `GridMap.plot`."""
+        return self._opened.plot(layer, ax, style=style, **options)
+
+
+@cache
+def register() -> None:
+    """Add the accessor to xarray."""
+    xr = required("xarray", "the accessor `grid_map`", REMEDY)
+    xr.register_dataset_accessor("grid_map")(GridMapAccessor)
+    xr.register_dataarray_accessor("grid_map")(GridMapAccessor)

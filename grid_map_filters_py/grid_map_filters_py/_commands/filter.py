@@ -22,13 +22,17 @@ from grid_map_core_py._commands import (
     write_tiles,
 )
 
-from .._chain import FilterChain, StepTimes
+from .._chain import FilterChain
 from .._offline import Failure, filter_maps
+from .._times import StepTimes
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
     from grid_map_core_py.files import MapRecord
-    from grid_map_core_py.tiled import TiledMap
+
+_ON_TILES = ("layers", "max_hole", "large_holes")
+_IN_MEMORY = ("timing", "keep_going")
+"""Options of runs on tiles, and of others."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,11 +69,23 @@ def run(options: argparse.Namespace) -> int:
     threads = 1 if options.threads is None else options.threads
     chain = FilterChain.from_yaml(path, options.name, threads=threads)
     destination = Destination(options, usual_topic="/filtered_map")
-    site = tiled_source(options, destination)
-    if site is not None:
-        _filter_tiles(site, chain, destination, options)
+    tiled_map = tiled_source(options, destination)
+    refused, where = (
+        (_ON_TILES, "filtered on tiles, from zarr or geotiff to zarr, or from zarr to geotiff")
+        if tiled_map is None
+        else (_IN_MEMORY, "read at once")
+    )
+    if bad := [name for name in refused if getattr(options, name) not in (None, False)]:
+        raise UsageError(f"--{bad[0].replace('_', '-')} is for maps that are {where}")
+    if tiled_map is not None:
+        holes = {"max_hole": options.max_hole, "large_holes": options.large_holes}
+        given = {name: value for name, value in holes.items() if value is not None}
+        shown = {"quiet": options.quiet, "as_json": options.json}
+        filtered = tiled_map.filter(chain, **given)
+        write_tiles(filtered, destination, options, options.threads, **shown)
         return 0
-    _check_in_memory(options)
+    if options.json and not options.timing:
+        raise UsageError("--json is for what --timing prints, and for maps on tiles")
     failures: list[Failure] | None = [] if options.keep_going else None
     times = StepTimes()
     with (
@@ -78,11 +94,11 @@ def run(options: argparse.Namespace) -> int:
     ):
 
         def maps() -> "Iterator[tuple[int | None, GridMap]]":
-            for filtered in filter_maps(
+            for result in filter_maps(
                 chain, records, load=_load, failures=failures, observer=times, progress=progress
             ):
-                yield filtered.item.time, filtered.grid_map
-                del filtered
+                yield result.item.time, result.grid_map
+                del result
 
         count = destination.write(maps())
     for failure in failures or ():
@@ -90,57 +106,9 @@ def run(options: argparse.Namespace) -> int:
     destination.tell(count)
     if options.timing:
         with redirect_stdout(sys.stderr if destination.path == "-" else sys.stdout):
-            _print_times(times, as_json=options.json)
+            print_json(times.facts()) if options.json else print(times)
     return 0
-
-
-def _filter_tiles(
-    site: "TiledMap", chain: FilterChain, destination: Destination, options: argparse.Namespace
-) -> None:
-    for name in ("timing", "keep_going"):
-        if getattr(options, name):
-            raise UsageError(f"--{name.replace('_', '-')} is for maps that are read at once")
-    holes = {"max_hole": options.max_hole, "large_holes": options.large_holes}
-    given = {name: value for name, value in holes.items() if value is not None}
-    write_tiles(
-        site.filter(chain, **given),
-        destination,
-        options,
-        threads=options.threads,
-        quiet=options.quiet,
-        as_json=options.json,
-    )
-
-
-def _check_in_memory(options: argparse.Namespace) -> None:
-    for name in ("layers", "max_hole", "large_holes"):
-        if getattr(options, name) is not None:
-            raise UsageError(
-                f"--{name.replace('_', '-')} is for maps that are filtered on tiles, from zarr or "
-                "geotiff to zarr, or from zarr to geotiff"
-            )
-    if options.json and not options.timing:
-        raise UsageError("--json is for what --timing prints, and for maps on tiles")
 
 
 def _load(record: "MapRecord") -> "GridMap":
     return record.grid_map(unwrap=False)
-
-
-def _print_times(times: StepTimes, *, as_json: bool) -> None:
-    if not as_json:
-        print(times)
-        return
-    print_json(
-        [
-            {
-                "name": time.config.name,
-                "type": time.config.type,
-                "maps": time.runs,
-                "last_ms": time.last,
-                "mean_ms": time.mean,
-                "max_ms": time.longest,
-            }
-            for time in times
-        ]
-    )

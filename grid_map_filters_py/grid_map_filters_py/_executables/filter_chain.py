@@ -26,7 +26,8 @@ from grid_map_ros_py.nodes import (
     read_parameter_tree,
 )
 
-from .._chain import FilterChain, StepTimes, describe_parameters
+from .._chain import FilterChain, describe_parameters
+from .._times import StepTimes
 
 
 class FilterChainNode(ConfiguredNode):

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Existing Zarr stores: windows are read from them, and maps are merged into them."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._arrays._checks import Layer, Size, select_layers
+from ..errors import GeometryError, GridMapError, OutOfMapError, required
+from ..map._grid_map import GridMap
+from ..map._merge import check_frames, lines_under
+from ._datasets import DIMENSIONS, geometry_of, layers_of, mirrored, open_dataset
+from ._engine import REMEDY
+from ._source import TILE, TiledData, Tiles, Window, common, data_errors, within
+from ._zarr_layout import check_local, is_local, locked, metadata_file, open_layer
+
+if TYPE_CHECKING:
+    import xarray
+
+_OPENED = 16
+"""Stores that a process keeps open: opening one takes as long as reading a window."""
+
+_LARGEST_DIFFERENCE = 1e-6
+"""Largest relative difference of two resolutions that count as the same."""
+
+
+@dataclass(frozen=True)
+class StoreSource:
+    """Layers in a Zarr store, which each process opens when it reads.
+
+    Args:
+        path: the folder of the store, or its address.
+        layers: names of the layers.
+        size: rows and columns.
+    """
+
+    path: str
+    layers: tuple[str, ...]
+    size: Size
+
+    reads_layers_alone: ClassVar[bool] = True
+
+    def describe(self) -> str:
+        path = Path(self.path)
+        if not is_local(self.path):
+            return self.path
+        times = [file.stat().st_mtime_ns for file in (path, *(path / name for name in self.layers))]
+        return f"{path.absolute()} of {times}"
+
+    def prepare(self) -> None:
+        """Do nothing: windows share nothing."""
+
+    def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
+        source = self.opened()[1].source
+        # One by one, so that an error names the layer.
+        return [layer for name in names for layer in source.read(window, [name])]
+
+    def opened(self) -> "tuple[xarray.Dataset, TiledData]":
+        """Return the store as xarray reads it, and as a map."""
+        dataset, found = _open(self.path, _stamp(self.path))
+        if found.size != self.size or not {*self.layers} <= {*found.layers}:
+            raise GridMapError(f"{self.path}: the store has been replaced; open it again")
+        return dataset, found
+
+
+def open_store(name: str, chunks: int | None = None) -> TiledData:
+    """Return a store as a tiled map; see `open_map`."""
+    _, found = _open(name, _stamp(name))
+    side = (chunks, chunks) if chunks else found.tile
+    # Processes of a cluster may have another working directory.
+    path = str(Path(name).absolute()) if is_local(name) else name
+    return replace(found, source=StoreSource(path, found.layers, found.size), tile=side)
+
+
+def _stamp(name: str) -> object:
+    """Return a value that changes when a store is replaced by another one."""
+    if not is_local(name):
+        return None
+    with data_errors(name, "read"):
+        files = [metadata_file(Path(name)), Path(name, ".zmetadata"), Path(name, ".zattrs")]
+        found = [file.stat() for file in files if file.exists()]
+        return tuple((about.st_ino, about.st_mtime_ns) for about in found)
+
+
+@lru_cache(maxsize=_OPENED)
+def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # noqa: ARG001
+    with data_errors(name, "read"):
+        xarray = required("xarray", f"{name}: a Zarr store", REMEDY)
+        required("zarr", f"{name}: a Zarr store", REMEDY)
+        # Without the choice, xarray warns of stores without metadata in one place.
+        consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
+        dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
+        layers = layers_of(dataset)
+        stored = dataset[layers[0]].encoding.get("chunks") if layers else None
+        if stored and dataset[layers[0]].dims != DIMENSIONS:
+            stored = stored[::-1]
+        return dataset, open_dataset(dataset, tuple(stored or (TILE, TILE)), name)
+
+
+def merge(
+    tiled_map: TiledData,
+    grid_map: GridMap,
+    position: ArrayLike | None,
+    layers: Iterable[str] | None,
+) -> None:
+    """Merge a map into a store; see `TiledMap.write`."""
+    source = tiled_map.source
+    if not isinstance(source, StoreSource):
+        raise GridMapError(
+            f"expected a map of a Zarr store to write to, got one of {type(source).__name__}. "
+            "Write it into a store first, with to_zarr"
+        )
+    path = check_local(source.path)
+    check_frames(tiled_map.frame_id, grid_map)
+    expected, found = tiled_map.resolution, grid_map.resolution
+    if abs(found - expected) > _LARGEST_DIFFERENCE * expected:
+        raise GeometryError(
+            f"grid_map: expected cells of {expected:g} m as in the store, got {found:g} m. "
+            "Resample it first, with add_data_from into a map of this resolution"
+        )
+    names = select_layers(grid_map, layers)
+    if lacking := [name for name in names if name not in tiled_map.layers]:
+        raise GridMapError(
+            f"{path}: the store lacks the layers {', '.join(lacking)} of the map; it has "
+            f"{', '.join(tiled_map.layers)}. The option 'layers' names those to write"
+        )
+    if position is not None:
+        grid_map = grid_map._with({**grid_map}, grid_map.geometry.at(position))
+    window, lines = _under(tiled_map, grid_map)
+    with data_errors(path, "written"), locked(path):
+        for name in names:
+            with data_errors(path / name, "written"):
+                _merge_layer(source, name, window, lines, grid_map[name])
+
+
+def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArray[Any]]]:
+    """Return the cells of a store whose centers are on a map, and where they are in its buffer.
+
+    Returns:
+        window: the cells of the store.
+        lines: buffer indices of the rows and columns of the map under those of the window.
+    """
+    outer, inner = tiled_map.geometry, grid_map.geometry
+    border = outer.resolution
+    near = outer.box(inner.corner - inner.length - border, inner.corner + border)
+    window, lines = [], []
+    for axis, (part, centers) in enumerate(zip(near, outer.axes_in_map_order(), strict=True)):
+        found, inside = lines_under(centers[part], grid_map, axis)
+        run = np.flatnonzero(inside)
+        if not run.size:
+            raise OutOfMapError(
+                f"grid_map: no cell of it is on the store: {inner.place}; store: {outer.place}"
+            )
+        window.append(slice(part.start + int(run[0]), part.start + int(run[-1]) + 1))
+        lines.append(found[inside])
+    return (window[0], window[1]), lines
+
+
+def _merge_layer(
+    source: StoreSource, name: str, window: Window, lines: list[NDArray[Any]], layer: Layer
+) -> None:
+    """Merge a layer into the chunks of the store under it, one after the other."""
+    dataset, _ = source.opened()
+    variable, (_, ascends) = dataset[name].variable, geometry_of(dataset)
+    if {"scale_factor", "add_offset"} & {*variable.encoding} or variable.dtype.kind != "f":
+        raise GridMapError("expected a layer of floats to write to, got scaled integers")
+    rows_first = variable.dims == DIMENSIONS
+
+    def in_order(place: Window) -> Window:
+        return place if rows_first else place[::-1]
+
+    array = open_layer(source.path, name)
+    stored = mirrored(window, source.size, ascends)
+    for chunk in Tiles(array.shape, array.chunks).touching(in_order(stored)):
+        place = mirrored(in_order(chunk), source.size, ascends)
+        shared = common(place, window)
+        rows, columns = (
+            line[part] for line, part in zip(lines, within(shared, window), strict=True)
+        )
+        values = layer[rows[:, None], columns]
+        finite = np.isfinite(values)
+        if finite.any():
+            cells = array[chunk]
+            view = cells if rows_first else cells.T
+            view = view[tuple(slice(None, None, -1 if each else None) for each in ascends)]
+            np.copyto(view[within(shared, place)], values, where=finite)
+            array[chunk] = cells

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""One filter of a chain: built from its configuration, and run on maps in map order."""
+
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from typing import Any
+
+from grid_map_core_py import GridMap
+from grid_map_core_py._arrays import Layer
+from grid_map_core_py._parameters import build
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.plugins import check
+
+from ._config import StepConfig
+from ._filter import Filter, reach_of, running
+from ._registry import FILTERS
+from .errors import FilterConfigError, FilterError
+
+
+@dataclass(frozen=True)
+class Step:
+    """A filter and how it was configured."""
+
+    config: StepConfig
+    filter: Filter
+
+    @classmethod
+    def from_config(cls, config: StepConfig) -> "Step":
+        """Build the filter of a configuration.
+
+        Raises:
+            FilterConfigError: naming the filter, its type and the parameter.
+        """
+        try:
+            kind: Any = FILTERS[config.type]
+            made: Any = None
+            if isinstance(kind, type) and is_dataclass(kind):
+                made = build(kind, config.params)
+            if not callable(made):
+                raise FilterConfigError(f"expected a dataclass that can be called, got {kind!r}")
+            for field in fields(made):
+                if field.name.endswith("_layer") and field.default is MISSING:
+                    value = getattr(made, field.name)
+                    check(value != "", field.name, "the name of a layer", value)
+        # Classes of other packages may raise anything.
+        except Exception as error:
+            raise FilterConfigError(f"{config}: {message_of(error)}") from error
+        return cls(config, made)
+
+    def reach(self, resolution: float) -> float:
+        """Return how far the filter looks: a number of cells, or `WHOLE_MAP`.
+
+        Raises:
+            FilterError: the filter gives neither; the message names it.
+        """
+        try:
+            return reach_of(self.filter, resolution)
+        except Exception as error:
+            raise FilterError(f"{self.config}: {message_of(error)}") from error
+
+    def __call__(self, grid_map: GridMap, warnings: list[str] | None) -> GridMap:
+        """Return the filtered map, in map order.
+
+        Raises:
+            FilterError: the filter failed; the message names it.
+        """
+        try:
+            with running(self.config, warnings):
+                result = self.filter(grid_map)
+        except Exception as error:
+            message = message_of(error)
+            if isinstance(error, ValueError) and "read-only" in str(error):
+                message = (
+                    f"it writes into a layer of its input ({error}); "
+                    "change a copy and return `grid_map.with_layers({name: copy})`"
+                )
+            raise FilterError(f"{self.config}: {message}") from error
+        if not isinstance(result, GridMap):
+            raise FilterError(f"{self.config}: gave {result!r} instead of a GridMap")
+        # A filter may move its map, but the next filter expects map order.
+        return result if result.start_index == (0, 0) else result.with_start_index((0, 0))
+
+
+StepObserver = Callable[[Step, float], None]
+"""Function that is called after every step, with the step and its duration [s]."""
+
+
+def message_of(error: Exception) -> str:
+    """Return the text of an error; for errors of other packages it begins with their type."""
+    return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
+
+
+def read_only(grid_map: GridMap) -> GridMap:
+    """Return a map with views of the layers that cannot be written into."""
+    views = {name: grid_map[name].view() for name in grid_map}
+    for view in views.values():
+        view.flags.writeable = False
+    return grid_map.with_layers(views)
+
+
+def own_layer(layer: Layer, taken: set[int]) -> Layer:
+    """Return a read-only layer as a writeable one, copied if its memory belongs to others.
+
+    Args:
+        layer: a layer whose memory is that of an array of a filter, or of the input.
+        taken: addresses of memory that belongs to the input or to other layers; grows.
+    """
+    own, address = layer.view(), address_of(layer)
+    try:
+        own.flags.writeable = address not in taken
+    except ValueError:  # The filter returned an array that is read-only.
+        own.flags.writeable = False
+    taken.add(address)
+    return own if own.flags.writeable else layer.copy("F")
+
+
+def address_of(layer: Layer) -> int:
+    """Return the address of the first cell."""
+    return int(layer.__array_interface__["data"][0])
