@@ -64,5 +64,8 @@ setup(
         "xarray": ["xarray>=2023.12.0"],
     },
     zip_safe=True,
-    entry_points={"console_scripts": ["grid_map = grid_map_core_py.__main__:main"]},
+    entry_points={
+        "console_scripts": ["grid_map = grid_map_core_py.__main__:main"],
+        "grid_map_core_py.formats": ["zarr = grid_map_core_py.tiled._open:ZARR"],
+    },
 )

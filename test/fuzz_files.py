@@ -27,13 +27,11 @@ from grid_map_core_py.files import (
     load_cloud,
     load_geotiff,
     load_height_image,
-    load_images,
     load_map_server,
     load_npz,
     load_yaml,
     save_geotiff,
     save_height_image,
-    save_images,
     save_map_server,
     save_npz,
 )
@@ -99,8 +97,6 @@ def targets(folder: Path) -> list[tuple[str, Sequence[bytes], Callable[[bytes], 
         ("sqlite3", "*/*.db3", "damaged", _maps),
         ("metadata.yaml", "none/*.yaml", "none/metadata.yaml", lambda file: _maps(file.parent)),
         ("npz", "*.npz", "damaged", load_npz),
-        ("map.yaml", "images/map.yaml", "images/map.yaml", load_images),
-        ("PNG", "images/*.png", "images/elevation.png", lambda file: load_images(file.parent)),
         ("nav2 map.yaml", "nav2.yaml", "nav2.yaml", load_map_server),
         ("PGM", "nav2.pgm", "nav2.pgm", lambda file: load_map_server(file.with_suffix(".yaml"))),
         ("height image", "height.*", "damaged", partial(load_height_image, resolution=0.1)),
@@ -188,7 +184,6 @@ def _write(folder: Path) -> None:
     values[0, 0] = np.nan
     grid_map["elevation"] = values
     save_height_image(grid_map, folder / "height.png")
-    save_images(grid_map, folder / "images")
     points = np.random.default_rng(1).random((12, 3), np.float32)
     for encoding in ("ascii", "binary", "binary_compressed"):
         cloud = pypcd4.PointCloud.from_xyz_points(points)

@@ -2,7 +2,6 @@
 """Point clouds and meshes from files, which are written here byte by byte."""
 
 import struct
-import time
 
 import numpy as np
 import pytest
@@ -187,16 +186,6 @@ def test_obj_file_with_quads_and_objects_is_one_mesh(write):
     assert any(triangles(path) == corners([*quad, (0, 1, 3)]) for quad in quads)
     found = {tuple(point) for point in load_points(path)[0].tolist()}
     assert found == {tuple(xyz) for xyz in XYZ.astype(float).tolist()}
-
-
-def test_obj_file_of_many_materials_is_read_at_once(write):
-    faces = "".join(f"usemtl m{n}\nf 1 2 3\n" for n in range(9000))
-    path = write("m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", faces)
-    start = time.process_time()
-    vertices, triangles = load_mesh(path)
-    assert time.process_time() - start < 1.0
-    assert vertices.shape == (3, 3)
-    assert triangles.tolist() == 9000 * [[0, 1, 2]]
 
 
 # STL

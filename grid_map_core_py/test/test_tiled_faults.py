@@ -313,18 +313,6 @@ def test_damaged_chunk_of_the_source(tmp_path: Path, target: Path) -> None:
     assert str(error.value).startswith(text)
 
 
-def test_cut_chunk_of_values_that_do_not_pack(target: Path) -> None:
-    from grid_map_core_py.tiled import TiledMap, open_map
-
-    values = np.random.default_rng(0).integers(0, 2**31, (64, 64), np.uint32).view(np.float32)
-    grid_map = GridMap((64.0, 64.0), 1.0, layers={"elevation": values})
-    TiledMap.create(target, grid_map.geometry, ["elevation"], chunks=64).write(grid_map)
-    chunk = target / "elevation" / "0.0"
-    chunk.write_bytes(chunk.read_bytes()[:-20])
-    with pytest.raises(GridMapError, match=r"chunk of cells.*expected 16400 packed bytes, got"):
-        open_map(target).to_map()
-
-
 @pytest.mark.parametrize("missing", [".zgroup", "elevation/.zarray", "x/.zarray", ".zmetadata"])
 def test_missing_metadata_of_the_source(tmp_path: Path, target: Path, missing: str) -> None:
     from grid_map_core_py.tiled import open_map

@@ -141,8 +141,6 @@ def _open(name: str, stamp: object) -> TiledMap:  # noqa: ARG001
 def _dataset(name: str) -> "xarray.Dataset":
     xarray = required("xarray", f"{name}: a Zarr store", _REMEDY)
     required("zarr", f"{name}: a Zarr store", _REMEDY)
-    from . import _packed_chunks as _packed_chunks
-
     options: dict[str, Any] = {"chunks": None, "decode_times": False}
     # Without the choice, xarray warns of stores without metadata in one place.
     if is_local(name):

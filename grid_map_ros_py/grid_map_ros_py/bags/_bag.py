@@ -23,7 +23,7 @@ from typing import NamedTuple, Self, TypeAlias
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import LimitError, short
-from grid_map_core_py.files import has_descriptor, new_folder
+from grid_map_core_py.files import new_folder
 from grid_map_core_py.limits import check_bytes, most_bytes
 
 from ..errors import BagError, MessageError
@@ -133,7 +133,7 @@ class BagWriter:
             self._writer: McapWriter | SqliteWriter = (
                 McapWriter(file, self._compression, reserve=self._in_place)
                 if self._storage == "mcap"
-                else SqliteWriter(file, in_memory=has_descriptor(self._path))
+                else SqliteWriter(file)
             )
             stack.enter_context(closing(self._writer))
             self._topics: dict[str, Topic] = {}
