@@ -12,7 +12,7 @@ import fuzz
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.needs("mcap", "pypcd4", "rasterio", "rosbags", "trimesh", "viser")
+pytestmark = pytest.mark.needs("mcap", "rasterio", "rosbags", "viser")
 
 CHECKED = {"MCAP", "npz", "command line"}
 """Formats whose checksums, or whose brevity, let hardly any damage pass."""

@@ -166,13 +166,6 @@ def test_full_octomap_files_are_loaded(tmp_path):
     np.testing.assert_allclose(load(tmp_path / "tree.ot", **bounds)["elevation"], [[9.5e-4]] * 2)
 
 
-@pytest.mark.parametrize("name", ["map.mcap", "map.db3", "map.bt"])
-def test_devices_are_not_read(name, tmp_path):
-    (tmp_path / name).symlink_to("/dev/null")
-    with pytest.raises(GridMapError, match=f"{name}: .*a device or a pipe"):
-        load(tmp_path / name)
-
-
 FAR = write_binary({(0,) * 16: True, (7,) * 16: True})
 """Octree with a voxel at each end, 65,536 voxels apart."""
 

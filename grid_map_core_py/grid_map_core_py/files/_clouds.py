@@ -47,7 +47,16 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
     """
     file = Path(path)
     if file.suffix.lower() == ".pcd":
-        table = _read_pcd(file)
+        pypcd4 = package_for(file, "PCD", "pypcd4")
+        with storage_errors(file, "read"):
+            cloud = pypcd4.PointCloud.from_path(file)
+            # For a file with a single point the reader returns a 1-D array.
+            rows = np.atleast_1d(cloud.pc_data)
+            if len(rows) != cloud.points:
+                raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
+        # PCL names all padding "_"; the reader replaces it by unique names with this prefix.
+        names = [name for name in rows.dtype.names or () if not name.startswith("#$%&~~")]
+        table = {name: rows[name] for name in names}
     else:
         meshes = _read_meshes(file)
         # Only a PLY file has properties of its vertices.
@@ -195,18 +204,6 @@ def _extent(path: str | PathLike[str], points: npt.NDArray[Any]) -> tuple[list[f
     if not len(finite):
         raise GridMapError(f"{path}: no point is finite")
     return finite.min(axis=0).tolist(), finite.max(axis=0).tolist()
-
-
-def _read_pcd(file: Path) -> Fields:
-    pypcd4 = package_for(file, "PCD", "pypcd4")
-    with storage_errors(file, "read"):
-        cloud = pypcd4.PointCloud.from_path(file)
-        # For a file with a single point the reader returns a 1-D array.
-        rows = np.atleast_1d(cloud.pc_data)
-        if len(rows) != cloud.points:
-            raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
-    # PCL names all padding "_"; the reader replaces it by unique names with this prefix.
-    return {name: rows[name] for name in rows.dtype.names or () if not name.startswith("#$%&~~")}
 
 
 def _read_meshes(file: Path) -> list[Any]:

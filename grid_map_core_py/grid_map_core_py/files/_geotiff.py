@@ -140,7 +140,12 @@ def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
 def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -> StoredMap:
     """Return the map in an open raster."""
     tags = _tags_of(raster)
-    names = _names_of(raster.descriptions)
+    names: list[str] = []
+    for number, name in enumerate(raster.descriptions, 1):
+        other = "elevation" if raster.count == 1 else f"band_{number}"
+        names.append(name if name and name not in names else other)
+    if len({*names}) < len(names):
+        raise ValueError(f"two bands have one name: {', '.join(names)}")
     empty = GridMap.from_geometry(
         geometry,
         frame_id=str(tags.get("frame_id", "map")),
@@ -212,17 +217,6 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     size = raster.width, raster.height
     position = np.array([step.c, step.f]) + np.array([0.5, -0.5]) * size * step.a
     return GridGeometry.from_size(size, step.a, position)
-
-
-def _names_of(descriptions: Sequence[str | None]) -> list[str]:
-    """Return a unique name for each band."""
-    names: list[str] = []
-    for number, name in enumerate(descriptions, 1):
-        other = "elevation" if len(descriptions) == 1 else f"band_{number}"
-        names.append(name if name and name not in names else other)
-    if len({*names}) < len(names):
-        raise ValueError(f"two bands have one name: {', '.join(names)}")
-    return names
 
 
 def read_pixels(

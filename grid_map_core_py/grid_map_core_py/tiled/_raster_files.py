@@ -52,6 +52,7 @@ def to_geotiff(
             else:
                 with unfinished(file.with_name(f"{file.name}.tiles")) as tiles:
                     _write_windows(site, tiles, names, progress, compress=False)
+                    _check_complete(tiles)
                     _copy_as_cog(tiles, file, compress=compress)
             _check_complete(file)
 
@@ -117,8 +118,8 @@ def _check_complete(file: Path) -> None:
     """Raise `OSError` if a block is missing: GDAL reports no error if it closes on a full disk."""
     length = file.stat().st_size
     with import_module("rasterio").open(file) as raster:
-        factors = {None: 1, **dict(enumerate(raster.overviews(1)))}
-        for band, (level, factor) in itertools.product(raster.indexes, factors.items()):
+        levels = [(None, 1), *enumerate(raster.overviews(1))]
+        for band, (level, factor) in itertools.product(raster.indexes, levels):
             counts = (-(-side // (factor * _BLOCK)) for side in raster.shape)
             for row, column in np.ndindex(*counts):
                 offset, size = (

@@ -6,7 +6,7 @@ import os
 import shlex
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from importlib import import_module
@@ -102,7 +102,10 @@ class RasterSource:
         layers = [np.full(shape(window), np.nan, np.float32, order="F") for _ in names]
         bands = [self.layers.index(name) + 1 for name in names]
         done: list[Window] = []
-        for part in self._touched(window):
+        starts, stops = self._places
+        begin, end = ([side.start for side in window], [side.stop for side in window])
+        for number in np.flatnonzero(((starts < end) & (stops > begin)).all(axis=1)):
+            part = self.parts[number]
             place = common(part.place, window)
             images = [to_north_up(layer[within(place, window)]) for layer in layers]
             if any(min(shape(common(place, other))) > 0 for other in done):
@@ -133,13 +136,6 @@ class RasterSource:
                 cells = common(block, pixels)
                 for image, values in zip(images, found, strict=True):
                     image[within(cells, pixels)] = values[within(cells, block)]
-
-    def _touched(self, window: Window) -> Iterator[_Part]:
-        """Return the rasters that have cells of a window."""
-        starts, stops = self._places
-        begin, end = ([side.start for side in window], [side.stop for side in window])
-        touched = ((starts < end) & (stops > begin)).all(axis=1)
-        return (self.parts[number] for number in np.flatnonzero(touched))
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
@@ -187,7 +183,6 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
     boxes = []
     for header in headers:
         with storage_errors(Path(header.path), "read"):
-            _check_like_first(header, first)
             boxes.append(_box(header, first, exact=not crs))
     west, north = min(box[0] for box in boxes), min(box[1] for box in boxes)
     east, south = max(box[2] for box in boxes), max(box[3] for box in boxes)
@@ -307,8 +302,16 @@ def _warn(raster: Any, path: str) -> None:
         )
 
 
-def _check_like_first(header: _Header, first: _Header) -> None:
-    """Raise `ValueError` if a raster differs from the first one of a mosaic."""
+def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
+    """Return the sides of a raster (west, north, east, south), in cells from the first corner.
+
+    Args:
+        header, first: the raster and the first one of the mosaic.
+        exact: whether it must lie on the grid; otherwise cells that it touches are counted.
+
+    Raises:
+        ValueError: its layers, its reference system, its pixels or their places differ.
+    """
     of_crs = import_module("rasterio.crs").CRS.from_user_input
     if header.crs != first.crs and (
         not header.crs or not first.crs or of_crs(header.crs) != of_crs(first.crs)
@@ -319,15 +322,6 @@ def _check_like_first(header: _Header, first: _Header) -> None:
     if header.stored.layers != first.stored.layers:
         names = [", ".join(one.stored.layers) for one in (first, header)]
         raise ValueError(f"expected the layers of {first.path}, {names[0]}, got {names[1]}")
-
-
-def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
-    """Return the sides of a raster (west, north, east, south), in cells from the first corner.
-
-    Args:
-        header, first: the raster and the first one of the mosaic.
-        exact: whether it must lie on the grid; otherwise cells that it touches are counted.
-    """
     own, step = header.geometry.resolution, first.geometry.resolution
     west, north = (
         sign * (mine - other) / step
