@@ -118,19 +118,6 @@ def test_failing_disk_keeps_the_old_version(old, monkeypatch, call):
     assert names(old) == ["file", "folder"]
 
 
-def test_files_in_progress_of_another_process_stay(tmp_path):
-    with new_file(tmp_path / "file") as first:
-        first.write_text("first")
-        with new_folder(tmp_path / "folder", print) as slow:
-            save_file(tmp_path / "file", "second")
-            save_folder(tmp_path / "folder", "quick")
-            assert first.exists()
-            (slow / "one").write_text("slow")
-            (slow / "two").write_text("slow")
-    assert read_file(tmp_path / "file") == {"first"}
-    assert read_folder(tmp_path / "folder") == {"slow"}
-
-
 def test_check_of_the_old_folder_may_refuse(old):
     def refuse(path: Path) -> None:
         raise PermissionError(f"keep {path.name}")

@@ -126,15 +126,6 @@ def test_windows_equal_reading_of_rasterio(kind):
             np.testing.assert_array_equal(layer, band[:, ::-1].T[window])
 
 
-def test_values_near_that_of_no_data_stay():
-    values = np.array([[[-9999, -9998.9, -9999.1, np.inf, -np.inf, np.nan]]], np.float32)
-    site = open_map(write("a.tif", values, nodata=-9999))
-    expected = [np.nan, -np.inf, np.inf, *values[0, 0, 2:0:-1], np.nan]
-    np.testing.assert_array_equal(site.to_map()["elevation"][:, 0], expected)
-    infinite = open_map(write("b.tif", values, nodata=-np.inf)).to_map()["elevation"][:, 0]
-    np.testing.assert_array_equal(infinite[:3], [np.nan, np.nan, np.inf])
-
-
 def test_submap_has_cells_of_submap_in_memory():
     site = open_map(write("a.tif", heights(83, 71, 2)))
     whole = load_geotiff("a.tif")

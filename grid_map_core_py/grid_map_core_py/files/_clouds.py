@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Point clouds and meshes from files, and maps made of them.
+"""Point clouds and meshes from files, and maps made from them.
 
-PCD files are read by the package `pypcd4`, PLY, OBJ and STL files by `trimesh`. Neither is needed
-unless such a file is to be read.
+The package `pypcd4` reads PCD files, and `trimesh` reads PLY, OBJ and STL files.
 """
 
 from collections.abc import Iterable

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GeoTIFF files: one band of float32 per layer, described by its name; NaN is no data.
+"""GeoTIFF files: one float32 band per layer, with its name as description; NaN is no data.
 
 Rows of a raster run to -y and columns to +x. A tag holds the frame, the time and the basic layers
 of the map. The position comes from the raster, so a raster that was cropped elsewhere is right.
@@ -97,7 +97,7 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return what the file tells about its map; errors are those of `load_geotiff`."""
+    """Return the metadata of a file; the errors are those of `load_geotiff`."""
     with _opened(path) as (raster, stored):
         facts: dict[str, Any] = {"crs": raster.crs.to_string()} if raster.crs else {}
         if origin := origin_of(raster, path):
@@ -125,14 +125,14 @@ def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
 
 
 def gdal(path: str | PathLike[str], **options: Any) -> Any:
-    """Return the environment of rasterio in which GDAL keeps few blocks and logs its errors."""
+    """Return the rasterio environment, with a small block cache; GDAL logs errors in it."""
     if "GDAL_CACHEMAX" not in os.environ:
         options["GDAL_CACHEMAX"] = _CACHE
     return package_for(path, "GeoTIFF", "rasterio").Env(**options)
 
 
 def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
-    """Return the open dataset of rasterio for a file; `overview` 0 is its largest overview."""
+    """Open a file with rasterio; `overview` 0 is its largest overview."""
     level = {} if overview is None else {"overview_level": overview}
     return import_module("rasterio").open(os.fspath(path), **level)
 
@@ -164,10 +164,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 
 
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
-    """Return where the frame of the map has its origin in the reference system [m].
-
-    None stands for a frame with the coordinates of the system.
-    """
+    """Return the origin of the map frame in the reference system [m], or None if both agree."""
     tags = _tags_of(raster)
     if "origin" not in tags:
         return None
@@ -222,7 +219,7 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
 def read_pixels(
     raster: Any, bands: Sequence[int], window: tuple[slice, slice], images: Sequence[Layer]
 ) -> None:
-    """Read a window of some bands, with masks as NaN, scales and offsets.
+    """Read a window of some bands: masked pixels as NaN, with scales and offsets applied.
 
     Args:
         raster: the open dataset.
@@ -271,13 +268,13 @@ def raster_profile(
 
 
 def describe_raster(raster: Any, layers: Sequence[str], facts: dict[str, Any]) -> None:
-    """Write names of layers and facts of the map into a raster.
+    """Write layer names and map metadata to a raster.
 
     Args:
         raster: the open dataset.
         layers: names of the bands.
-        facts: frame_id, timestamp, basic_layers; `origin`, where the origin of the frame is in the
-            reference system [m], and `crs`, that system, unless the frame has its coordinates.
+        facts: frame_id, timestamp, basic_layers; for a frame with another origin also `origin`,
+            its position in the reference system [m], and `crs`, that system.
     """
     raster.update_tags(**{_TAG: json.dumps(facts)})
     raster.descriptions = tuple(layers)

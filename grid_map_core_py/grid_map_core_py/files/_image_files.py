@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Height maps as gray images, and what all files with images of maps share.
+"""Height maps as gray images, and reading and writing of images for all formats.
 
 In files, up is +y and right is +x, as in GeoTIFF, nav2's `map_server` and RViz's view from above.
 In arrays of `grid_map_core_py.conversions`, up is +x, as in the images of the C++ package.
@@ -53,7 +53,7 @@ def load_height_image(
     """Return a map with one layer that holds the heights in an image.
 
     Pixels that are transparent by more than half are NaN, and so is NaN in an image of floats.
-    Colors count as gray by their luma.
+    Colors are converted to their luma.
 
     Args:
         path: a PNG, TIFF, BMP or PGM file of uint8, uint16, float32 or float64.
@@ -145,7 +145,7 @@ def save_height_image(
 
 
 def chosen_layer(grid_map: GridMap, layer: str | None, usual: str) -> str:
-    """Return the layer that is asked for, else the one with the usual name, else the only one."""
+    """Return `layer`; if it is None, the layer named `usual`, or else the only layer."""
     if layer is None and usual not in grid_map and len(grid_map.layers) == 1:
         return grid_map.layers[0]
     name = usual if layer is None else layer

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps in NumPy's `.npz` files, exactly.
+"""Lossless maps in NumPy's `.npz` files.
 
 NumPy alone can read such a file: `np.load("map.npz")["layers/elevation"]` is a layer
-in map order, and `metadata` is a text in JSON with everything else.
+in map order, and `metadata` is a JSON text with all other attributes.
 """
 
 import json
@@ -57,7 +57,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
     }
     arrays[_METADATA] = np.array(json.dumps(metadata))
     compression = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
-    # As `numpy.savez` does, of which old versions do not close the archive after an error.
+    # `numpy.savez` of NumPy 1.26 does not close the archive after an error.
     with (
         storage_errors(Path(path), "written"),
         new_file(path) as temporary,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Metadata, errors and reading of layers that the file formats share."""
+"""Metadata, errors and lazily read maps, shared by the file formats."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ _KNOWN = (
     *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
     *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
 )
-"""Endings of names that promise a kind of file."""
+"""Endings with a fixed meaning."""
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
@@ -59,7 +59,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 @contextmanager
 def naming(path: str | PathLike[str]) -> Iterator[None]:
-    """Let errors about the content of a file begin with its name."""
+    """Prefix errors with the name of a file."""
     try:
         yield
     except GridMapError as error:

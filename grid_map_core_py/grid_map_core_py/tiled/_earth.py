@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Coordinates of the earth: latitude and longitude in the reference system of a map, by PROJ."""
+"""Latitude and longitude in the reference system of a map, computed with PROJ."""
 
 import math
 import re
@@ -22,7 +22,7 @@ _REMEDY = "pip install 'grid_map_core_py[geo]'"
 _WGS_84 = "EPSG:4326"
 
 _FALSE = ({8806, 8816, 8826}, {8807, 8817, 8827})
-"""Parameters of projections (numbers of EPSG) that are added to x, and to y."""
+"""EPSG codes of the projection parameters that are added to x and to y."""
 
 _AXES = (
     {"name": "Easting", "abbreviation": "E", "direction": "east"},
@@ -30,7 +30,7 @@ _AXES = (
 )
 
 _MOVED = re.compile(r"moved by (\S+), (\S+) from (.+)", re.DOTALL)
-"""Remark in a reference system that has another origin."""
+"""Remark in a reference system whose origin was moved."""
 
 
 def position_of(crs: str, latitude: ArrayLike, longitude: ArrayLike) -> Positions:
@@ -61,9 +61,9 @@ def moved_map(site: "TiledMap", origin: ArrayLike) -> "TiledMap":
 
 
 def moved_crs(crs: str, origin: ArrayLike) -> str:
-    """Return the reference system whose origin is at a position of another one, as WKT.
+    """Return a reference system as WKT, with its origin moved to a position [m].
 
-    A remark in it says how it was made, for `unmoved_crs`.
+    A remark in it holds the offset and the original system, for `unmoved_crs`.
 
     Raises:
         GridMapError: the position is not finite, or the system is no projection.
@@ -96,7 +96,7 @@ def moved_crs(crs: str, origin: ArrayLike) -> str:
 
 
 def unmoved_crs(crs: str) -> tuple[str, tuple[float, float]]:
-    """Return the reference system from which `moved_crs` made one, and by which offset [m]."""
+    """Return the original reference system of a moved one, and the offset [m]."""
     if not re.search(r'REMARK\["moved by ', crs):
         return crs, (0.0, 0.0)
     found = _MOVED.fullmatch(_pyproj().CRS.from_user_input(crs).remarks)
@@ -107,7 +107,7 @@ def unmoved_crs(crs: str) -> tuple[str, tuple[float, float]]:
 
 
 def _projections(system: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the projected system within a compound one, a bound one, or one that is projected."""
+    """Yield the projected systems within a system, which may be compound or bound."""
     if system["type"] == "ProjectedCRS":
         yield system
     for part in (*system.get("components", ()), system.get("source_crs")):
@@ -116,12 +116,12 @@ def _projections(system: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _meters(unit: Any) -> float:
-    """Return the length of a unit [m]."""
+    """Return the size of a unit [m]."""
     return float(unit["conversion_factor"]) if isinstance(unit, dict) else 1.0
 
 
 def _finite(coordinates: tuple[ArrayLike, ArrayLike]) -> Positions:
-    """Return pairs (2,) or (N, 2), with NaN in place of what PROJ does not know."""
+    """Return pairs (2,) or (N, 2); those outside the reference system are NaN."""
     pairs = np.stack([np.asarray(one, np.float64) for one in coordinates], axis=-1)
     pairs[~np.isfinite(pairs).all(axis=-1)] = np.nan
     return pairs
@@ -129,7 +129,7 @@ def _finite(coordinates: tuple[ArrayLike, ArrayLike]) -> Positions:
 
 @lru_cache(maxsize=16)
 def _transformer(crs: str) -> tuple[Any, tuple[float, float]]:
-    """Return what transforms longitude and latitude, and the origin in its results [m]."""
+    """Return a transformer of longitude and latitude, and the origin of the frame [m]."""
     if not crs:
         raise GridMapError(
             "the map has no reference system, so its place on the earth is not known; a GeoTIFF "

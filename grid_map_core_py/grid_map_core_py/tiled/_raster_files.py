@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tiled maps into GeoTIFF files, window by window; overviews are built afterwards."""
+"""Writes tiled maps to GeoTIFF files window by window, and builds overviews afterwards."""
 
 import itertools
 from collections.abc import Sequence
@@ -89,14 +89,14 @@ def _write_windows(
 
 
 def _compute(site: TiledMap, names: Sequence[str], window: Window) -> list[Layer]:
-    """Return the layers under lines and pixels of the raster."""
+    """Return the layers of a window of raster lines and pixels."""
     lines, pixels = window
     rows = slice(site.size[0] - pixels.stop, site.size[0] - pixels.start)
     return site.source.read((rows, lines), names)
 
 
 def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
-    """Build the overviews of a file of blocks, and copy it in the order of a COG."""
+    """Build the overviews of a tiled file, and copy it with the layout of a COG."""
     with import_module("rasterio").open(tiles, "r+") as raster:
         levels = range(1, max(0, (max(raster.shape) - 1) // _BLOCK).bit_length() + 1)
         # The nearest of four heights would be one of them by chance.

@@ -40,10 +40,10 @@ _LARGEST_DIFFERENCE = 1e-6
 """Largest relative difference between the sides of pixels of a mosaic."""
 
 _MOST_OPEN = 64
-"""Rasters that a process keeps open."""
+"""Maximum number of rasters that a process keeps open."""
 
 _WIDEST_STRIP = 8192
-"""Pixels of a packed strip; of wider ones, a window unpacks many times its own size."""
+"""Maximum width of compressed strips; a window of wider ones unpacks many times its own size."""
 
 _WARPING: dict[str, Any] = {
     "dtype": "float32",
@@ -55,7 +55,7 @@ _WARPING: dict[str, Any] = {
     # By default a band keeps the value of no data where another band has a value.
     "UNIFIED_SRC_NODATA": "NO",
 }
-"""Options of GDAL for projected rasters; the tolerance of positions is in pixels."""
+"""GDAL options for projected rasters; the tolerance of positions is in pixels."""
 
 _BLOCK = 256
 """Side of the blocks in which a raster is projected [cells].
@@ -69,13 +69,13 @@ class _Part(NamedTuple):
 
     path: str
     place: Window
-    """Rows and columns of the map that it covers."""
+    """Rows and columns of the map that the raster covers."""
     stamp: tuple[int, int] | None
     """Time of change [ns] and length [bytes] of the file; None for virtual files."""
     transform: Any
-    """Place of the cells (an `Affine`) onto which it is projected; None if it is read as it is."""
+    """`Affine` of the cells onto which the raster is projected; None reads it as it is."""
     overview: int | None = None
-    """Number of the overview that is read in its place."""
+    """Number of the overview to read instead of the raster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ class RasterSource:
     def _read_part(
         self, part: _Part, place: Window, bands: Sequence[int], images: Sequence[Layer]
     ) -> None:
-        """Read the cells at a place of the map, which a raster covers, into images."""
+        """Read a window of the map that a raster covers into images."""
         rows, columns = within(place, part.place)
         width = shape(part.place)[0]
         pixels = columns, slice(width - rows.stop, width - rows.start)
@@ -139,13 +139,13 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """First cells of the rasters, and those behind their last ones, each (N, 2)."""
+        """Start and stop cells of the rasters, each (N, 2)."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
 
 def _opened(part: _Part, crs: str) -> Any:
-    """Return the open raster of a part: that of this thread, because GDAL does not share them."""
+    """Return the open raster of a part for this thread; GDAL datasets are not thread-safe."""
     size, owner = shape(part.place), (os.getpid(), threading.get_ident())
     return _open(part.path, part.stamp, part.overview, crs, part.transform, size, owner)
 
@@ -167,7 +167,7 @@ def _open(
 
 
 def _warped(raster: Any, crs: str, **cells: Any) -> Any:
-    """Return a raster that is projected when it is read, by bilinear interpolation."""
+    """Return a raster that is projected when it is read, with bilinear interpolation."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
     return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)
@@ -215,8 +215,8 @@ def overview_of(site: TiledMap, step: int) -> tuple[TiledMap, int]:
     """Return the smallest overview of a raster whose cells are at most `step` times as large.
 
     Returns:
-        overview: its map, whose cells are in their places within half a cell; `site` itself if
-            that is no single raster, is projected, or has no such overview.
+        overview: its map, accurate to half a cell; `site` itself if it is a mosaic, is
+            projected, or has no such overview.
         factor: side of its cells [cells of `site`].
     """
     source = site.source
@@ -243,14 +243,14 @@ def overview_of(site: TiledMap, step: int) -> tuple[TiledMap, int]:
 
 
 class _Header(NamedTuple):
-    """Description of a raster, which may be projected."""
+    """Header of a raster, after projection if one is requested."""
 
     path: str
     stored: StoredMap
     crs: str
     stamp: tuple[int, int] | None
     origin: tuple[float, float] | None = None
-    """Where the frame of the map has its origin."""
+    """Origin of the frame in the reference system [m]."""
 
     @property
     def geometry(self) -> GridGeometry:
@@ -282,7 +282,7 @@ def _read_header(path: str, crs: str) -> _Header:
 
 
 def _warn(raster: Any, path: str) -> None:
-    """Warn if the coordinates are not meters, or if windows are slow to read."""
+    """Warn about coordinates that are not meters, and about slow strips."""
     if unit := unit_of(raster):
         longitude, latitude = raster.lnglat()
         zone = min(max(int((longitude + 180.0) // 6.0), 0), 59) + 1

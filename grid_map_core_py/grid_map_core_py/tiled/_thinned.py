@@ -20,7 +20,7 @@ from ._source import Window
 from ._tiled_map import TiledMap
 
 _MOST_TILES = 4096
-"""Tiles that are read at most: this takes about half a minute."""
+"""Maximum number of tiles that are read, which takes about half a minute."""
 
 
 def thinned_map(site: TiledMap, step: int, names: Sequence[str]) -> GridMap:
@@ -50,7 +50,7 @@ def thinned_map(site: TiledMap, step: int, names: Sequence[str]) -> GridMap:
 
 
 def _affordable(site: TiledMap, step: int) -> int:
-    """Return a step, as large as given or larger, with which few enough tiles have a cell."""
+    """Return the step, enlarged until at most `_MOST_TILES` tiles have a cell of the result."""
 
     def tiles(step: int) -> int:
         counts = [
@@ -65,7 +65,7 @@ def _affordable(site: TiledMap, step: int) -> int:
 
 
 def _blocks(site: TiledMap, lines: Sequence[NDArray[Any]]) -> Any:
-    """Yield the tiles that have a cell of the result: windows from its first to its last one."""
+    """Yield a window for each tile with cells of the result, from the first to the last of them."""
     parts = []
     for line, side in zip(lines, site.tile, strict=True):
         numbers = line // side
@@ -79,7 +79,7 @@ def _blocks(site: TiledMap, lines: Sequence[NDArray[Any]]) -> Any:
 
 @dataclass(frozen=True)
 class _Read:
-    """Reads every n-th cell of a window, the first one included."""
+    """Reads every `step`-th cell of a window, beginning with the first."""
 
     site: TiledMap
     step: int
