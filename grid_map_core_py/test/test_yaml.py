@@ -14,6 +14,7 @@ WRONG = {
     "repeated key below": ("a: {b: 1, c: [1], b: 2}", "'b' occurs twice"),
     "no YAML": ("a: [", ""),
     "unknown alias": ("a: *b", "undefined alias"),
+    "levels": ("[" * 9999, "recursion"),
     "two documents": ("a: 1\n---\na: 2\n", "expected a single document"),
     "no text": (b"a: \xff", ""),
 }

@@ -11,7 +11,7 @@ import yaml
 from ..errors import GridMapError
 
 
-class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+class _Loader(yaml.SafeLoader):
     """YAML in which `1e-3` is a number and the keys of a mapping are unique."""
 
     def flatten_mapping(self, node: Any) -> None:
