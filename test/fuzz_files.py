@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Input for `fuzz.py`: bags, maps, images, clouds, chains, command lines."""
+"""Input for `fuzz.py`: bags, maps, images, chains, command lines."""
 
 import contextlib
 import io
@@ -11,9 +11,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import octomap_stand_in
-import pypcd4
-import trimesh
 from bags import DATA, TOPIC, numbered_map, write_bag, write_mcap
 
 from grid_map_core_py import GridMap
@@ -22,23 +19,20 @@ from grid_map_core_py._commands import main
 from grid_map_core_py._parameters import nested, node_sections
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import (
-    load_cloud,
     load_geotiff,
     load_height_image,
-    load_images,
     load_map_server,
     load_npz,
     load_yaml,
     save_geotiff,
     save_height_image,
-    save_images,
     save_map_server,
     save_npz,
 )
 from grid_map_core_py.plugins import check
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py.expression import Expression
-from grid_map_ros_py import bag_maps, load_octomap, save_to_bag
+from grid_map_ros_py import bag_maps, save_to_bag
 from grid_map_visualization_py import create
 
 ROOT = Path(__file__).parents[1]
@@ -89,22 +83,16 @@ def targets(folder: Path) -> list[tuple[str, Sequence[bytes], Callable[[bytes], 
     pages = "".join(page.read_text() for page in sorted((ROOT / "docs/filters").glob("*.md")))
     documented = re.findall(r"^```yaml\n(.*?)^```", pages, re.DOTALL | re.MULTILINE)
     chains = [CHAIN.read_bytes(), *(block.encode() for block in documented)]
-    meters = partial(load_cloud, resolution=0.1)
     readers: list[tuple[str, str, str, Callable[[Path], Any]]] = [
         ("MCAP", "*/*.mcap", "damaged", _maps),
         ("MCAP recovered", "*/*.mcap", "damaged", partial(_maps, recover=True)),
         ("sqlite3", "*/*.db3", "damaged", _maps),
         ("metadata.yaml", "none/*.yaml", "none/metadata.yaml", lambda file: _maps(file.parent)),
         ("npz", "*.npz", "damaged", load_npz),
-        ("map.yaml", "images/map.yaml", "images/map.yaml", load_images),
-        ("PNG", "images/*.png", "images/elevation.png", lambda file: load_images(file.parent)),
         ("nav2 map.yaml", "nav2.yaml", "nav2.yaml", load_map_server),
         ("PGM", "nav2.pgm", "nav2.pgm", lambda file: load_map_server(file.with_suffix(".yaml"))),
         ("height image", "height.*", "damaged", partial(load_height_image, resolution=0.1)),
         ("GeoTIFF", "*.tif", "damaged.tif", load_geotiff),
-        ("PCD", "*.pcd", "damaged.pcd", meters),
-        *((kind.upper(), f"*.{kind}", f"damaged.{kind}", meters) for kind in ("ply", "obj", "stl")),
-        ("file of OctoMap", "*.bt", "damaged", load_octomap),
     ]
     texts: list[tuple[str, Sequence[bytes], Callable[[Path], Any]]] = [
         ("filter chain", chains, partial(_filtered, world)),
@@ -148,19 +136,6 @@ def _write(folder: Path) -> None:
     values[0, 0] = np.nan
     grid_map["elevation"] = values
     save_height_image(grid_map, folder / "height.png")
-    save_images(grid_map, folder / "images")
-    points = np.random.default_rng(1).random((12, 3), np.float32)
-    for encoding in ("ascii", "binary", "binary_compressed"):
-        cloud = pypcd4.PointCloud.from_xyz_points(points)
-        cloud.save(folder / f"{encoding}.pcd", pypcd4.Encoding(encoding))
-    mesh = trimesh.Trimesh(points, np.arange(12).reshape(4, 3))
-    for ending, kind in (("ply", "ply"), ("obj", "obj"), ("stl", "stl"), ("stl", "stl_ascii")):
-        mesh.export(folder / f"{kind}.{ending}", file_type=kind)
-    mesh.export(folder / "ascii.ply", file_type="ply", encoding="ascii")
-    root = tuple([7] * 15)
-    tree = octomap_stand_in.write_binary({(*root, 1): True, (*root, 2): False})
-    head = b"# Octomap OcTree binary file\nid OcTree\nsize 3\nres 0.1\ndata\n"
-    (folder / "tree.bt").write_bytes(head + tree)
 
 
 def _maps(file: Path, *, recover: bool = False) -> tuple[GridMap, ...]:

@@ -4,7 +4,7 @@
 import fuzz
 import pytest
 
-pytestmark = pytest.mark.needs("mcap", "pypcd4", "rasterio", "rosbags", "trimesh", "viser")
+pytestmark = pytest.mark.needs("mcap", "rasterio", "rosbags", "viser")
 
 
 def test_damaged_input_is_read_or_raises_grid_map_error(tmp_path):

@@ -130,8 +130,7 @@ def libraries(requirements: list[str]) -> set[str]:
 COMMANDS = """
     info site.npz
     inspect site.npz
-    convert site.npz images/map.yaml
-    convert images site.png --layer elevation
+    convert site.npz site.png --layer elevation
     convert site.npz nav2.yaml --layer elevation --mode raw
     filter chain.yaml site.npz filtered.npz
     doctor

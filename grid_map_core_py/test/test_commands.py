@@ -236,7 +236,7 @@ WRONG = {
     "convert site.npz new.npz --resolution 1": (2, "--resolution is for height_image, pcd, mesh"),
     "convert site.npz new.npz --reduce mean": (2, "--reduce is for pcd, mesh"),
     "convert site.npz new.npz --as mesh": (2, "--as is for pcd, mesh"),
-    "convert site.npz new.npz --bits 8": (2, "--bits is for"),
+    "convert site.npz new.npz --bits 8": (2, "--bits is for height_image"),
     "convert site.npz new.npz --black 0": (2, "--black is for height_image"),
     "inspect site.npz --bars": (2, "--bars (see 'grid-map inspect --help')"),
     "info site.npz --ind 0": (2, "unrecognized arguments: --ind 0"),
@@ -254,7 +254,7 @@ def test_every_mistake_is_one_line(line, refused):
 
 
 def test_only_force_replaces_a_file(command):
-    for line in ("convert site.npz new.npz", "convert site.npz new.png --layer elevation"):
+    for line in ("convert site.npz new.npz", "convert site.npz new.png --layer variance"):
         name = line.split()[2]
         assert command(line)[0] == 0
         before = Path(name).stat().st_ino

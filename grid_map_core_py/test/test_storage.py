@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps in `.npz` files come back exactly; damaged and malicious files are refused."""
+"""Maps in `.npz` files come back exactly; damaged files are refused."""
 
 import io
 import json
-import struct
 import tempfile
-import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -59,12 +57,6 @@ def test_any_name_round_trips(names, frame_id):
         assert_maps_equal(load_npz(f"{folder}/map.npz"), grid_map)
 
 
-def test_name_without_file_representation_is_refused(path):
-    with pytest.raises(GridMapError, match="a file cannot hold this name"):
-        save_npz(GridMap((1, 1), 0.5, layers=["x" * 70_000]), path)
-    assert not path.exists()
-
-
 def test_numpy_alone_can_read_it(path):
     grid_map = sample_map()
     grid_map["elevation"] = np.arange(12.0).reshape(4, 3)
@@ -78,47 +70,37 @@ def test_numpy_alone_can_read_it(path):
 # --- damaged files --------------------------------------------------------------------------------
 
 
-def members(path: Path) -> dict[str, bytes]:
-    save_npz(sample_map(), path)
-    with zipfile.ZipFile(path) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
-
-
-def rewritten(path: Path, contents: dict[str, bytes]) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in contents.items():
-            archive.writestr(name, content)
-    return path
-
-
 def npy(array: np.ndarray) -> bytes:
     file = io.BytesIO()
     np.save(file, array)
     return file.getvalue()
 
 
-def with_metadata(path: Path, **changes: object) -> Path:
-    contents = members(path)
-    metadata = json.loads(str(np.load(io.BytesIO(contents["metadata.npy"]))))
-    contents["metadata.npy"] = npy(np.array(json.dumps(metadata | changes)))
-    return rewritten(path, contents)
+def rewritten(path: Path, contents: dict[str, bytes], **metadata: object) -> Path:
+    """Write a map with other members of the archive, or other metadata."""
+    save_npz(sample_map(), path)
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    found = json.loads(str(np.load(io.BytesIO(members["metadata.npy"]))))
+    members["metadata.npy"] = npy(np.array(json.dumps(found | metadata)))
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in (members | contents).items():
+            archive.writestr(name, content)
+    return path
 
 
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"format": "other"}, "has another format"),
-        ({"version": 2}, "version 2, only 1 is known"),
-        ({"size": [10**3, 10**3]}, "unexpected array: float32"),
+        ({"format": "other"}, "expected format 'grid_map' of version 1, got 'other' 1"),
+        ({"version": 2}, "of version 1, got 'grid_map' 2"),
+        ({"size": [10**3, 10**3]}, "4, 3"),
         ({"size": [-1, 3]}, ""),
         ({"size": None}, ""),
         ({"resolution": -1.0}, "resolution"),
         ({"position": [1]}, "position"),
         ({"layers": ["slope"]}, "slope.npy"),
-        ({"layers": ["elevation"] * 300_000}, "a layer is named twice"),
-        ({"layers": [3]}, "expected the name of a layer, got 3"),
-        ({"layers": ["elevation", "a\0"]}, "expected the name of a layer, got 'a.x00'"),
-        ({"frame_id": 3}, "frame_id"),
+        ({"layers": [3]}, ""),
         ({"frame_id": "\x1b[2J"}, "frame_id: expected a string without control characters"),
         ({"timestamp": "now"}, "timestamp"),
         ({"basic_layers": 3}, ""),
@@ -126,27 +108,24 @@ def with_metadata(path: Path, **changes: object) -> Path:
 )
 def test_invalid_metadata_is_refused(path, changes, reason):
     with pytest.raises(GridMapError, match=rf"map\.npz: cannot be read: .*{reason}"):
-        load_npz(with_metadata(path, **changes))
+        load_npz(rewritten(path, {}, **changes))
 
 
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
-        ("metadata.npy", npy(np.zeros(3)), "'metadata' is an unexpected array"),
-        ("metadata.npy", npy(np.array("[" * 9000)), ""),
+        ("metadata.npy", npy(np.zeros(3)), ""),
         ("metadata.npy", b"", ""),
-        ("layers/elevation.npy", npy(np.zeros((4, 3))), "unexpected array: float64"),
-        ("layers/elevation.npy", npy(np.zeros((3, 4), np.float32)), "unexpected array"),
-        ("layers/elevation.npy", npy(np.zeros((4, 3), np.float32))[:-1], "too few or too many"),
-        ("layers/elevation.npy", npy(np.zeros((4, 3), np.float32)) + b"1", "too few or too many"),
-        ("layers/elevation.npy", npy(np.array([print], dtype=object)), "unexpected array: object"),
+        ("layers/elevation.npy", npy(np.zeros((3, 4), np.float32)), "3, 4"),
+        ("layers/elevation.npy", npy(np.zeros((4, 3), np.float32))[:-1], ""),
+        ("layers/elevation.npy", npy(np.array([print], dtype=object)), "allow_pickle"),
         ("layers/elevation.npy", b"no array", "magic"),
     ],
-    ids=range(9),
+    ids=range(6),
 )
 def test_invalid_arrays_are_refused(path, name, content, reason):
     with pytest.raises(GridMapError, match=f"(?s){path}: cannot be read: .*{reason}"):
-        load_npz(rewritten(path, members(path) | {name: content}))
+        load_npz(rewritten(path, {name: content}))
 
 
 def test_a_file_of_something_else_is_refused(path):
@@ -156,24 +135,3 @@ def test_a_file_of_something_else_is_refused(path):
     path.write_bytes(b"PK no archive")
     with pytest.raises(GridMapError, match="not a zip file"):
         load_npz(path)
-
-
-def claiming(path: Path, size: int) -> Path:
-    """Change the archive's directory so that the layer declares a size of `size` bytes."""
-    with_metadata(path, size=[size // 4, 1])
-    data = bytearray(path.read_bytes())
-    entry = data.rindex(b"layers/elevation.npy") - 46
-    assert data[entry : entry + 4] == b"PK\1\2"
-    struct.pack_into("<I", data, entry + 24, size)
-    path.write_bytes(data)
-    return path
-
-
-def test_impossible_sizes_are_refused_before_allocation(path):
-    tracemalloc.start()
-    try:
-        with pytest.raises(GridMapError, match="claims more bytes than it has"):
-            load_npz(claiming(path, 2**32 - 4))
-        assert tracemalloc.get_traced_memory()[1] < 5e6
-    finally:
-        tracemalloc.stop()

@@ -2,8 +2,6 @@
 """Every writer of files: full disks, missing folders, endings of other formats."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,6 @@ OPTIONS = {
     "packed.tif": {"compress": True},
     "height.tif": {"bits": 32},
     "height.png": {},
-    "images/map.yaml": {},
     "occupancy.yaml": {"mode": "raw"},
     "scaled.yaml": {"mode": "scale"},
 }
@@ -56,37 +53,6 @@ def test_full_disk_keeps_the_old_file(tmp_path, capfd, full_disk, name, limit):
     assert contents(tmp_path) != old
 
 
-SAVE_WITHOUT_MEMORY = """
-import resource, sys
-import numpy as np
-from grid_map_core_py import GridMap, GridMapError, load, save
-
-path, small = sys.argv[1], GridMap((1, 1), 0.1, layers={"a": 1.0})
-values = np.random.default_rng(1).uniform(0, 1, (2000, 1500))
-large = GridMap((200, 150), 0.1, layers={"a": values, "b": values})
-save(small, path)
-size = resource.getpagesize() * int(open("/proc/self/statm").read().split()[0])
-refused = 0
-for megabytes in range(0, 70, 5):
-    resource.setrlimit(resource.RLIMIT_AS, (size + megabytes * 2**20, resource.RLIM_INFINITY))
-    try:
-        save(large, path)
-    except GridMapError:
-        refused += 1
-    resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    assert load(path) in (small, large)
-    save(small, path)
-assert refused > 3, refused
-"""
-
-
-@GDAL
-def test_full_memory_keeps_the_old_geotiff(tmp_path):
-    """GDAL reports no error if there is no memory for the end of a file."""
-    command = [sys.executable, "-c", SAVE_WITHOUT_MEMORY, str(tmp_path / "map.tif")]
-    subprocess.run(command, check=True, timeout=100)
-
-
 @pytest.mark.parametrize("name", WRITERS)
 def test_missing_folder_is_named(tmp_path, name):
     folder = tmp_path / "none" / "of them"
@@ -110,7 +76,6 @@ def test_folder_without_permission_is_named(tmp_path, name):
 @pytest.mark.parametrize(
     ("kind", "name", "expected"),
     [
-        ("images", "x.png", "the name of a folder"),
         *(
             ("npz", f"x{ending}", r"a name that ends in \.npz")
             for ending in (".tif", ".png", ".PNG", ".yaml", ".mcap")

@@ -79,7 +79,7 @@ def read_chain(path: str | Path, name: str) -> object:
         OSError: the file cannot be read.
     """
     try:
-        content = load_yaml(path, piped=True)
+        content = load_yaml(path)
     except GridMapError as error:
         if isinstance(error.__cause__, OSError):
             raise error.__cause__ from None

@@ -64,8 +64,8 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     """Add the file to write, and how to write it."""
     parser.add_argument(
         "destination",
-        help="name without ending (a bag), .npz, .tif, .zarr, .png, .rrd (Rerun), NAME.yaml "
-        "(nav2's map_server), or - for .npz to a pipe",
+        help="name without ending (a bag), .npz, .tif, .zarr, .png, .rrd (Rerun), .yaml (nav2's "
+        "map_server), or - for .npz to a pipe",
     )
     group = parser.add_argument_group("writing")
     about = "replace existing files"

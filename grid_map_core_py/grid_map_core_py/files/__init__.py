@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps, point clouds and meshes in files: `load` and `save` choose the format by the name."""
 
-from ._atomic import (
-    has_descriptor as has_descriptor,
-    new_file as new_file,
-    new_folder as new_folder,
-)
+from ._atomic import new_file as new_file, new_folder as new_folder
 from ._clouds import (
     Fields as Fields,
     load_cloud as load_cloud,
@@ -29,7 +25,6 @@ from ._image_files import (
     save_height_image as save_height_image,
     write_image as write_image,
 )
-from ._image_folder import load_images as load_images, save_images as save_images
 from ._map_server import load_map_server as load_map_server, save_map_server as save_map_server
 from ._npz import load_npz as load_npz, save_npz as save_npz
 from ._shared import map_facts as map_facts, storage_errors as storage_errors

@@ -1,28 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Atomic writing of files and folders: complete or not at all.
+"""Atomic writing of files and folders: beside the target under a hidden name, then renamed."""
 
-They are written beside the target, under a hidden name that ends in `.partial`, flushed to disk,
-and renamed. An error or the end of the process before that leaves the old ones. A process
-that is killed leaves its `.partial` behind, which can be deleted.
-"""
-
-import ctypes
-import errno
 import os
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
 from os import PathLike
 from pathlib import Path
 
 from .._unfinished import remove, unfinished
-
-_DESCRIPTORS = Path("/proc/self/fd")
-_AT_FDCWD = -100
-_RENAME_EXCHANGE = 2
-_TAKEN = {errno.EEXIST, errno.ENOTDIR, errno.ENOTEMPTY}
-_NOT_SUPPORTED = {errno.ENOSYS, errno.EINVAL, errno.ENOTSUP}
 
 
 @contextmanager
@@ -32,142 +18,70 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
     Raises:
         OSError: the folder is missing or cannot be written to; it names `path`.
     """
-    target = Path(path).resolve()
-    temporary = _hidden(target, "partial")
-    with _errors_of(path, temporary), unfinished(temporary):
-        temporary.touch(exist_ok=False)
+    with _beside(path) as (temporary, target):
         yield temporary
         _sync(temporary)
         temporary.replace(target)
-        _sync(target.parent)
 
 
 @contextmanager
 def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -> Iterator[Path]:
     """Yield an empty temporary folder; on success it replaces the one at `path`.
 
-    On systems that can exchange two names (Linux, on most file systems) the old folder or the new
-    one is there at every instant. Elsewhere the old one has a hidden name that ends in `.old` for
-    an instant.
-
     Args:
-        path: where the folder belongs.
+        path: path of the folder.
         check_old: called with an existing folder or file, before anything is written and before it
             is replaced; it raises to keep it.
 
     Raises:
         OSError: the parent folder is missing or cannot be written to; it names `path`.
     """
-    target = Path(path) if has_descriptor(path) else Path(path).resolve()
-    if target.exists():
-        check_old(target)
-    temporary = _hidden(target, "partial")
-    with _errors_of(path, temporary), unfinished(temporary):
-        temporary.mkdir()
-        with _pinned(temporary) as folder:
-            yield folder
-            for file in folder.iterdir():
-                _sync(file)
-            _sync(folder)
+    with _beside(path) as (temporary, target):
         if target.exists():
             check_old(target)
-        try:
-            temporary.rename(target)
-        except OSError as error:
-            if error.errno not in _TAKEN:
-                raise
-            # Another process may have created it in the meantime.
+        temporary.mkdir()
+        yield temporary
+        for file in temporary.iterdir():
+            _sync(file)
+        if target.exists():
             check_old(target)
             replace_folder(temporary, target)
-        _sync(target.parent)
-
-
-def has_descriptor(path: str | PathLike[str]) -> bool:
-    """Return whether a path begins with a descriptor of this process: /proc/self/fd/7/map.
-
-    Such a path stays below its folder, whatever happens to the names above: no link is followed.
-    """
-    return Path(path).parts[: len(_DESCRIPTORS.parts)] == _DESCRIPTORS.parts
-
-
-@contextmanager
-def _pinned(folder: Path) -> Iterator[Path]:
-    """Yield a path of a folder that a link in place of the folder does not divert, if possible."""
-    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    try:
-        pinned = _DESCRIPTORS / str(number)
-        pinned = pinned if pinned.exists() else folder
-        with _errors_of(folder, pinned):
-            yield pinned
-    finally:
-        os.close(number)
-
-
-@contextmanager
-def _errors_of(path: str | PathLike[str], temporary: Path) -> Iterator[None]:
-    """Let errors name the path that the caller gave, in place of the temporary one."""
-    if not temporary.parent.is_dir():
-        given = Path(path).parent
-        folder = temporary.parent if given.is_dir() else given
-        raise FileNotFoundError(errno.ENOENT, f"there is no folder {folder}", str(path))
-    try:
-        yield
-    except OSError as error:
-        if str(temporary) in str(error.filename):
-            error.filename, error.filename2 = str(path), None
-        # Libraries put the name into a text.
-        error.args = tuple(
-            part.replace(str(temporary), str(path)) if isinstance(part, str) else part
-            for part in error.args
-        )
-        raise
+        else:
+            temporary.rename(target)
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Replace a folder by another one, which may have the old content afterwards."""
-    if _exchange(temporary, target):
-        return
-    aside = _hidden(target, "old")
-    target.rename(aside)
+    """Replace a folder by another one; the old one has a hidden name for an instant."""
+    old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
+    target.rename(old)
     try:
         temporary.rename(target)
     except OSError:
-        aside.rename(target)
+        old.rename(target)
         raise
-    remove(aside)
+    remove(old)
 
 
-def _exchange(one: Path, other: Path) -> bool:
-    """Swap the names of two folders atomically; return False if the system cannot."""
+@contextmanager
+def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
+    """Yield a temporary name, which errors do not show, and the target without links."""
+    target = Path(path).resolve()
+    if not target.parent.is_dir():
+        raise FileNotFoundError(2, f"there is no folder {Path(path).parent}", str(path))
+    name = target.with_name(f".{target.name}.{secrets.token_hex(4)}.partial")
     try:
-        rename = _c_library().renameat2
-    except AttributeError:
-        return False
-    if rename(_AT_FDCWD, bytes(one), _AT_FDCWD, bytes(other), _RENAME_EXCHANGE) == 0:
-        return True
-    number = ctypes.get_errno()
-    if number in _NOT_SUPPORTED:
-        return False
-    raise OSError(number, os.strerror(number), str(other))
-
-
-@cache
-def _c_library() -> ctypes.CDLL:
-    """Return the C library, which is a new class for Python each time it is opened."""
-    return ctypes.CDLL(None, use_errno=True)
-
-
-def _hidden(target: Path, kind: str) -> Path:
-    return target.with_name(f".{target.name}.{secrets.token_hex(4)}.{kind}")
+        with unfinished(name) as temporary:
+            yield temporary, target
+    except OSError as error:
+        if str(name) in str(error.filename):
+            error.filename, error.filename2 = str(path), None
+        raise
 
 
 def _sync(path: Path) -> None:
-    """Flush a file to disk, or the names in a folder if the file system supports that."""
-    file = os.open(path, os.O_RDONLY)
+    """Flush a file or the names in a folder to disk."""
+    number = os.open(path, os.O_RDONLY)
     try:
-        os.fsync(file)
-    except OSError as error:
-        if error.errno not in _NOT_SUPPORTED:
-            raise
+        os.fsync(number)
     finally:
-        os.close(file)
+        os.close(number)

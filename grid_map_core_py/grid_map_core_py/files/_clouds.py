@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Point clouds and meshes from files, and maps made of them.
+"""Point clouds and meshes from files, and maps made from them.
 
-PCD files are read by the package `pypcd4`, PLY, OBJ and STL files by `trimesh`. Neither is needed
-unless such a file is to be read.
+The package `pypcd4` reads PCD files, and `trimesh` reads PLY, OBJ and STL files.
 """
 
-import math
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -21,20 +18,13 @@ from ..conversions._mesh import from_mesh
 from ..conversions._packed_colors import color_vector_to_value
 from ..conversions._point_layers import COLOR_FIELDS, as_colors, from_points
 from ..errors import GridMapError
-from ..limits import check_bytes
 from ..map._grid_map import GridMap
-from ._shared import check_length, naming, package_for, storage_errors
+from ._shared import naming, package_for, storage_errors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
 """(N,) values of the points by the name of the field."""
 
 _MESHES = (".ply", ".obj", ".stl")
-
-_PCD_HEAD = 10
-"""Most lines of the head of a PCD file, without comments."""
-
-_LARGEST_RATIO = 100
-"""LZF packs at most 88 bytes into one."""
 
 
 def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
@@ -56,21 +46,39 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
     """
     file = Path(path)
     if file.suffix.lower() == ".pcd":
-        table = _read_pcd(file)
+        pypcd4 = package_for(file, "PCD", "pypcd4")
+        with storage_errors(file, "read"):
+            cloud = pypcd4.PointCloud.from_path(file)
+            # For a file with a single point the reader returns a 1-D array.
+            rows = np.atleast_1d(cloud.pc_data)
+            if len(rows) != cloud.points:
+                raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
+        # PCL names all padding "_"; the reader replaces it by unique names with this prefix.
+        names = [name for name in rows.dtype.names or () if not name.startswith("#$%&~~")]
+        table = {name: rows[name] for name in names}
     else:
-        geometries = _read_mesh(file)
+        meshes = _read_meshes(file)
         # Only a PLY file has properties of its vertices.
-        data = _ply_elements(geometries[0]).get("vertex", {}).get("data", {})
+        data = meshes[0].metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
         columns = data if isinstance(data, dict) else data.dtype.names or ()
         table = {name: np.asarray(data[name]).reshape(-1) for name in columns}
-        table = table or dict(zip("xyz", _vertices(geometries).T, strict=True))
+        table = table or dict(zip("xyz", _vertices(meshes).T, strict=True))
     missing = [axis for axis in "xyz" if axis not in table]
     if missing:
         raise GridMapError(f"{file}: no field {missing[0]!r}, got {', '.join(table) or 'none'}")
     if not len(table["x"]):
         raise GridMapError(f"{file}: holds no points")
     points = np.column_stack([table.pop(axis) for axis in "xyz"])
-    return points, _with_packed_colors(table)
+    channels = "red", "green", "blue"
+    if all(name in table for name in channels):
+        rgb = np.column_stack([table.pop(name) for name in channels])
+        table.pop("alpha", None)
+        table["rgb"] = color_vector_to_value(rgb)
+    for name in COLOR_FIELDS:
+        # Packed colors with alpha may be NaN when read as float.
+        if name in table and table[name].dtype.itemsize == 4:
+            table["rgb"] = as_colors(table.pop(name))
+    return points, table
 
 
 def load_mesh(path: str | PathLike[str]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
@@ -91,7 +99,7 @@ def load_mesh(path: str | PathLike[str]) -> tuple[npt.NDArray[np.float64], npt.N
             package that reads it is not installed.
     """
     file = Path(path)
-    meshes = [geometry for geometry in _read_mesh(file) if hasattr(geometry, "faces")]
+    meshes = [mesh for mesh in _read_meshes(file) if hasattr(mesh, "faces")]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=False)]
     if not sum(map(len, faces)):
@@ -197,60 +205,18 @@ def _extent(path: str | PathLike[str], points: npt.NDArray[Any]) -> tuple[list[f
     return finite.min(axis=0).tolist(), finite.max(axis=0).tolist()
 
 
-def _read_pcd(file: Path) -> Fields:
-    """Return the fields of a PCD file by their names."""
-    pypcd4 = package_for(file, "PCD", "pypcd4")
-    with storage_errors(file, "read"):
-        _check_claims(file, pypcd4)
-        cloud = pypcd4.PointCloud.from_path(file)
-        # For a file with a single point the reader returns a 1-D array.
-        rows = np.atleast_1d(cloud.pc_data)
-        if len(rows) != cloud.points:
-            raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
-    # PCL names all padding "_"; the reader replaces it by unique names with this prefix.
-    return {name: rows[name] for name in rows.dtype.names or () if not name.startswith("#$%&~~")}
-
-
-def _check_claims(file: Path, pypcd4: Any) -> None:
-    """Refuse a PCD file that claims more bytes than it can hold; the reader would take them."""
-    check_length(file)
-    lines: list[str] = []
-    with file.open("rb") as stream:
-        for line in stream:
-            if (text := line.decode().strip()) and not text.startswith("#"):
-                lines.append(text)
-            if lines and (lines[-1].startswith("DATA") or len(lines) == _PCD_HEAD):
-                break
-        sizes = stream.read(8)
-    head = pypcd4.MetaData.parse_header(lines)
-    point = sum(size * count for size, count in zip(head.size, head.count, strict=True))
-    claimed = max(head.points, 1) * point
-    if head.data.value not in ("ascii", "binary"):
-        # The sizes of the packed and the unpacked points come first; memory for both is taken.
-        claimed = max(claimed, *(int.from_bytes(sizes[k : k + 4], "little") for k in (0, 4)))
-    if claimed > _LARGEST_RATIO * file.stat().st_size:
-        raise ValueError(f"claims {claimed} bytes, more than it has")
-    check_bytes(f"{file}: points", claimed, math.inf)
-
-
-def _read_mesh(file: Path) -> list[Any]:
+def _read_meshes(file: Path) -> list[Any]:
     """Return the meshes and point clouds of a file as trimesh has them."""
     ending = file.suffix.lower()
     if ending not in _MESHES:
         known = ", ".join(_MESHES)
         raise GridMapError(f"{file}: expected a file that ends in {known}, or .pcd for points")
     trimesh = package_for(file, ending, "trimesh")
-    # Unprocessed: no vertex is merged or dropped.
-    options = {"process": False, "skip_materials": True}
     with storage_errors(file, "read"):
-        check_length(file)
-        data = file.read_bytes()
-        if ending == ".obj":
-            # Trimesh makes a mesh of each material, which takes a millisecond.
-            data = re.sub(rb"(?m)^[ \t]*usemtl\b.*", b"", data)
         try:
-            scene = trimesh.load_scene(BytesIO(data), ending, **options)
-            geometries = list(scene.geometry.values())
+            # Unprocessed: no vertex is merged or dropped.
+            options = {"process": False, "skip_materials": True}
+            scene = trimesh.load_scene(BytesIO(file.read_bytes()), ending, **options)
         except ImportError as error:
             # Trimesh would let another package guess what encoding this is.
             raise ValueError("neither valid nor text in UTF-8") from error
@@ -258,48 +224,28 @@ def _read_mesh(file: Path) -> list[Any]:
             hint = " (the faces of a binary PLY file must all have the same number of vertices)"
             is_uneven = "PLY is unexpected length" in str(error)
             raise ValueError(f"{error}{hint * is_uneven}") from error
-        for geometry in geometries:
-            _check_complete(geometry)
-        if not geometries:
+        meshes = [*scene.geometry.values()]
+        for mesh in meshes:
+            _check_complete(mesh)
+        if not meshes:
             raise ValueError("nothing found in it")
-    return geometries
+    return meshes
 
 
-def _ply_elements(geometry: Any) -> Mapping[str, Any]:
-    """Return the elements of a PLY file by name; an empty mapping for other formats."""
-    elements: Mapping[str, Any] = geometry.metadata.get("_ply_raw", {})
-    return elements
-
-
-def _check_complete(geometry: Any) -> None:
+def _check_complete(mesh: Any) -> None:
     """Refuse what trimesh accepts: PLY text that ends early, faces without vertices, no x, y, z."""
-    vertices = np.asarray(geometry.vertices)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(getattr(mesh, "faces", ()))
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"expected x, y, z of every vertex, got an array {vertices.shape}")
-    for name, element in _ply_elements(geometry).items():
+    for name, element in mesh.metadata.get("_ply_raw", {}).items():
         data = element.get("data", ())
         columns = list(data.values()) if isinstance(data, dict) else [data]
         found = min(map(len, columns), default=0)
         if found != element["length"]:
             raise ValueError(f"expected {element['length']} of {name}, got {found}")
-    faces = np.asarray(getattr(geometry, "faces", ()))
     if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
         raise ValueError(f"{len(vertices)} vertices, but faces name {faces.min()} to {faces.max()}")
 
 
-def _vertices(geometries: list[Any]) -> npt.NDArray[np.float64]:
-    return np.concatenate([np.asarray(geometry.vertices, np.float64) for geometry in geometries])
-
-
-def _with_packed_colors(fields: Fields) -> Fields:
-    """Return the fields with colors as one field of packed float32 without alpha."""
-    channels = "red", "green", "blue"
-    if all(name in fields for name in channels):
-        rgb = np.column_stack([fields.pop(name) for name in channels])
-        fields.pop("alpha", None)
-        fields["rgb"] = color_vector_to_value(rgb)
-    for name in COLOR_FIELDS:
-        # Packed colors with alpha may be NaN when read as float.
-        if name in fields and fields[name].dtype.itemsize == 4:
-            fields["rgb"] = as_colors(fields.pop(name))
-    return fields
+def _vertices(meshes: list[Any]) -> npt.NDArray[np.float64]:
+    return np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])

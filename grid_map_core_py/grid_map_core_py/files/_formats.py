@@ -17,10 +17,8 @@ from ..map._grid_map import GridMap
 from ._clouds import describe_cloud, load_cloud
 from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
 from ._image_files import HEIGHT_ENDINGS, load_height_image, save_height_image
-from ._image_folder import YAML_NAME, describe_images, load_images, part_of_maps, save_images
 from ._map_server import load_map_server, save_map_server
 from ._npz import describe_npz, load_npz, save_npz
-from ._yaml import load_yaml
 
 GROUP = "grid_map_core_py.formats"
 
@@ -136,11 +134,10 @@ def save(
 
 @cache
 def formats() -> dict[str, Format]:
-    """Return all formats by name: first the built-in ones, then those of other packages.
+    """Return all formats by name: first the built-in ones, then those of entry points.
 
-    A package adds a format by an entry point of the group `grid_map_core_py.formats`: the format's
-    name and a `Format`. A format that cannot be loaded is left out, with a
-    warning.
+    A package adds a format with an entry point of the group `grid_map_core_py.formats`: the name
+    of the format and a `Format`. A format that cannot be loaded is left out, with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
     # Those of this package come first: a bag may be any folder.
@@ -217,15 +214,6 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
     return GridMapError(f"{path}: expected {expected} of one of the formats {known}")
 
 
-def _is_ours(path: Path) -> bool:
-    """Return whether a path holds images that `save_images` wrote, not a map of nav2."""
-    file = path / YAML_NAME if path.is_dir() else path
-    try:
-        return file.suffix.lower() in _YAML and part_of_maps(load_yaml(file)) is not None
-    except GridMapError:
-        return False
-
-
 _YAML = (".yaml", ".yml")
 
 _BUILT_IN = (
@@ -238,19 +226,10 @@ _BUILT_IN = (
         describe=describe_npz,
     ),
     Format(
-        name="images",
-        description="folder of PNG images and map.yaml",
-        reads=_is_ours,
-        writes=lambda path: path.name == YAML_NAME,
-        load=load_images,
-        save=save_images,
-        describe=describe_images,
-    ),
-    Format(
         name="map_server",
         description="YAML file and image of nav2's map_server",
         endings=_YAML,
-        reads=lambda path: (path / YAML_NAME).is_file() or path.suffix.lower() in _YAML,
+        reads=lambda path: (path / "map.yaml").is_file() or path.suffix.lower() in _YAML,
         load=load_map_server,
         save=save_map_server,
     ),

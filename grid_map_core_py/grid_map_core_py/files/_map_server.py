@@ -43,10 +43,10 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Occupied and free; these let every written value come back."""
+"""Default thresholds (occupied, free), with which every written value is restored."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
-"""Pixels that `map_saver` writes for occupied, unknown and free cells in mode trinary."""
+"""Pixels of occupied, unknown and free cells that `map_saver` writes in mode trinary."""
 
 
 def load_map_server(
@@ -104,8 +104,7 @@ def save_map_server(
     """Write occupancies as a map of nav2's `map_server`.
 
     The image is a PGM file beside the YAML file, or a PNG file in mode `scale`, which needs alpha.
-    The map is written atomically: the YAML file comes last, and an image that an existing
-    YAML file names keeps its name until then.
+    The YAML file is replaced last; until then, the old map stays intact.
 
     Args:
         grid_map: the map; a moved one is stored in map order.

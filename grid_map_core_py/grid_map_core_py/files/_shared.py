@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Metadata, errors and reading of layers that the file formats share."""
+"""Metadata, errors and lazily read maps, shared by the file formats."""
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,49 +11,35 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from .. import errors
-from .._arrays._checks import is_name, select_layers
-from ..errors import GridMapError, LayerNotFoundError, LimitError, MissingPackageError, short
-from ..limits import check_bytes, check_cells
+from .._arrays._checks import select_layers
+from ..errors import GridMapError, LayerNotFoundError, LimitError, MissingPackageError
+from ..limits import check_cells
 from ..map._grid_map import GridMap
 
-_KNOWN = frozenset(
-    [
-        *(".npz", ".npy", ".zip", ".yaml", ".yml", ".json", ".csv", ".mcap", ".db3", ".bag"),
-        *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
-        *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot", ".zarr"),
-    ]
+_KNOWN = (
+    *(".npz", ".npy", ".zip", ".yaml", ".yml", ".json", ".csv", ".mcap", ".db3", ".bag", ".zarr"),
+    *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
+    *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
 )
-"""Endings of names that promise a kind of file."""
+"""Endings with a fixed meaning."""
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
-    """Refuse a name that ends like another kind of file; without `own` endings, like any file."""
+    """Refuse a name that ends like another kind of file."""
     ending = Path(path).suffix.lower()
     if ending in _KNOWN and ending not in own:
-        expected = f"a name that ends in {' or '.join(own)}" if own else "the name of a folder"
-        raise GridMapError(f"{path}: expected {expected}, got {ending}")
-
-
-def refuse_devices(file: Path) -> None:
-    """Raise `OSError` for a device or a pipe, which may never end."""
-    if file.exists() and not (file.is_file() or file.is_dir()):
-        raise OSError("a device or a pipe")
-
-
-def check_length(file: Path) -> None:
-    """Raise `LimitError` for a file that is too long to be read as a whole."""
-    check_bytes(f"{file}: file", file.stat().st_size, math.inf)
+        raise GridMapError(f"{path}: expected a name that ends in {' or '.join(own)}, got {ending}")
 
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
     """Turn every error of reading or writing a file into one GridMapError that names it.
 
-    A device or a pipe is not read.
+    Args:
+        file: the file.
+        doing: "read" or "written".
     """
     try:
-        if doing == "read":
-            refuse_devices(file)
         yield
     except (LayerNotFoundError, MissingPackageError):
         raise
@@ -63,8 +48,9 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
             error.args = (f"{file}: {error}",)
         raise
     except OSError as error:
-        raise GridMapError(f"{file}: cannot be {doing}: {error.strerror or error}") from error
-    # A file may be damaged in any way, and the libraries fail in as many.
+        reason = error.strerror or error.__cause__ or error
+        raise GridMapError(f"{file}: cannot be {doing}: {reason}") from error
+    # Libraries fail in many ways when a file is damaged.
     except Exception as error:
         text = f"{error} is missing" if isinstance(error, KeyError) else str(error).strip()
         first_line = text.splitlines()[0] if text else type(error).__name__
@@ -73,7 +59,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 @contextmanager
 def naming(path: str | PathLike[str]) -> Iterator[None]:
-    """Let errors about the content of a file begin with its name."""
+    """Prefix errors with the name of a file."""
     try:
         yield
     except GridMapError as error:
@@ -112,21 +98,11 @@ class StoredMap:
     read: Callable[[Sequence[str]], Iterable[ArrayLike]]
     """Returns layers in map order."""
     file: Path
-    packed: float
-    """Bytes in the file, or in all files that hold layers; infinite if unknown."""
-
-    def __post_init__(self) -> None:
-        for name in self.layers:
-            if not is_name(name):
-                raise ValueError(f"expected the name of a layer, got {short(name)}")
-        if len({*self.layers}) != len(self.layers):
-            raise ValueError("a layer is named twice")
 
     def load(self, layers: Iterable[str] | None) -> GridMap:
         """Return the map with the named layers; None means all."""
         wanted, size = select_layers(self.layers, layers), self.empty.size
         check_cells(f"{self.file}: map", size, len(wanted))
-        check_bytes(f"{self.file}: layers", size[0] * size[1] * 4 * len(wanted), self.packed)
         grid_map = self.empty.with_layers(dict(zip(wanted, self.read(wanted), strict=True)))
         grid_map.basic_layers = [name for name in self.basic_layers if name in grid_map]
         return grid_map

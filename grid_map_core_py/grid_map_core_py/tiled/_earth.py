@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Coordinates of the earth: latitude and longitude in the reference system of a map, by PROJ."""
+"""Latitude and longitude in the reference system of a map, computed with PROJ."""
 
 import math
 from dataclasses import replace
@@ -49,7 +49,7 @@ def moved_map(site: M, origin: ArrayLike) -> M:
 
 
 def _finite(coordinates: tuple[ArrayLike, ArrayLike]) -> Positions:
-    """Return pairs (2,) or (N, 2), with NaN in place of what PROJ does not know."""
+    """Return pairs (2,) or (N, 2); those outside the reference system are NaN."""
     pairs = np.stack([np.asarray(one, np.float64) for one in coordinates], axis=-1)
     pairs[~np.isfinite(pairs).all(axis=-1)] = np.nan
     return pairs

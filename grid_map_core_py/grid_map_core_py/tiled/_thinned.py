@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ._tiled_map import TiledMap
 
 _MOST_TILES = 4096
-"""Tiles that are read at most: this takes about half a minute."""
+"""Maximum number of tiles that are read, which takes about half a minute."""
 
 
 def thinned_map(site: "TiledMap", step: int, names: Sequence[str]) -> GridMap:
@@ -81,7 +81,7 @@ def _blocks(site: "TiledMap", lines: Sequence[NDArray[Any]]) -> Any:
 
 @dataclass(frozen=True)
 class _Read:
-    """Reads every n-th cell of a window, the first one included."""
+    """Reads every `step`-th cell of a window, beginning with the first."""
 
     site: "TiledMap"
     step: int
