@@ -74,8 +74,19 @@ class McapFile:
         try:
             if recover:
                 self._scan(recover=True)
+                return
+            self._file.seek(max(self._size - len(MAGIC), 0))
+            if self._size <= len(MAGIC) or self._file.read() != MAGIC:
+                reason = "is cut off: the recording was interrupted or the copy is not complete"
+                raise BagError(self._path, f"{reason}; {_HINT}")
+            self._file.seek(0)
+            summary = package("mcap.reader", path).SeekingReader(self._file).get_summary()
+            if summary and summary.schemas and summary.channels and summary.statistics:
+                self._schemas, self._channels = summary.schemas, summary.channels
+                self._chunks = summary.chunk_indexes
+                self._counts = summary.statistics.channel_message_counts
             else:
-                self._read_summary()
+                self._scan()
         except BaseException:
             self.close()
             raise
@@ -120,21 +131,6 @@ class McapFile:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-    def _read_summary(self) -> None:
-        """Read schemas, channels and the places of chunks; scan the file if they are missing."""
-        self._file.seek(max(self._size - len(MAGIC), 0))
-        if self._size <= len(MAGIC) or self._file.read() != MAGIC:
-            reason = "is cut off: the recording was interrupted or the copy is not complete"
-            raise BagError(self._path, f"{reason}; {_HINT}")
-        self._file.seek(0)
-        summary = package("mcap.reader", self._path).SeekingReader(self._file).get_summary()
-        if summary and summary.schemas and summary.channels and summary.statistics:
-            self._schemas, self._channels = summary.schemas, summary.channels
-            self._chunks = summary.chunk_indexes
-            self._counts = summary.statistics.channel_message_counts
-        else:
-            self._scan()
 
     def _indexed(self, channels: Collection[int]) -> Iterator[tuple[int, Entry]]:
         """Yield the messages of channels, as far as the index of the file has them."""

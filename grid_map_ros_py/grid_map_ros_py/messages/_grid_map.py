@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Layer, Size
@@ -58,7 +57,16 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
             `basic_layers` holds only layers that are sent.
     """
     plain = _described(grid_map, layers, grid_map.start_index)
-    plain.data = [_to_multi_array(layer) for layer in plain.data]
+    messages, arrays = messages_of("std_msgs"), []
+    for layer in plain.data:
+        values = array.array("f")
+        values.frombytes(np.asarray(layer, np.float32, order="F").T.data.cast("B"))
+        multi_array = messages.Float32MultiArray()
+        dimensions = _layout(layer.shape).dim
+        multi_array.layout.dim = [messages.MultiArrayDimension(**vars(one)) for one in dimensions]
+        set_array(multi_array, values)
+        arrays.append(multi_array)
+    plain.data = arrays
     return _filled(messages_of("grid_map_msgs").GridMap(), plain)
 
 
@@ -141,19 +149,6 @@ def _filled(message: Any, plain: SimpleNamespace) -> Any:
             _filled(getattr(message, name), value)
         else:
             setattr(message, name, value)
-    return message
-
-
-def _to_multi_array(layer: npt.ArrayLike) -> "Float32MultiArray":
-    messages = messages_of("std_msgs")
-    data = np.asarray(layer, dtype=np.float32, order="F")
-    message: Float32MultiArray = messages.Float32MultiArray()
-    message.layout.dim = [
-        messages.MultiArrayDimension(**vars(dimension)) for dimension in _layout(data.shape).dim
-    ]
-    values = array.array("f")
-    values.frombytes(data.T.data.cast("B"))
-    set_array(message, values)
     return message
 
 
