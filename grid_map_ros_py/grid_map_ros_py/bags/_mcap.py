@@ -7,7 +7,7 @@ import struct
 import warnings
 import zlib
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -111,7 +111,15 @@ class McapFile:
         }
         found = self._scanned
         if found is None:
-            found = [*self._indexed(names)]
+            found = []
+            for chunk in self._chunks:
+                for channel, offset in chunk.message_index_offsets.items():
+                    if channel in names:
+                        self._seek(self._file, offset, _MESSAGE_INDEX)
+                        _, size = _INDEX_HEAD.unpack(self._file.read(_INDEX_HEAD.size))
+                        for time, place in _INDEX_ENTRY.iter_unpack(self._file.read(size)):
+                            entry = Entry(time, (chunk.chunk_start_offset, place))
+                            found.append((channel, entry))
             counts = Counter(channel for channel, _ in found)
             if any(counts[key] != self._counts.get(key, 0) for key in names):
                 # The index is not complete.
@@ -131,16 +139,6 @@ class McapFile:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-    def _indexed(self, channels: Collection[int]) -> Iterator[tuple[int, Entry]]:
-        """Yield the messages of channels, as far as the index of the file has them."""
-        for chunk in self._chunks:
-            for channel, offset in chunk.message_index_offsets.items():
-                if channel in channels:
-                    self._seek(self._file, offset, _MESSAGE_INDEX)
-                    _, size = _INDEX_HEAD.unpack(self._file.read(_INDEX_HEAD.size))
-                    for time, place in _INDEX_ENTRY.iter_unpack(self._file.read(size)):
-                        yield channel, Entry(time, (chunk.chunk_start_offset, place))
 
     def _scan(self, *, recover: bool = False) -> list[tuple[int, Entry]]:
         """Find all messages without the index, and return each with its channel."""

@@ -111,7 +111,13 @@ def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> 
     )
     seconds, rest = divmod(check_nanoseconds(grid_map.timestamp), NANOSECONDS)
     stamp = SimpleNamespace(sec=seconds, nanosec=rest)
-    layout = _layout(grid_map.size)
+    rows, columns = grid_map.size
+    outer, inner = _LABELS
+    dimensions = [
+        SimpleNamespace(label=outer, size=columns, stride=rows * columns),
+        SimpleNamespace(label=inner, size=rows, stride=rows),
+    ]
+    layout = SimpleNamespace(dim=dimensions, data_offset=0)
     return SimpleNamespace(
         header=SimpleNamespace(stamp=stamp, frame_id=grid_map.frame_id),
         info=_info(grid_map.geometry),
@@ -155,16 +161,6 @@ def _filled(message: Any, plain: SimpleNamespace) -> Any:
         else:
             setattr(message, name, value)
     return message
-
-
-def _layout(size: Size) -> SimpleNamespace:
-    """Return an object with the attributes of `MultiArrayLayout`, for a column-major layer."""
-    rows, columns = size
-    sizes = zip(_LABELS, (columns, rows), (rows * columns, rows), strict=True)
-    dim = [
-        SimpleNamespace(label=label, size=count, stride=stride) for label, count, stride in sizes
-    ]
-    return SimpleNamespace(dim=dim, data_offset=0)
 
 
 # --- reading --------------------------------------------------------------------------------------
