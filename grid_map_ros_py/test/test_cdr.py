@@ -85,11 +85,6 @@ def test_marker_does_not_depend_on_alignment(frame_id, namespace, count):
     assert_encodes(serialize(message, {"effort": points.ravel()}), message)
 
 
-def test_arrays_of_any_memory_order_are_serialized_row_by_row():
-    points = np.asfortranarray(np.arange(6.0).reshape(2, 3)).astype(">f8")
-    assert_encodes(serialize(Marker(), {"points": points}), marker_with(points, np.zeros((0, 4))))
-
-
 def test_field_that_the_message_lacks_is_refused():
     with pytest.raises(AttributeError, match="pionts"):
         serialize(Marker(), {"pionts": np.zeros((1, 3))})

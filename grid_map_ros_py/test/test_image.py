@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import array
-import math
 from typing import Any
 
 import numpy as np
@@ -187,13 +186,6 @@ def test_numbers_of_big_endian_senders_are_understood(encoding: str) -> None:
     message.data = array.array("B", values.tobytes())
     message.is_bigendian = 1
     assert_maps_equal(from_image(over_the_wire(message), "e", 1.0), expected)
-
-
-def test_alpha_threshold_can_be_set() -> None:
-    message = to_image(GridMap((1, 1), 1.0, layers={"e": 1.0}), "e", "rgba8", 0, 1)
-    message.data[3] = 100
-    assert math.isnan(from_image(message, "e", 1.0)["e"][0, 0])
-    assert from_image(message, "e", 1.0, alpha_threshold=0.25)["e"][0, 0] == 1.0
 
 
 # --- errors ---------------------------------------------------------------------------------------

@@ -187,13 +187,6 @@ def test_large_leaf_is_as_high_as_its_highest_voxel() -> None:
     np.testing.assert_array_equal(np.unique(cut["elevation"][:, 10:]), [1.25])
 
 
-def test_frame_and_time_come_from_the_message() -> None:
-    octomap = read(CASES[0], "full")
-    octomap.header.frame_id, octomap.header.stamp.sec = "map", 3
-    grid_map = from_octomap(octomap)
-    assert (grid_map.frame_id, grid_map.timestamp) == ("map", 3_000_000_000)
-
-
 def test_free_space_alone_is_a_map_without_heights() -> None:
     octomap = message(write_binary({(0,) * 15: False}), resolution=0.5)
     assert octomap_to_points(octomap).shape == (0, 3)

@@ -5,8 +5,6 @@ import array
 import math
 import struct
 import tracemalloc
-from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -101,16 +99,6 @@ def test_organized_cloud_is_read_row_after_row() -> None:
         assert read_points(cloud)["x"].reshape(2, 3).tolist() == [[0, 1, 2], [3, 4, 5]]
         np.testing.assert_array_equal(read_columns(cloud)[0][:, 2], 0.5 * np.arange(6))
     assert np.shares_memory(read_points(plain)["y"], np.frombuffer(plain.data, np.uint8))
-
-
-@pytest.mark.parametrize("kind", [bytes, bytearray, lambda data: np.frombuffer(data, np.uint8)])
-def test_messages_with_any_container_are_read(
-    kind: Callable[[Any], Any],
-) -> None:
-    cloud = xyz_cloud([(1.0, 2.0, 3.0)])
-    parts = {name: getattr(cloud, name) for name in cloud.get_fields_and_field_types()}
-    foreign = SimpleNamespace(**{**parts, "data": kind(cloud.data)})
-    assert from_point_cloud(foreign, "z", 1.0)["z"].tolist() == [[3.0]]
 
 
 # --- maps -----------------------------------------------------------------------------------------
@@ -250,16 +238,6 @@ def test_colors_have_four_bytes() -> None:
     with pytest.raises(MessageError, match=expected):
         from_point_cloud(cloud, resolution=1.0)
     assert from_point_cloud(cloud, resolution=1.0, fields=[]).layers == ("elevation",)
-
-
-def test_field_with_name_of_height_layer_must_be_left_out() -> None:
-    fields = [*xyz_fields(), ("elevation", 12, FLOAT32, 1)]
-    cloud = packed_cloud([{"x": 0, "y": 0, "z": 1, "elevation": 2}], fields)
-    with pytest.raises(
-        GridMapError, match="expected other names than those of the layers, got 'elevation'"
-    ):
-        from_point_cloud(cloud, resolution=1.0)
-    assert from_point_cloud(cloud, "height", 1.0).layers == ("height", "elevation")
 
 
 # --- bad messages ---------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import struct
 import warnings
 import zlib
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -74,8 +74,19 @@ class McapFile:
         try:
             if recover:
                 self._scan(recover=True)
+                return
+            self._file.seek(max(self._size - len(MAGIC), 0))
+            if self._size <= len(MAGIC) or self._file.read() != MAGIC:
+                reason = "is cut off: the recording was interrupted or the copy is not complete"
+                raise BagError(self._path, f"{reason}; {_HINT}")
+            self._file.seek(0)
+            summary = package("mcap.reader", path).SeekingReader(self._file).get_summary()
+            if summary and summary.schemas and summary.channels and summary.statistics:
+                self._schemas, self._channels = summary.schemas, summary.channels
+                self._chunks = summary.chunk_indexes
+                self._counts = summary.statistics.channel_message_counts
             else:
-                self._read_summary()
+                self._scan()
         except BaseException:
             self.close()
             raise
@@ -100,7 +111,15 @@ class McapFile:
         }
         found = self._scanned
         if found is None:
-            found = [*self._indexed(names)]
+            found = []
+            for chunk in self._chunks:
+                for channel, offset in chunk.message_index_offsets.items():
+                    if channel in names:
+                        self._seek(self._file, offset, _MESSAGE_INDEX)
+                        _, size = _INDEX_HEAD.unpack(self._file.read(_INDEX_HEAD.size))
+                        for time, place in _INDEX_ENTRY.iter_unpack(self._file.read(size)):
+                            entry = Entry(time, (chunk.chunk_start_offset, place))
+                            found.append((channel, entry))
             counts = Counter(channel for channel, _ in found)
             if any(counts[key] != self._counts.get(key, 0) for key in names):
                 # The index is not complete.
@@ -120,31 +139,6 @@ class McapFile:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-    def _read_summary(self) -> None:
-        """Read schemas, channels and the places of chunks; scan the file if they are missing."""
-        self._file.seek(max(self._size - len(MAGIC), 0))
-        if self._size <= len(MAGIC) or self._file.read() != MAGIC:
-            reason = "is cut off: the recording was interrupted or the copy is not complete"
-            raise BagError(self._path, f"{reason}; {_HINT}")
-        self._file.seek(0)
-        summary = package("mcap.reader", self._path).SeekingReader(self._file).get_summary()
-        if summary and summary.schemas and summary.channels and summary.statistics:
-            self._schemas, self._channels = summary.schemas, summary.channels
-            self._chunks = summary.chunk_indexes
-            self._counts = summary.statistics.channel_message_counts
-        else:
-            self._scan()
-
-    def _indexed(self, channels: Collection[int]) -> Iterator[tuple[int, Entry]]:
-        """Yield the messages of channels, as far as the index of the file has them."""
-        for chunk in self._chunks:
-            for channel, offset in chunk.message_index_offsets.items():
-                if channel in channels:
-                    self._seek(self._file, offset, _MESSAGE_INDEX)
-                    _, size = _INDEX_HEAD.unpack(self._file.read(_INDEX_HEAD.size))
-                    for time, place in _INDEX_ENTRY.iter_unpack(self._file.read(size)):
-                        yield channel, Entry(time, (chunk.chunk_start_offset, place))
 
     def _scan(self, *, recover: bool = False) -> list[tuple[int, Entry]]:
         """Find all messages without the index, and return each with its channel."""

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from io import BytesIO
 from types import SimpleNamespace
 from typing import Any, TypeAlias
 
@@ -81,7 +82,7 @@ def serialize(
         getattr(message, name)
     writer = _Writer()
     _struct(type(message) if message_type is None else message_type).write(writer, message, arrays)
-    return b"".join(writer.pieces)
+    return writer.stream.getvalue()
 
 
 def view(data: Buffer, message_type: MessageType) -> Any:
@@ -104,17 +105,16 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
 
 class _Writer:
-    """Pieces of a message, each aligned to its own size as CDR demands."""
+    """Stream of a message, in which values are aligned to their own size as CDR demands."""
 
     def __init__(self) -> None:
-        self.pieces: list[bytes | memoryview] = [_HEADER]
-        self._size = 0
+        self.stream = BytesIO()
+        self.stream.write(_HEADER)
 
     def add(self, data: bytes | memoryview, alignment: int = 1) -> None:
-        if padding := -self._size % alignment:
-            self.pieces.append(bytes(padding))
-        self.pieces.append(data)
-        self._size += padding + len(data)
+        if padding := (len(_HEADER) - self.stream.tell()) % alignment:
+            self.stream.write(bytes(padding))
+        self.stream.write(data)
 
     def count(self, number: int) -> None:
         _COUNT.write(self, number)

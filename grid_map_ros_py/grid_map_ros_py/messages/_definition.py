@@ -36,89 +36,44 @@ _LINES = {
 }
 """Lines of the `.msg` files of `grid_map_msgs/GridMap` and of the messages in it, by type."""
 
-_LINES_OF_OTHERS = {
-    "builtin_interfaces/Duration": ("int32 sec", "uint32 nanosec"),
-    "diagnostic_msgs/DiagnosticArray": ("std_msgs/Header header", "DiagnosticStatus[] status"),
-    "diagnostic_msgs/DiagnosticStatus": (
-        "byte level",
-        "string name",
-        "string message",
-        "string hardware_id",
-        "KeyValue[] values",
-    ),
-    "diagnostic_msgs/KeyValue": ("string key", "string value"),
-    "geometry_msgs/PoseStamped": ("std_msgs/Header header", "Pose pose"),
-    "geometry_msgs/PoseWithCovariance": ("Pose pose", "float64[36] covariance"),
-    "geometry_msgs/Transform": ("Vector3 translation", "Quaternion rotation"),
-    "geometry_msgs/TransformStamped": (
-        "std_msgs/Header header",
-        "string child_frame_id",
-        "Transform transform",
-    ),
-    "geometry_msgs/Twist": ("Vector3 linear", "Vector3 angular"),
-    "geometry_msgs/TwistWithCovariance": ("Twist twist", "float64[36] covariance"),
-    "geometry_msgs/Vector3": ("float64 x", "float64 y", "float64 z"),
-    "nav_msgs/MapMetaData": (
-        "builtin_interfaces/Time map_load_time",
-        "float32 resolution",
-        "uint32 width",
-        "uint32 height",
-        "geometry_msgs/Pose origin",
-    ),
-    "nav_msgs/OccupancyGrid": ("std_msgs/Header header", "MapMetaData info", "int8[] data"),
-    "nav_msgs/Odometry": (
-        "std_msgs/Header header",
-        "string child_frame_id",
-        "geometry_msgs/PoseWithCovariance pose",
-        "geometry_msgs/TwistWithCovariance twist",
-    ),
-    "nav_msgs/Path": ("std_msgs/Header header", "geometry_msgs/PoseStamped[] poses"),
-    "sensor_msgs/CompressedImage": ("std_msgs/Header header", "string format", "uint8[] data"),
-    "sensor_msgs/PointCloud2": (
-        "std_msgs/Header header",
-        "uint32 height",
-        "uint32 width",
-        "PointField[] fields",
-        "bool is_bigendian",
-        "uint32 point_step",
-        "uint32 row_step",
-        "uint8[] data",
-        "bool is_dense",
-    ),
-    "sensor_msgs/PointField": (
-        "string name",
-        "uint32 offset",
-        "uint8 datatype",
-        "uint32 count",
-    ),
-    "std_msgs/ColorRGBA": ("float32 r", "float32 g", "float32 b", "float32 a"),
-    "tf2_msgs/TFMessage": ("geometry_msgs/TransformStamped[] transforms",),
-    "visualization_msgs/Marker": (
-        "std_msgs/Header header",
-        "string ns",
-        "int32 id",
-        "int32 type",
-        "int32 action",
-        "geometry_msgs/Pose pose",
-        "geometry_msgs/Vector3 scale",
-        "std_msgs/ColorRGBA color",
-        "builtin_interfaces/Duration lifetime",
-        "bool frame_locked",
-        "geometry_msgs/Point[] points",
-        "std_msgs/ColorRGBA[] colors",
-        "string texture_resource",
-        "sensor_msgs/CompressedImage texture",
-        "UVCoordinate[] uv_coordinates",
-        "string text",
-        "string mesh_resource",
-        "MeshFile mesh_file",
-        "bool mesh_use_embedded_materials",
-    ),
-    "visualization_msgs/MarkerArray": ("Marker[] markers",),
-    "visualization_msgs/MeshFile": ("string filename", "uint8[] data"),
-    "visualization_msgs/UVCoordinate": ("float32 u", "float32 v"),
-}
-"""The same for messages of other types, which viewers of bags show."""
+_OTHERS = """
+builtin_interfaces/Duration: int32 sec; uint32 nanosec
+diagnostic_msgs/DiagnosticArray: std_msgs/Header header; DiagnosticStatus[] status
+diagnostic_msgs/DiagnosticStatus: byte level; string name; string message; string hardware_id;
+    KeyValue[] values
+diagnostic_msgs/KeyValue: string key; string value
+geometry_msgs/PoseStamped: std_msgs/Header header; Pose pose
+geometry_msgs/PoseWithCovariance: Pose pose; float64[36] covariance
+geometry_msgs/Transform: Vector3 translation; Quaternion rotation
+geometry_msgs/TransformStamped: std_msgs/Header header; string child_frame_id;
+    Transform transform
+geometry_msgs/Twist: Vector3 linear; Vector3 angular
+geometry_msgs/TwistWithCovariance: Twist twist; float64[36] covariance
+geometry_msgs/Vector3: float64 x; float64 y; float64 z
+nav_msgs/MapMetaData: builtin_interfaces/Time map_load_time; float32 resolution; uint32 width;
+    uint32 height; geometry_msgs/Pose origin
+nav_msgs/OccupancyGrid: std_msgs/Header header; MapMetaData info; int8[] data
+nav_msgs/Odometry: std_msgs/Header header; string child_frame_id;
+    geometry_msgs/PoseWithCovariance pose; geometry_msgs/TwistWithCovariance twist
+nav_msgs/Path: std_msgs/Header header; geometry_msgs/PoseStamped[] poses
+sensor_msgs/CompressedImage: std_msgs/Header header; string format; uint8[] data
+sensor_msgs/PointCloud2: std_msgs/Header header; uint32 height; uint32 width;
+    PointField[] fields; bool is_bigendian; uint32 point_step; uint32 row_step; uint8[] data;
+    bool is_dense
+sensor_msgs/PointField: string name; uint32 offset; uint8 datatype; uint32 count
+std_msgs/ColorRGBA: float32 r; float32 g; float32 b; float32 a
+tf2_msgs/TFMessage: geometry_msgs/TransformStamped[] transforms
+visualization_msgs/Marker: std_msgs/Header header; string ns; int32 id; int32 type;
+    int32 action; geometry_msgs/Pose pose; geometry_msgs/Vector3 scale;
+    std_msgs/ColorRGBA color; builtin_interfaces/Duration lifetime; bool frame_locked;
+    geometry_msgs/Point[] points; std_msgs/ColorRGBA[] colors; string texture_resource;
+    sensor_msgs/CompressedImage texture; UVCoordinate[] uv_coordinates; string text;
+    string mesh_resource; MeshFile mesh_file; bool mesh_use_embedded_materials
+visualization_msgs/MarkerArray: Marker[] markers
+visualization_msgs/MeshFile: string filename; uint8[] data
+visualization_msgs/UVCoordinate: float32 u; float32 v
+"""
+"""Fields of messages of other types, which viewers of bags show."""
 
 DEFINITION = f"\n{'=' * 80}\n".join(
     "\n".join((*([] if name == GRID_MAP else [f"MSG: {name}"]), *lines, ""))
@@ -146,8 +101,9 @@ def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
 _NUMBERS = {"bool": "boolean", "byte": "octet", "float32": "float", "float64": "double"}
 """Names of elementary types that message classes call otherwise."""
 
+_BLOCKS = re.findall(r"^(\w+/\w+):((?:.|\n )+)", _OTHERS, re.MULTILINE)
 FIELDS_BY_TYPE = {
     name: _fields(name.partition("/")[0], lines)
-    for name, lines in (_LINES | _LINES_OF_OTHERS).items()
+    for name, lines in [*_LINES.items(), *((name, text.split(";")) for name, text in _BLOCKS)]
 }
 """Names and types of the fields of the messages that need no message package."""

@@ -5,10 +5,9 @@ import array
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Layer, Size
@@ -58,7 +57,16 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
             `basic_layers` holds only layers that are sent.
     """
     plain = _described(grid_map, layers, grid_map.start_index)
-    plain.data = [_to_multi_array(layer) for layer in plain.data]
+    messages, arrays = messages_of("std_msgs"), []
+    for described in plain.data:
+        values = array.array("f")
+        values.frombytes(described.data.data.cast("B"))
+        multi_array = messages.Float32MultiArray()
+        dimensions = described.layout.dim
+        multi_array.layout.dim = [messages.MultiArrayDimension(**vars(one)) for one in dimensions]
+        set_array(multi_array, values)
+        arrays.append(multi_array)
+    plain.data = arrays
     return _filled(messages_of("grid_map_msgs").GridMap(), plain)
 
 
@@ -79,11 +87,6 @@ def to_serialized_message(
         start_index = grid_map.start_index
     grid_map.geometry.check_indices(np.asarray(start_index))
     plain = _described(grid_map, layers, start_index)
-    layout = _layout(grid_map.size)
-    plain.data = [
-        SimpleNamespace(layout=layout, data=np.asarray(layer, np.float32).ravel("F"))
-        for layer in plain.data
-    ]
     return serialize(plain, message_type=GRID_MAP)
 
 
@@ -95,8 +98,8 @@ def to_info(geometry: GridGeometry) -> "GridMapInfo":
 def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> SimpleNamespace:
     """Return an object with the attributes of a map's message.
 
-    Its `data` is the layers, in the order of a buffer with the start index `start`, or in map order
-    if the message cannot hold that.
+    Its layers are in the order of a buffer with the start index `start`, or in map order if the
+    message cannot hold that.
     """
     names = select_layers(grid_map.layers, layers)
     if max(start) > LARGEST_START_INDEX:
@@ -108,19 +111,35 @@ def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> 
     )
     seconds, rest = divmod(check_nanoseconds(grid_map.timestamp), NANOSECONDS)
     stamp = SimpleNamespace(sec=seconds, nanosec=rest)
-    stored_layers = (grid_map[name] for name in names)
+    rows, columns = grid_map.size
+    outer, inner = _LABELS
+    dimensions = [
+        SimpleNamespace(label=outer, size=columns, stride=rows * columns),
+        SimpleNamespace(label=inner, size=rows, stride=rows),
+    ]
+    layout = SimpleNamespace(dim=dimensions, data_offset=0)
     return SimpleNamespace(
         header=SimpleNamespace(stamp=stamp, frame_id=grid_map.frame_id),
         info=_info(grid_map.geometry),
         layers=list(names),
         basic_layers=[*filter({*names}.__contains__, grid_map.basic_layers)],
-        data=[
-            unwrapped(layer, (first, second)) if first or second else layer
-            for layer in stored_layers
-        ],
+        data=[_MultiArray(layout, grid_map[name], (first, second)) for name in names],
         outer_start_index=start[0],
         inner_start_index=start[1],
     )
+
+
+class _MultiArray(NamedTuple):
+    """Attributes of a `Float32MultiArray`, whose values are put in order when they are read."""
+
+    layout: SimpleNamespace
+    layer: Layer
+    first: Size
+
+    @property
+    def data(self) -> Layer:
+        layer = unwrapped(self.layer, self.first) if any(self.first) else self.layer
+        return np.asarray(layer, np.float32).ravel("F")
 
 
 def _info(geometry: GridGeometry) -> SimpleNamespace:
@@ -142,29 +161,6 @@ def _filled(message: Any, plain: SimpleNamespace) -> Any:
         else:
             setattr(message, name, value)
     return message
-
-
-def _to_multi_array(layer: npt.ArrayLike) -> "Float32MultiArray":
-    messages = messages_of("std_msgs")
-    data = np.asarray(layer, dtype=np.float32, order="F")
-    message: Float32MultiArray = messages.Float32MultiArray()
-    message.layout.dim = [
-        messages.MultiArrayDimension(**vars(dimension)) for dimension in _layout(data.shape).dim
-    ]
-    values = array.array("f")
-    values.frombytes(data.T.data.cast("B"))
-    set_array(message, values)
-    return message
-
-
-def _layout(size: Size) -> SimpleNamespace:
-    """Return an object with the attributes of `MultiArrayLayout`, for a column-major layer."""
-    rows, columns = size
-    sizes = zip(_LABELS, (columns, rows), (rows * columns, rows), strict=True)
-    dim = [
-        SimpleNamespace(label=label, size=count, stride=stride) for label, count, stride in sizes
-    ]
-    return SimpleNamespace(dim=dim, data_offset=0)
 
 
 # --- reading --------------------------------------------------------------------------------------
