@@ -16,6 +16,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+__all__ = ["Compiled", "Loop", "loop"]
+
 Compiled: TypeAlias = Callable[..., None]
 Type: TypeAlias = str | tuple[str, int] | tuple[str, ...]
 
