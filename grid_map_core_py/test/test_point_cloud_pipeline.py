@@ -10,7 +10,7 @@ from memory import peak_of
 
 from grid_map_core_py import ConfigError, GeometryError, GridMapError
 from grid_map_core_py.conversions import PointCloudPipeline, downsample, remove_outliers
-from grid_map_core_py.conversions._clusters import euclidean_clusters
+from grid_map_core_py.conversions._point_cloud_pipeline import euclidean_clusters
 
 UPSTREAM = """
 pcl_grid_map_extraction:
