@@ -61,11 +61,7 @@ class Fusion:
     """Fuses the clusters of a scan into the cells of a map, in place.
 
     Attributes:
-        clusters: the clusters of the scan.
-        state: the map.
-        geometry: geometry of the map.
         entries: returns the heights [m] at which the beams of some points entered their cells.
-        given: parameters.
         outcomes: (m,) the `Outcome` for each cell with points.
         chosen: (m,) the cluster that decided on it.
     """

@@ -84,7 +84,6 @@ class ValueFusion:
         """Fuse values (n,) of points into flat layers (cells,), which are replaced or added.
 
         Args:
-            chosen: the points.
             values: values of all points on the map before they were sorted, by layer.
             layers: layers by name.
             weights: the weights of `average` by name, and the counts of `class_bayesian` by the
