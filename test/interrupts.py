@@ -191,9 +191,9 @@ def carry_out(trial: Trial, data: str) -> tuple[str, str]:
     }[trial.start]
     with tempfile.TemporaryDirectory(prefix="interrupts-") as folder:
         words = trial.executable.arguments.format(folder=folder, data=data).split()
-        cache = f"{folder}/.cache" if trial.compiles else str(Path.home() / ".cache")
+        cache = f"{folder}/.cache" if trial.compiles else str(Path.home() / ".cache" / "numba")
         environ = {"PYTHONFAULTHANDLER": "1", "TMPDIR": folder, "HOME": folder}
-        environ["XDG_CACHE_HOME"] = cache
+        environ["NUMBA_CACHE_DIR"] = cache
         process = Process([*command, *words], environ)
         try:
             if trial.start == "ros2 run":

@@ -82,7 +82,7 @@ def rasterize(
         counted &= inside
         flat = flat[counted]
         for name, (source, reduce) in sources.items():
-            cells, values = flat, source[counted].astype(np.float64)
+            cells, values = flat, source[counted]
             # Heights that count are finite.
             if name not in layers and not (finite := np.isfinite(values)).all():
                 cells, values = cells[finite], values[finite]
