@@ -2,10 +2,10 @@
 """Layers from and to images, colors, costmaps, point clouds and triangle meshes.
 
 - Images: `to_image`, `from_image`, `add_layer_from_image`, with colors `to_color_image`,
-  `add_color_layer_from_image`; `change_resolution`; the type `Order`.
+  `add_color_layer_from_image`; `change_resolution`; the types `Image` and `Order`.
 - Colors as layer values: `color_vector_to_value`, `color_value_to_vector`,
-  `color_channels_to_value`, `color_value_to_bytes`; names of layers and fields with colors:
-  `COLOR_LAYER`, `COLOR_FIELDS`.
+  `color_channels_to_value`, `color_value_to_bytes`; their bits: `join_channels`, `split_channels`,
+  `NO_COLOR`; names of layers and fields with colors: `COLOR_LAYER`, `COLOR_FIELDS`.
 - Costmaps: `to_costmap`, `from_costmap`, `Costmap`. A `CostCodec` turns values into costs: a
   `CostTable` or a `CostRange`; costs are `FREE` to `LETHAL`.
 - Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reductions of the values in each cell to one value.
 
-A reduction takes the flat cell numbers (n,) and float64 values (n,) of points, and the number of
+A reduction takes the flat cell numbers (n,) and the values (n,) of points, and the number of
 cells. It returns one float32 value per cell, NaN without points.
 """
 
@@ -15,7 +15,7 @@ from .._arrays._checks import Integers
 from ._packed_colors import color_value_to_bytes, join_channels
 
 _Flat: TypeAlias = npt.NDArray[np.float32]
-_Values: TypeAlias = npt.NDArray[np.float64]
+_Values: TypeAlias = npt.NDArray[Any]
 Reduction: TypeAlias = Callable[[Integers, _Values, int], _Flat]
 
 _SIGN = np.uint32(1 << 31)
@@ -24,7 +24,7 @@ _SIGN = np.uint32(1 << 31)
 def _extreme(choose: np.ufunc) -> Reduction:
     def reduced(cells: Integers, values: _Values, size: int) -> _Flat:
         layer = np.full(size, np.nan, np.float32)
-        choose.at(layer, cells, values.astype(np.float32))
+        choose.at(layer, cells, values.astype(np.float32, copy=False))
         return layer
 
     return reduced
@@ -57,7 +57,7 @@ def _variance(cells: Integers, values: _Values, size: int) -> _Flat:
 def _median(cells: Integers, values: _Values, size: int) -> _Flat:
     # A key of 64 bits, the cell above the value, sorts by cell and by value in one go, more than
     # ten times as fast as `np.lexsort`.
-    bits = values.astype(np.float32).view(np.uint32)
+    bits = values.astype(np.float32, copy=False).view(np.uint32)
     keys = cells.astype(np.uint64) << np.uint64(32)
     keys |= np.where(bits & _SIGN, ~bits, bits | _SIGN)  # integers that sort like the values
     keys.sort()
