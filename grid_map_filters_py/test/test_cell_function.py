@@ -42,10 +42,6 @@ print(*(f"{bits:x}" for bits in chain(grid_map)["color"].view(np.uint32).ravel()
 """
 
 
-def test_cell_functions_of_all_filters_are_tested():
-    assert len(FUNCTIONS) == 8
-
-
 @pytest.mark.parametrize("name", FUNCTIONS)
 @given(data=st.data())
 def test_compiled_functions_give_the_bits_of_numpy(name, data):

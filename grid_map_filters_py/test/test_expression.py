@@ -330,15 +330,6 @@ def test_layers_of_other_types_are_taken_as_float32():
         assert value("m ./ 2", m=layer).dtype == np.float32
 
 
-def test_only_named_layers_are_read():
-    class Watched(dict):
-        def __getitem__(self, name):
-            assert name == "elevation"
-            return super().__getitem__(name)
-
-    Expression("elevation + 1")(Watched(layers()))
-
-
 # --- expressions as objects -----------------------------------------------------------------------
 
 
@@ -469,10 +460,6 @@ def test_other_types_than_text_and_matrices_are_refused():
         value("1 + m", m=np.ones(3, np.float32))
     message = "the layer 'm' must have rows and columns, its shape is (3,)"
     assert_points_at(caught.value, "1 + m", 4, message)
-
-
-def test_brackets_nest_to_any_depth():
-    assert Expression("(" * 3000 + "7" + ")" * 3000)({}) == 7
 
 
 @given(st.text(alphabet="ab1.+-*/^()[],:;<>=! \"'end", max_size=20))

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Expressions over the windows of a layer."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from expression_oracle import window_by_window
@@ -11,10 +9,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from grid_map_filters_py.errors import ExpressionError, FilterError
 from grid_map_filters_py.expression import Expression
-from grid_map_filters_py.expression._functions import FUNCTIONS, elementwise, of_finites
-from grid_map_filters_py.expression._matrices import Fold
-from grid_map_filters_py.expression._parser import parse
-from grid_map_filters_py.expression._windows import skips_missing
+from grid_map_filters_py.expression._functions import FUNCTIONS
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -108,38 +103,6 @@ def test_windows_equal_a_loop_over_cells(text, layer, window_size, edge_handling
         return
     result = expression.over_windows("e", layer, window_size, edge_handling)
     np.testing.assert_allclose(result, expected, rtol=1e-5, atol=2e-6)
-
-
-ONE_LINE_FUNCTIONS = {
-    "cbrt": elementwise(np.cbrt, keeps_nan=True),
-    "hypot": elementwise(np.hypot, 2, keeps_nan=True),
-    "isnan": elementwise(np.isnan, keeps_nan=False),
-    "squaresOfFinites": of_finites(Fold(lambda x: np.where(np.isfinite(x), x * x, 0.0), np.add)),
-}
-
-
-@pytest.mark.parametrize(
-    ("text", "whole", "has_shortcut"),
-    [
-        ("sumOfFinites(cbrt(e))", lambda e: np.nansum(np.cbrt(e)), True),
-        ("meanOfFinites(hypot(e, 2))", lambda e: np.nanmean(np.hypot(e, 2)), True),
-        ("squaresOfFinites(e)", lambda e: np.nansum(e * e), True),
-        ("sumOfFinites(isnan(e))", lambda e: np.isnan(e).sum(), False),
-        ("isnan(meanOfFinites(e)) + cbrt(maxOfFinites(e))", lambda e: np.cbrt(np.nanmax(e)), True),
-    ],
-)
-def test_one_line_of_the_table_adds_a_function(monkeypatch, text, whole, has_shortcut):
-    for name, function in ONE_LINE_FUNCTIONS.items():
-        monkeypatch.setitem(FUNCTIONS, name, function)
-    layer, expression = terrain(8, 9), Expression(text)
-    assert expression({"e": layer}) == pytest.approx(whole(layer.astype(float)), rel=1e-5)
-    for edge_handling in EDGES:
-        np.testing.assert_allclose(
-            expression.over_windows("e", layer, 3, edge_handling),
-            window_by_window(expression, "e", layer, 3, edge_handling),
-            rtol=1e-5,
-        )
-    assert skips_missing(parse(text), "e") is has_shortcut
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -265,19 +228,6 @@ def test_constants_are_float32_and_layers_may_be_integers():
     for edge_handling in EDGES:
         means = Expression("meanOfFinites(e)").over_windows
         assert means("e", np.eye(5, dtype=int), 3, edge_handling)[2, 2] == pytest.approx(1 / 3)
-
-
-def test_memory_does_not_grow_with_the_window():
-    layer = terrain(200, 200)
-
-    def peak(window_size):
-        tracemalloc.start()
-        Expression(STANDARD_DEVIATION).over_windows("e", layer, window_size, "crop")
-        size = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return size
-
-    assert peak(15) < 2 * peak(3)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 7), (6, 5)])

@@ -58,8 +58,3 @@ def test_measures_separate_flat_ground_curb_and_steep_slope():
     assert on_flat == pytest.approx(1.0)
     assert on_ramp == pytest.approx(1 / 3, abs=1e-5)  # Steep, with steps, not rough.
     assert at_curb < 0.5
-
-
-def test_tiny_critical_value_separates_zero_from_the_rest():
-    out = traversability([[[0.0], [1.0]]], [1e-320])
-    np.testing.assert_array_equal(out, [[1.0], [0.0]])

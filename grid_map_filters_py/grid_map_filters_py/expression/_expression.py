@@ -16,10 +16,9 @@ from ..errors import ExpressionError
 from ._cells import Analysis
 from ._functions import CONSTANTS, FUNCTIONS
 from ._interpreter import Interpreter, check
-from ._matrices import Matrices
+from ._matrices import Combined, Matrices, Partial
 from ._nodes import Fault, Node
 from ._parser import parse
-from ._reductions import Combined, Partial
 from ._windows import EdgeHandling, evaluate_over_windows
 
 if TYPE_CHECKING:

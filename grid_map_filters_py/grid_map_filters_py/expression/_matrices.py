@@ -7,7 +7,8 @@ evaluation; the next operation may write its result into it.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -101,6 +102,38 @@ class Matrices:
         """Put blocks of fitting shapes together."""
         rows = [np.concatenate([as_matrix(block) for block in row], axis=1) for row in blocks]
         return simplified(np.asfortranarray(np.concatenate(rows, axis=0)))
+
+
+class Partial(Matrices):
+    """The primitives on a tile; `parts` has the results of all folds.
+
+    To reduce tile by tile, a function runs with `Partial` on each tile, then once with `Combined`.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.parts: list[float] = []
+
+    def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
+        # Without `whole`, which has NaN for tiles with nothing to reduce.
+        parts = super().fold(value, axis, *(replace(fold, whole=None) for fold in folds))
+        self.parts += parts
+        return parts
+
+
+class Combined(Matrices):
+    """The primitives for values whose folds are known.
+
+    Args:
+        parts: what each fold gives in each tile, in the order of the folds.
+    """
+
+    def __init__(self, parts: Iterable[Sequence[float]]) -> None:
+        super().__init__()
+        self._parts = iter(parts)
+
+    def fold(self, _value: Value, _axis: int | None, *folds: Fold) -> list[Value]:
+        return [float(reduce(fold.combine, next(self._parts))) for fold in folds]
 
 
 def simplified(matrix: NDArray[np.float32]) -> Value:

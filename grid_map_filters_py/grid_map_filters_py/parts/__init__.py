@@ -1,25 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts for writing fast filters: sums over discs, functions of single cells, blocks, and threads.
+"""Helpers for fast filters: sums over discs, functions of single cells, blocks and threads.
 
-`Disc` and `tiles` sum up the values in the disc around every cell. `cell_function` turns a function
-of the values of one cell into one of whole layers, which numba compiles where it is installed.
-`blockwise` computes a layer block by block in the threads of the chain, and `side_by_side` calls a
-function with any parts of the work in these threads.
+`Disc` sums up the values in the disc around every cell. `cell_function` applies a function of the
+values of one cell to whole layers, compiled by numba where it is installed. `blockwise` computes a
+layer block by block in the threads of the chain, and `side_by_side` any other parts of the work.
 """
 
 from ._blocks import blockwise as blockwise
 from ._cell_function import (
-    CellFunction as CellFunction,
     cell_function as cell_function,
     choose as choose,
     clamp as clamp,
     is_finite as is_finite,
 )
-from ._disc import (
-    Disc as Disc,
-    disc_reach as disc_reach,
-    typical_value as typical_value,
-)
+from ._disc import Disc as Disc, disc_reach as disc_reach, typical_value as typical_value
 from ._side_by_side import side_by_side as side_by_side
 
 __all__ = [name for name in dir() if not name.startswith("_")]

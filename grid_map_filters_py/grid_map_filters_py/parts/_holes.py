@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Holes of layers: missing cells that touch, also at a corner; in one map, and across tiles."""
+"""Holes of layers: groups of missing cells that touch, also at corners and across tiles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Holes:
         return touch
 
     def moved(self, shift: Size) -> "Holes":
-        """Return the holes in a map in which they are some rows and columns further."""
+        """Return the holes shifted by a number of rows and columns."""
         return Holes(self.starts + shift, self.ends + shift, self.areas)
 
     def __getitem__(self, which: Any) -> "Holes":
@@ -71,7 +71,7 @@ def place_of(tile: GridMap, whole: GridGeometry) -> Size:
 
 
 class Edge(NamedTuple):
-    """Numbers of the holes along an edge of a tile; few of its cells are missing.
+    """Numbers of the holes along an edge of a tile, stored for the missing cells only.
 
     Args:
         length: number of cells.
@@ -97,11 +97,11 @@ class Edge(NamedTuple):
 
 
 class HolesOfTile(NamedTuple):
-    """The holes of a tile, as far as those of the map depend on them.
+    """The holes of a tile that matter for the whole map.
 
     Args:
         lowest, highest: of the finite values; NaN if there are none.
-        holes: those that reach the border of the tile or are long; in the whole map.
+        holes: holes that reach the border of the tile or are long, placed in the whole map.
         edges: the first and last row, first and last column.
     """
 
@@ -118,7 +118,7 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: longest hole that may be left out if it is inside of a tile [cells].
+        length: longest hole that is left out if it does not reach the border of the tile [cells].
     """
 
     layer: str

@@ -51,10 +51,10 @@ class LayerFilter(ABC):
 
     @abstractmethod
     def reach(self, resolution: float) -> float:
-        """Return the cells that the filter looks far; see `Filter`."""
+        """Return how many rows and columns away the filter looks."""
 
     def _for_blocks_of(self, _layer: Layer) -> Callable[[Layer, float], Values]:
-        """Return the function for blocks of a layer, which takes a block and the resolution."""
+        """Return a function that computes a block, from the block and the resolution."""
         return self._filter
 
     @abstractmethod

@@ -7,6 +7,7 @@ are the x, y and z components (rows, cols) of unit vectors.
 """
 
 from collections.abc import Sequence
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
@@ -100,22 +101,22 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
     count, sum_x, sum_y, xx, xy, yy = _point_moments(disc, known)
     sums, known = (sum_x, sum_y, sum_z), known[disc.inner]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        pairs = [(i, j) for i in range(3) for j in range(i, 3)]
-        covariances = tuple(
-            moment * count - sums[i] * sums[j]
-            for moment, (i, j) in zip((xx, xy, xz, yy, yz, zz), pairs, strict=True)
-        )
+        covariances = xx, xy, xz, yy, yz, zz
+        pairs = combinations_with_replacement(sums, 2)
+        for covariance, (one, other) in zip(covariances, pairs, strict=True):
+            covariance *= count
+            covariance -= one * other
         *normals, is_exact = _smallest_eigenvectors(*covariances)
-        xx, xy, _, yy, _, _ = covariances
         spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
         # The second eigenvalue is at least the smaller one of the horizontal 2 x 2 part. That
         # exceeds the spread where diagonal and determinant of xx - spread, xy, yy - spread are
         # positive.
         is_exact &= (xx > spread) & ((xx - spread) * (yy - spread) > xy * xy)
     # Calling LAPACK is slow even for an empty array.
-    if (doubtful := known & (count >= 3) & ~is_exact).any():
-        xx, xy, xz, yy, yz, zz = (field[doubtful] for field in covariances)
-        full = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+    lone, unknown = count < 3, ~known
+    if (doubtful := ~(is_exact | lone | unknown)).any():
+        places = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+        full = np.stack([field[doubtful] for field in covariances], axis=1)[:, places]
         values, vectors = np.linalg.eigh(full)
         upwards = vectors[:, :, 0] * np.copysign(1.0, vectors[:, 2, :1])
         spans_plane = values[:, 1] > spread[doubtful]
@@ -123,8 +124,8 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
         for normal, components in zip(normals, exact.T, strict=True):
             normal[doubtful] = components
     for normal, upright in zip(normals, (0.0, 0.0, 1.0), strict=True):
-        normal[count < 3] = upright
-        normal[~known] = np.nan
+        np.copyto(normal, upright, where=lone)
+        np.copyto(normal, np.nan, where=unknown)
     return tuple(normals), covariances, count
 
 
@@ -160,13 +161,14 @@ def _moments(
     totals = [np.zeros(disc.size, values.dtype, order="F") for _ in orders]
     for distance, ahead, behind in disc.lines(values, axis, moments=along):
         for total, order in zip(totals, orders, strict=True):
-            if distance:
-                both = ahead - behind if order == 1 else ahead + behind
-                if distance**order != 1:
-                    both *= distance**order
-                total += both
-            elif order == 0:
+            if order == 0:
                 total += ahead
+                if distance:
+                    total += behind
+            elif distance:
+                both = ahead - behind if order == 1 else ahead + behind
+                both *= distance**order
+                total += both
     return totals
 
 
