@@ -15,6 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from grid_map_core_py._arrays import Positions
 from grid_map_core_py.errors import required
@@ -22,8 +23,8 @@ from grid_map_core_py.errors import required
 from .._layers import titled
 from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
+from .axes import Axes, axes_around
 from .scene import SurfaceScene, View, ViewSettings
-from .surroundings import Surroundings, axes_around
 from .texts import as_note, legend
 
 LARGEST_MESSAGE = 16_000_000
@@ -45,6 +46,12 @@ NO_LAYER = "(no map yet)"
 NO_TOPIC = "(no topic)"
 NO_VECTORS = "(none)"
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
+
+AXES_COLOR = (128, 128, 128)
+"""Gray, which is visible on white and on black."""
+
+FRAME_SIZE = 0.08
+"""Length of the axes of a frame of coordinates, as a part of the distance to the camera."""
 
 AMBIENT = 0.3
 """Share of ambient light on level ground."""
@@ -94,7 +101,10 @@ class Page:
         self._server = _serve(host, port, names_of(host, allowed_hosts))
         self.url = url_of(host, self._server.get_port())
         self.is_public = not is_loopback(host)
-        self._surroundings = Surroundings(self._server.scene)
+        self._axes: Any = None
+        self._drawn_axes: object = None
+        # The node of each frame of coordinates, with its label and size.
+        self._frames: dict[str, tuple[Any, Any]] = {}
         self._shown: list[Any] = []
         # The parts of each map by the name of its node.
         self._parts: dict[str, list[Any]] = {}
@@ -197,18 +207,30 @@ class Page:
             axes = None
             if self._scene is not None and self._has_axes.value:
                 axes = axes_around(*self._scene.box, self._exaggeration)
-            self._surroundings.draw_axes(axes, self._exaggeration, self._base)
+            self._draw_axes(axes)
 
     def draw_frame(self, name: str, label: str, pose: npt.NDArray[np.floating] | None) -> None:
-        """Draw a frame of coordinates; see `Surroundings.draw_frame`."""
+        """Draw a frame of coordinates.
+
+        Args:
+            name: name of the node in the scene.
+            label: name of the frame.
+            pose: (4, 4) from the frame to the map frame; None hides it.
+        """
         if self._view is None:
             return
-        if not self._has_frames.value:
-            pose = None
+        size = FRAME_SIZE * self._view.reach
+        known, node = self._frames.get(name, (None, None))
+        if known != (label, size):
+            # A node of the same name replaces the one before.
+            add = self._server.scene
+            node = add.add_frame(f"/{name}", axes_length=size, axes_radius=0.06 * size)
+            add.add_label(f"/{name}/label", label, anchor="bottom-left")
+            self._frames[name] = ((label, size), node)
+        node.visible = pose is not None and self._has_frames.value
         if pose is not None:
-            pose = pose.copy()
-            pose[:3, 3] = self._lifted(pose[:3, 3])
-        self._surroundings.draw_frame(name, label, pose, self._view.reach)
+            node.position = self._lifted(pose[:3, 3])
+            node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
         """Return start and direction of the ray of the last click, and forget it."""
@@ -279,6 +301,25 @@ class Page:
             )
             parts.append(points)
         return frame
+
+    def _draw_axes(self, axes: Axes | None) -> None:
+        """Draw these axes instead of those before; None for no axes."""
+        wanted = axes and (axes, self._exaggeration, self._base)
+        if wanted == self._drawn_axes:
+            return
+        self._drawn_axes = wanted
+        if self._axes is not None:
+            self._axes.remove()
+            self._axes = None
+        if axes is None:
+            return
+        add, lift = self._server.scene, np.array([1.0, 1.0, self._exaggeration])
+        place = self._lifted(axes.corner)
+        self._axes = add.add_frame("/axes", show_axes=False, position=place)
+        style: Any = {"thickness": 1.5, "thickness_units": "screen"}
+        add.add_line_segments("/axes/grid", axes.lines() * lift, AXES_COLOR, **style)
+        for k, (text, place, anchor) in enumerate(axes.labels()):
+            add.add_label(f"/axes/{k}", text, position=lift * place, anchor=anchor, depth_test=True)
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
         """Return points (..., 3) as they are drawn, with exaggerated heights above the base."""
