@@ -50,10 +50,8 @@ class Server:
     Args:
         host: host name or IP address at which the page is served.
         port: port of the page; 0 for any free one.
-        memory_limit: size of the kept messages, such as `512MB` or `20%` of the memory. Older ones
-            are dropped.
-        allowed_hosts: names under which browsers may open the page, besides IP addresses,
-            `localhost`, `host` and the name of this machine, with or without `.local`.
+        memory_limit: size of the kept messages, such as `512MB` or `20%` of the memory.
+        allowed_hosts: names under which browsers may open the page; see `names_of`.
 
     Attributes:
         recording: the recording, a `rerun.RecordingStream`. Calls of it may wait for the program.
@@ -137,14 +135,7 @@ class Server:
 
 
 class _Relay:
-    """Passes requests on in a thread, the data to one address and all others to the page.
-
-    Args:
-        listener: the socket that listens.
-        names: names under which browsers may open the page; see `is_allowed`.
-        data: address of the data of Rerun.
-        page: address of its page.
-    """
+    """Passes requests on in a thread, to the address of the data or that of the page."""
 
     def __init__(
         self, listener: socket.socket, names: Container[str], data: Address, page: Address
@@ -155,7 +146,6 @@ class _Relay:
         self._thread.start()
 
     def close(self) -> None:
-        """Close all connections."""
         self._loop.call_soon_threadsafe(self._end.set)
         self._thread.join()
 

@@ -52,9 +52,8 @@ class Axes:
         for axis, (name, start, anchor) in enumerate(zip("xyz", starts, anchors, strict=True)):
             step, first, last = self.steps[axis], self.low[axis], self.high[axis]
             along = np.eye(3)[axis] * step
-            places = [
-                (f"{number * step:.10g}", number - first) for number in range(first, last + 1)
-            ]
+            numbers = range(first, last + 1)
+            places = [(f"{number * step:.10g}", float(number - first)) for number in numbers]
             # The far end of y is at the axis of the heights.
             places.append((f"{name} [m]", -0.5 if name == "y" else last - first + 0.5))
             labels += [(text, tuple((start + at * along).tolist()), anchor) for text, at in places]

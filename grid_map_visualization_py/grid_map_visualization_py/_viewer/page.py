@@ -65,17 +65,6 @@ SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 class Page:
     """Serves the page.
 
-    Args:
-        host: host name or IP address at which the page is served.
-        port: port of the page; 0 for any free one.
-        height_layer: layer of the heights at first.
-        color_layer: layer of the colors at first, packed if its name ends in color; empty for the
-            heights.
-        color_map: color map at first.
-        allowed_hosts: names under which browsers may open the page, besides IP addresses,
-            `localhost`, `host` and the name of this machine, with or without `.local`.
-        topic: topic of the maps at first.
-
     Attributes:
         url: address of the page.
         is_public: other machines can reach the page.
@@ -136,15 +125,10 @@ class Page:
 
     @property
     def topic(self) -> str:
-        """Topic that the user has chosen."""
         return str(self._topic.value)
 
     def settings(self) -> ViewSettings:
-        """Return the settings that the user has chosen.
-
-        Raises:
-            ConfigError: the bounds of the colors are not in order.
-        """
+        """Return the chosen settings; raise `ConfigError` if the color bounds are not in order."""
         chosen = {name: control.value for name, control in self._style.items()}
         colors = {name: control.value for name, control in self._colors.items()}
         if self._automatic.value:
@@ -170,12 +154,7 @@ class Page:
         """Load a scene, which the next `turn` shows.
 
         A browser needs a moment to load a surface, which is hidden meanwhile, so that no gap is
-        visible.
-
-        Args:
-            scene: the scene.
-            settings: settings of the scene.
-            replaces: the scene shows the same map as the one before.
+        visible. `replaces` says that the scene shows the same map as the one before.
         """
         # A map that was loaded but never shown is replaced as well.
         self._replaces = replaces and (self._loading is None or self._replaces)
@@ -210,13 +189,7 @@ class Page:
             self._draw_axes(axes)
 
     def draw_frame(self, name: str, label: str, pose: npt.NDArray[np.floating] | None) -> None:
-        """Draw a frame of coordinates.
-
-        Args:
-            name: name of the node in the scene.
-            label: name of the frame.
-            pose: (4, 4) from the frame to the map frame; None hides it.
-        """
+        """Draw a frame at a pose (4, 4) in the map frame; None hides it."""
         if self._view is None:
             return
         size = FRAME_SIZE * self._view.reach
@@ -256,15 +229,12 @@ class Page:
             )
 
     def tell(self, status: str) -> None:
-        """Show the HTML text about the map."""
         self._status.content = status
 
     def tell_values(self, readout: str) -> None:
-        """Show the HTML text about the clicked cell."""
         self._readout.content = readout
 
     def close(self) -> None:
-        """Stop serving the page."""
         with redirect_stdout(io.StringIO()):
             self._server.stop()
 
@@ -303,7 +273,6 @@ class Page:
         return frame
 
     def _draw_axes(self, axes: Axes | None) -> None:
-        """Draw these axes instead of those before; None for no axes."""
         wanted = axes and (axes, self._exaggeration, self._base)
         if wanted == self._drawn_axes:
             return
@@ -318,8 +287,8 @@ class Page:
         self._axes = add.add_frame("/axes", show_axes=False, position=place)
         style: Any = {"thickness": 1.5, "thickness_units": "screen"}
         add.add_line_segments("/axes/grid", axes.lines() * lift, AXES_COLOR, **style)
-        for k, (text, place, anchor) in enumerate(axes.labels()):
-            add.add_label(f"/axes/{k}", text, position=lift * place, anchor=anchor, depth_test=True)
+        for k, (text, at, anchor) in enumerate(axes.labels()):
+            add.add_label(f"/axes/{k}", text, position=lift * at, anchor=anchor, depth_test=True)
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
         """Return points (..., 3) as they are drawn, with exaggerated heights above the base."""
@@ -365,7 +334,6 @@ class Page:
         self._aim = view
 
     def _move(self, client: Any, view: View, offset: Positions) -> None:
-        """Move the view of a browser to an offset from its target."""
         camera = client.camera
         with client.atomic():
             _set_clipping(camera, view)

@@ -31,10 +31,7 @@ class Viewer:
 
     Maps are decoded only while a browser is connected, and only the shown layers.
 
-    Args:
-        page: the page.
-        max_drawn_cells: limit of the cells, as for `Surface`.
-        clock: returns the ROS time [ns].
+    `clock` returns the ROS time [ns].
     """
 
     def __init__(
@@ -84,11 +81,9 @@ class Viewer:
         self._arrivals.append(time.monotonic())
 
     def update(self) -> str:
-        """Update the page.
+        """Update the page, and return the problem with the map or the settings, or an empty text.
 
-        Returns:
-            The problem with the shown map or with the settings, empty if there is none. The page
-            shows this text as well, and keeps the map that it had.
+        In case of a problem, the page shows it and keeps the last map.
         """
         page = self._page
         if page.is_watched:
