@@ -200,9 +200,19 @@ def _reply(status: str, text: str, *headers: str) -> bytes:
 
 async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address) -> None:
     """Send the head and what follows to an address, and its answer back, until one side ends."""
+
+    async def copy(reader: Reader, writer: Writer) -> None:
+        while block := await reader.read(1 << 16):
+            writer.write(block)
+            try:
+                await asyncio.wait_for(writer.drain(), STALL)
+            except TimeoutError:
+                writer.transport.abort()
+                return
+
     answer, question = await asyncio.open_connection(*address)
     question.write(head)
-    ways = [asyncio.ensure_future(_copy(*way)) for way in ((reader, question), (answer, writer))]
+    ways = [asyncio.ensure_future(copy(*way)) for way in ((reader, question), (answer, writer))]
     try:
         await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -210,13 +220,3 @@ async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address
             way.cancel()
         await asyncio.gather(*ways, return_exceptions=True)
         question.close()
-
-
-async def _copy(reader: Reader, writer: Writer) -> None:
-    while block := await reader.read(1 << 16):
-        writer.write(block)
-        try:
-            await asyncio.wait_for(writer.drain(), STALL)
-        except TimeoutError:
-            writer.transport.abort()
-            return

@@ -23,7 +23,7 @@ from grid_map_core_py.errors import required
 from .._layers import titled
 from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
-from .axes import Axes, axes_around
+from .axes import axes_around
 from .scene import SurfaceScene, View, ViewSettings
 from .texts import as_note, legend
 
@@ -186,7 +186,23 @@ class Page:
             axes = None
             if self._scene is not None and self._has_axes.value:
                 axes = axes_around(*self._scene.box, self._exaggeration)
-            self._draw_axes(axes)
+            wanted = axes and (axes, self._exaggeration, self._base)
+            if wanted == self._drawn_axes:
+                return
+            self._drawn_axes = wanted
+            if self._axes is not None:
+                self._axes.remove()
+                self._axes = None
+            if axes is None:
+                return
+            add, lift = self._server.scene, np.array([1.0, 1.0, self._exaggeration])
+            place = self._lifted(axes.corner)
+            self._axes = add.add_frame("/axes", show_axes=False, position=place)
+            style: Any = {"thickness": 1.5, "thickness_units": "screen"}
+            add.add_line_segments("/axes/grid", axes.lines() * lift, AXES_COLOR, **style)
+            style = {"depth_test": True}
+            for k, (text, at, anchor) in enumerate(axes.labels()):
+                add.add_label(f"/axes/{k}", text, position=lift * at, anchor=anchor, **style)
 
     def draw_frame(self, name: str, label: str, pose: npt.NDArray[np.floating] | None) -> None:
         """Draw a frame at a pose (4, 4) in the map frame; None hides it."""
@@ -271,24 +287,6 @@ class Page:
             )
             parts.append(points)
         return frame
-
-    def _draw_axes(self, axes: Axes | None) -> None:
-        wanted = axes and (axes, self._exaggeration, self._base)
-        if wanted == self._drawn_axes:
-            return
-        self._drawn_axes = wanted
-        if self._axes is not None:
-            self._axes.remove()
-            self._axes = None
-        if axes is None:
-            return
-        add, lift = self._server.scene, np.array([1.0, 1.0, self._exaggeration])
-        place = self._lifted(axes.corner)
-        self._axes = add.add_frame("/axes", show_axes=False, position=place)
-        style: Any = {"thickness": 1.5, "thickness_units": "screen"}
-        add.add_line_segments("/axes/grid", axes.lines() * lift, AXES_COLOR, **style)
-        for k, (text, at, anchor) in enumerate(axes.labels()):
-            add.add_label(f"/axes/{k}", text, position=lift * at, anchor=anchor, depth_test=True)
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
         """Return points (..., 3) as they are drawn, with exaggerated heights above the base."""
