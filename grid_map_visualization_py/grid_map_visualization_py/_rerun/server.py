@@ -35,8 +35,11 @@ START_TIME = 30.0
 FAREWELL = 0.3
 """Maximum time for the last data to reach the program [s]."""
 
+BUFFER, STEP = 8_000_000, 250_000
+"""Size of the data that may wait for a slow page, and of what it has to take [bytes] ..."""
+
 STALL = 10.0
-"""Maximum time for a page to take data [s]; Rerun would stop for all other pages."""
+"""... in this time [s]; otherwise its connection ends, since Rerun would stop for all pages."""
 
 Address = tuple[str, int]
 
@@ -116,11 +119,14 @@ class Server:
     def close(self) -> None:
         """Stop serving, also if the program hangs."""
         self._relay.close()
+        # Calls of the recording wait for a program that hangs.
+        last = threading.Timer(FAREWELL, self._process.kill)
+        last.start()
         with suppress(Exception):  # Rerun raises errors of any kind.
-            self.recording.flush(timeout_sec=FAREWELL)
+            self.recording.disconnect()
+        last.cancel()
         self._process.kill()
         self._process.wait()
-        self.recording.disconnect()
 
     def _wait_for(self, address: Address) -> None:
         deadline = time.monotonic() + START_TIME
@@ -202,6 +208,7 @@ async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address
     """Send the head and what follows to an address, and its answer back, until one side ends."""
 
     async def copy(reader: Reader, writer: Writer) -> None:
+        writer.transport.set_write_buffer_limits(high=BUFFER, low=BUFFER - STEP)
         while block := await reader.read(1 << 16):
             writer.write(block)
             try:
