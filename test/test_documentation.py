@@ -65,6 +65,7 @@ from grid_map_ros_py.testing import (
     wait_until,
 )
 from grid_map_visualization_py._registry import BUILT_IN, create
+from grid_map_visualization_py._rerun.server import SETTINGS
 from grid_map_visualization_py.pictures import plot, plot_3d, plot_relief
 from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, executables, run
 
@@ -156,7 +157,9 @@ def test_page_runs_and_prints_its_announced_output(any_page, tmp_path, warm):
     that_run = blocks("python") + FINITE_COMMANDS
     steps = [block for block in any_page.blocks if block in that_run]
     (tmp_path / "page.py").write_text(program(steps))
-    environ = environment() | {"WARM": str(warm)}
+    # Rerun greets users whose settings it does not find.
+    settings = shutil.copytree(SETTINGS, tmp_path / "settings")
+    environ = environment() | {"WARM": str(warm), "XDG_CONFIG_HOME": str(settings)}
     done = run(sys.executable, "page.py", environ=environ, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     *outputs, _ = done.stdout.split("\0")

@@ -37,7 +37,7 @@ BUILT_IN: Mapping[str, type[Visualization]] = {
     cls.__module__.rpartition("._")[2]: cls
     for cls in (getattr(builtin, name) for name in builtin.__all__)
 }
-"""The visualizations of the room `builtin`, by the names of their modules."""
+"""The visualizations of the subpackage `builtin`, by the names of their modules."""
 
 VISUALIZATIONS: Registry[Visualization] = Registry(
     BUILT_IN, "grid_map_visualization_py.visualizations"

@@ -10,9 +10,9 @@ import yaml
 from grid_map_ros_py.nodes import has_tf
 from grid_map_ros_py.testing import refusals
 
-ROOM = "grid_map_visualization_py._executables"
-WEB_VIEWER = f"{ROOM}.web_viewer:WebViewerNode.main"
-RERUN_VIEWER = f"{ROOM}.rerun_viewer:RerunViewerNode.main"
+PROGRAMS = "grid_map_visualization_py._executables"
+WEB_VIEWER = f"{PROGRAMS}.web_viewer:WebViewerNode.main"
+RERUN_VIEWER = f"{PROGRAMS}.rerun_viewer:RerunViewerNode.main"
 
 OUTPUTS = {
     "grid_map_visualizations": ["grid"],
@@ -44,7 +44,7 @@ def test_misconfigured_visualizations_end_the_node_with_one_message(tmp_path):
         path = tmp_path / f"{number}.yaml"
         parameters = {"grid_map_visualization": {"ros__parameters": OUTPUTS | wrong}}
         path.write_text(yaml.safe_dump(parameters))
-        main = f"{ROOM}.grid_map_visualization:GridMapVisualizationNode.main"
+        main = f"{PROGRAMS}.grid_map_visualization:GridMapVisualizationNode.main"
         starts.append((main, ["--ros-args", "--params-file", str(path)]))
     for message, (_, words) in zip(refusals(starts), REFUSED, strict=True):
         assert [word for word in words if word not in message] == []

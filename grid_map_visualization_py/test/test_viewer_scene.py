@@ -18,10 +18,10 @@ from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, ReceivedMap, to_message
 from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
+from grid_map_visualization_py._viewer.axes import axes_around
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
 from grid_map_visualization_py._viewer.page import LARGEST_MESSAGE, Page, vector_prefixes
 from grid_map_visualization_py._viewer.scene import View, ViewSettings, hit, make_scene
-from grid_map_visualization_py._viewer.surroundings import axes_around
 from grid_map_visualization_py._viewer.texts import legend, readout, status
 from grid_map_visualization_py._viewer.viewer import Viewer, rate_of
 from grid_map_visualization_py._web import PageError, is_allowed, is_loopback, url_of

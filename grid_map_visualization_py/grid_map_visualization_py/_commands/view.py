@@ -4,7 +4,6 @@
 import argparse
 import time
 import webbrowser
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,8 +29,6 @@ from .plot import complete_color_maps, usual_layer
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
     from grid_map_core_py.tiled import TiledMap
-
-    from .._rerun.scene import Scene
 
 _SIDE = 1000
 """Rows and columns that are shown of a map that is too large for memory."""
@@ -68,11 +65,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Serve the page until a signal ends it."""
+    from .._rerun.recording import log_bag
     from .._rerun.scene import Scene, Style
     from .._rerun.server import Server
 
-    if not 0 <= options.port < 2**16:
-        raise UsageError(f"--port: expected a number from 0 to 65535, got {options.port}")
     if options.most_shown < 1:
         raise UsageError(f"--most-shown: expected a positive number, got {options.most_shown}")
     style = Style(
@@ -98,7 +94,20 @@ def run(options: argparse.Namespace) -> int:
         if options.open:
             webbrowser.open(server.page_url)
         if grid_map is None:
-            _show_bag(options, scene, lambda: not came and not server.problem)
+            most = 1_000_000 * options.most_shown
+
+            def goes_on(time: int) -> bool:
+                scene.send_layout()
+                if scene.size <= most:
+                    return not came and not server.problem
+                megabytes = f"{options.most_shown} MB are full (--most-shown)"
+                message(f"messages after {time / 1e9:.3f} s are left out: {megabytes}")
+                return False
+
+            which = {"topic": options.topic, "recover": bool(options.recover)}
+            log_bag(scene, options.source, **which, goes_on=goes_on)
+            if options.layer and not scene.surfaces:
+                message(f"warning: no map has the layer {options.layer!r}, so there is no surface")
         else:
             scene.log_map(Path(options.source).stem, grid_map)
             scene.send_layout()
@@ -156,23 +165,3 @@ def _thinned(site: "TiledMap", options: argparse.Namespace) -> "GridMap":
     step = round(grid_map.resolution / site.resolution)
     message(f"one of {step} x {step} cells is shown; --position and --length show a part")
     return grid_map
-
-
-def _show_bag(options: argparse.Namespace, scene: "Scene", is_wanted: Callable[[], bool]) -> None:
-    """Show the messages of a bag, until there is no more memory for them."""
-    from .._rerun.recording import log_bag
-
-    most = 1_000_000 * options.most_shown
-
-    def goes_on(time: int) -> bool:
-        scene.send_layout()
-        if scene.size <= most:
-            return is_wanted()
-        megabytes = f"{options.most_shown} MB are full (--most-shown)"
-        message(f"messages after {time / 1e9:.3f} s are left out: {megabytes}")
-        return False
-
-    which = {"topic": options.topic, "recover": bool(options.recover)}
-    log_bag(scene, options.source, **which, goes_on=goes_on)
-    if options.layer and not scene.surfaces:
-        message(f"warning: no map has the layer {options.layer!r}, so there is no surface")

@@ -125,13 +125,9 @@ class GridMapVisualizationNode(ConfiguredNode):
 
 @dataclass
 class Output:
-    """A visualization and its publisher.
+    """A visualization and its publisher; its name is also its topic.
 
     Attributes:
-        name: name of the visualization, which is also its topic.
-        visualization: makes the messages.
-        publisher: publishes them.
-        subscribers: number of subscribers of the topic.
         is_due: the last map has not been published for all subscribers yet.
         problem: why the last map could not be published; empty if it could.
     """

@@ -5,6 +5,7 @@ from functools import partial
 from importlib import import_module
 
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from grid_map_core_py.errors import required
 from grid_map_ros_py.errors import NodeFailedError
@@ -146,6 +147,8 @@ class RerunViewerNode(ConfiguredNode):
             partial(self._live.put, topic, kind),
             raw=True,
             hears_best_effort=True,
+            # Reports are never latched; asking for it makes their publishers warn.
+            qos=QoSProfile(depth=QUEUES[kind]) if "DiagnosticArray" in kind else None,
             depth=QUEUES.get(kind, 1),
         )
         self.get_logger().info(f"shows {topic} ({kind})")

@@ -98,7 +98,14 @@ class WebViewerNode(ConfiguredNode):
 
     def _update(self) -> None:
         if self._page.is_watched:
-            self._follow_choice()
+            if time.monotonic() >= self._next_look:
+                self._next_look = time.monotonic() + LOOK_PERIOD
+                topics = self.get_topic_names_and_types()
+                self._page.offer_topics(name for name, types in topics if MAP_TYPE in types)
+            if self._page.topic != self._topic:
+                self._maps.destroy()
+                self._viewer.clear()
+                self._subscribe(self._page.topic)
             frame_id = self._viewer.frame_id
             if self._poses is not None and frame_id:
                 to_robot = None
@@ -112,17 +119,6 @@ class WebViewerNode(ConfiguredNode):
         problem = health_of(self).problem = self._viewer.update()
         if problem:
             self._log.error(problem)
-
-    def _follow_choice(self) -> None:
-        """Offer the topics of maps, and subscribe to the chosen one."""
-        if time.monotonic() >= self._next_look:
-            self._next_look = time.monotonic() + LOOK_PERIOD
-            topics = self.get_topic_names_and_types()
-            self._page.offer_topics(name for name, types in topics if MAP_TYPE in types)
-        if self._page.topic != self._topic:
-            self._maps.destroy()
-            self._viewer.clear()
-            self._subscribe(self._page.topic)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from grid_map_core_py.errors import GridMapError, LimitError
 from grid_map_core_py.files import new_file
@@ -39,7 +38,8 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
             recording = rerun().RecordingStream("grid_map")
             recording.save(pipe)
             try:
-                scene = _SceneInFile(recording, style, errors)
+                scene = Scene(recording, style)
+                scene._errors = errors
                 yield scene
                 scene.send_layout()
             finally:
@@ -76,19 +76,6 @@ def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
         thread.join()
     if errors:
         raise errors[0]
-
-
-class _SceneInFile(Scene):
-    """A scene that ends with the first error of its file."""
-
-    def __init__(self, recording: Any, style: Style | None, errors: list[OSError]) -> None:
-        super().__init__(recording, style)
-        self._errors = errors
-
-    def _set_times(self, ros_time: int, log_time: int | None) -> None:
-        if self._errors:
-            raise self._errors[0]
-        super()._set_times(ros_time, log_time)
 
 
 def log_bag(

@@ -137,14 +137,11 @@ class Scene:
         self._first: tuple[npt.NDArray[np.float64], float] | None = None
         self._is_repeated = False
         self._laid_out: object = None
+        # A file that cannot be written ends the scene.
+        self._errors: list[OSError] = []
         # Times are those of the messages, not of these calls.
         self._rr.set_log_time_enabled(False, recording=recording)
         self._rr.set_log_tick_enabled(False, recording=recording)
-
-    @property
-    def changed(self) -> bool:
-        """True if `layout` would return another layout than the last time."""
-        return self._laid_out != self._content()
 
     def log_map(self, name: str, grid_map: GridMap, *, log_time: int | None = None) -> None:
         """Write a map.
@@ -264,10 +261,12 @@ class Scene:
 
     def send_layout(self) -> None:
         """Send the layout to the viewer if it has changed."""
-        if self.changed:
+        if self._laid_out != self._content():
             self._recording.send_blueprint(self.layout())
 
     def _set_times(self, ros_time: int, log_time: int | None) -> None:
+        if self._errors:
+            raise self._errors[0]
         arrival = ros_time if log_time is None else log_time
         for name, time in (("ros_time", ros_time or arrival), ("log_time", arrival)):
             self._recording.set_time(name, timestamp=np.datetime64(time, "ns"))

@@ -35,8 +35,11 @@ START_TIME = 30.0
 FAREWELL = 0.3
 """Maximum time for the last data to reach the program [s]."""
 
+BUFFER, STEP = 8_000_000, 250_000
+"""Size of the data that may wait for a slow page, and of what it has to take [bytes] ..."""
+
 STALL = 10.0
-"""Maximum time for a page to take data [s]; Rerun would stop for all other pages."""
+"""... in this time [s]; otherwise its connection ends, since Rerun would stop for all pages."""
 
 Address = tuple[str, int]
 
@@ -50,10 +53,8 @@ class Server:
     Args:
         host: host name or IP address at which the page is served.
         port: port of the page; 0 for any free one.
-        memory_limit: size of the kept messages, such as `512MB` or `20%` of the memory. Older ones
-            are dropped.
-        allowed_hosts: names under which browsers may open the page, besides IP addresses,
-            `localhost`, `host` and the name of this machine, with or without `.local`.
+        memory_limit: size of the kept messages, such as `512MB` or `20%` of the memory.
+        allowed_hosts: names under which browsers may open the page; see `names_of`.
 
     Attributes:
         recording: the recording, a `rerun.RecordingStream`. Calls of it may wait for the program.
@@ -118,11 +119,14 @@ class Server:
     def close(self) -> None:
         """Stop serving, also if the program hangs."""
         self._relay.close()
+        # Calls of the recording wait for a program that hangs.
+        last = threading.Timer(FAREWELL, self._process.kill)
+        last.start()
         with suppress(Exception):  # Rerun raises errors of any kind.
-            self.recording.flush(timeout_sec=FAREWELL)
+            self.recording.disconnect()
+        last.cancel()
         self._process.kill()
         self._process.wait()
-        self.recording.disconnect()
 
     def _wait_for(self, address: Address) -> None:
         deadline = time.monotonic() + START_TIME
@@ -137,14 +141,7 @@ class Server:
 
 
 class _Relay:
-    """Passes requests on in a thread, the data to one address and all others to the page.
-
-    Args:
-        listener: the socket that listens.
-        names: names under which browsers may open the page; see `is_allowed`.
-        data: address of the data of Rerun.
-        page: address of its page.
-    """
+    """Passes requests on in a thread, to the address of the data or that of the page."""
 
     def __init__(
         self, listener: socket.socket, names: Container[str], data: Address, page: Address
@@ -155,7 +152,6 @@ class _Relay:
         self._thread.start()
 
     def close(self) -> None:
-        """Close all connections."""
         self._loop.call_soon_threadsafe(self._end.set)
         self._thread.join()
 
@@ -210,9 +206,20 @@ def _reply(status: str, text: str, *headers: str) -> bytes:
 
 async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address) -> None:
     """Send the head and what follows to an address, and its answer back, until one side ends."""
+
+    async def copy(reader: Reader, writer: Writer) -> None:
+        writer.transport.set_write_buffer_limits(high=BUFFER, low=BUFFER - STEP)
+        while block := await reader.read(1 << 16):
+            writer.write(block)
+            try:
+                await asyncio.wait_for(writer.drain(), STALL)
+            except TimeoutError:
+                writer.transport.abort()
+                return
+
     answer, question = await asyncio.open_connection(*address)
     question.write(head)
-    ways = [asyncio.ensure_future(_copy(*way)) for way in ((reader, question), (answer, writer))]
+    ways = [asyncio.ensure_future(copy(*way)) for way in ((reader, question), (answer, writer))]
     try:
         await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -220,13 +227,3 @@ async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address
             way.cancel()
         await asyncio.gather(*ways, return_exceptions=True)
         question.close()
-
-
-async def _copy(reader: Reader, writer: Writer) -> None:
-    while block := await reader.read(1 << 16):
-        writer.write(block)
-        try:
-            await asyncio.wait_for(writer.drain(), STALL)
-        except TimeoutError:
-            writer.transport.abort()
-            return

@@ -31,10 +31,8 @@ FROM_FILM = np.array(
 def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
     """Return a mesh as the content of a GLB file.
 
-    Args:
-        mesh: mesh with at least one face. Vertices are written relative to its origin.
-        shaded: use the lights of the scene; otherwise colors are unlit.
-        opacity: from 0 (invisible) to 1 (opaque).
+    Vertices are written relative to the origin of the mesh, which has at least one face. Without
+    `shaded`, colors are unlit.
     """
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
     # 16 bits distinguish dark colors. A fourth channel aligns vertices to four bytes.

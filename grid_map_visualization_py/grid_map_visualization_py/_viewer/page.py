@@ -15,6 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from grid_map_core_py._arrays import Positions
 from grid_map_core_py.errors import required
@@ -22,8 +23,8 @@ from grid_map_core_py.errors import required
 from .._layers import titled
 from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
+from .axes import axes_around
 from .scene import SurfaceScene, View, ViewSettings
-from .surroundings import Surroundings, axes_around
 from .texts import as_note, legend
 
 LARGEST_MESSAGE = 16_000_000
@@ -46,6 +47,12 @@ NO_TOPIC = "(no topic)"
 NO_VECTORS = "(none)"
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
 
+AXES_COLOR = (128, 128, 128)
+"""Gray, which is visible on white and on black."""
+
+FRAME_SIZE = 0.08
+"""Length of the axes of a frame of coordinates, as a part of the distance to the camera."""
+
 AMBIENT = 0.3
 """Share of ambient light on level ground."""
 
@@ -57,17 +64,6 @@ SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
 class Page:
     """Serves the page.
-
-    Args:
-        host: host name or IP address at which the page is served.
-        port: port of the page; 0 for any free one.
-        height_layer: layer of the heights at first.
-        color_layer: layer of the colors at first, packed if its name ends in color; empty for the
-            heights.
-        color_map: color map at first.
-        allowed_hosts: names under which browsers may open the page, besides IP addresses,
-            `localhost`, `host` and the name of this machine, with or without `.local`.
-        topic: topic of the maps at first.
 
     Attributes:
         url: address of the page.
@@ -94,7 +90,10 @@ class Page:
         self._server = _serve(host, port, names_of(host, allowed_hosts))
         self.url = url_of(host, self._server.get_port())
         self.is_public = not is_loopback(host)
-        self._surroundings = Surroundings(self._server.scene)
+        self._axes: Any = None
+        self._drawn_axes: object = None
+        # The node of each frame of coordinates, with its label and size.
+        self._frames: dict[str, tuple[Any, Any]] = {}
         self._shown: list[Any] = []
         # The parts of each map by the name of its node.
         self._parts: dict[str, list[Any]] = {}
@@ -126,15 +125,10 @@ class Page:
 
     @property
     def topic(self) -> str:
-        """Topic that the user has chosen."""
         return str(self._topic.value)
 
     def settings(self) -> ViewSettings:
-        """Return the settings that the user has chosen.
-
-        Raises:
-            ConfigError: the bounds of the colors are not in order.
-        """
+        """Return the chosen settings; raise `ConfigError` if the color bounds are not in order."""
         chosen = {name: control.value for name, control in self._style.items()}
         colors = {name: control.value for name, control in self._colors.items()}
         if self._automatic.value:
@@ -160,12 +154,7 @@ class Page:
         """Load a scene, which the next `turn` shows.
 
         A browser needs a moment to load a surface, which is hidden meanwhile, so that no gap is
-        visible.
-
-        Args:
-            scene: the scene.
-            settings: settings of the scene.
-            replaces: the scene shows the same map as the one before.
+        visible. `replaces` says that the scene shows the same map as the one before.
         """
         # A map that was loaded but never shown is replaced as well.
         self._replaces = replaces and (self._loading is None or self._replaces)
@@ -197,18 +186,40 @@ class Page:
             axes = None
             if self._scene is not None and self._has_axes.value:
                 axes = axes_around(*self._scene.box, self._exaggeration)
-            self._surroundings.draw_axes(axes, self._exaggeration, self._base)
+            wanted = axes and (axes, self._exaggeration, self._base)
+            if wanted == self._drawn_axes:
+                return
+            self._drawn_axes = wanted
+            if self._axes is not None:
+                self._axes.remove()
+                self._axes = None
+            if axes is None:
+                return
+            add, lift = self._server.scene, np.array([1.0, 1.0, self._exaggeration])
+            place = self._lifted(axes.corner)
+            self._axes = add.add_frame("/axes", show_axes=False, position=place)
+            style: Any = {"thickness": 1.5, "thickness_units": "screen"}
+            add.add_line_segments("/axes/grid", axes.lines() * lift, AXES_COLOR, **style)
+            style = {"depth_test": True}
+            for k, (text, at, anchor) in enumerate(axes.labels()):
+                add.add_label(f"/axes/{k}", text, position=lift * at, anchor=anchor, **style)
 
     def draw_frame(self, name: str, label: str, pose: npt.NDArray[np.floating] | None) -> None:
-        """Draw a frame of coordinates; see `Surroundings.draw_frame`."""
+        """Draw a frame at a pose (4, 4) in the map frame; None hides it."""
         if self._view is None:
             return
-        if not self._has_frames.value:
-            pose = None
+        size = FRAME_SIZE * self._view.reach
+        known, node = self._frames.get(name, (None, None))
+        if known != (label, size):
+            # A node of the same name replaces the one before.
+            add = self._server.scene
+            node = add.add_frame(f"/{name}", axes_length=size, axes_radius=0.06 * size)
+            add.add_label(f"/{name}/label", label, anchor="bottom-left")
+            self._frames[name] = ((label, size), node)
+        node.visible = pose is not None and self._has_frames.value
         if pose is not None:
-            pose = pose.copy()
-            pose[:3, 3] = self._lifted(pose[:3, 3])
-        self._surroundings.draw_frame(name, label, pose, self._view.reach)
+            node.position = self._lifted(pose[:3, 3])
+            node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
         """Return start and direction of the ray of the last click, and forget it."""
@@ -234,15 +245,12 @@ class Page:
             )
 
     def tell(self, status: str) -> None:
-        """Show the HTML text about the map."""
         self._status.content = status
 
     def tell_values(self, readout: str) -> None:
-        """Show the HTML text about the clicked cell."""
         self._readout.content = readout
 
     def close(self) -> None:
-        """Stop serving the page."""
         with redirect_stdout(io.StringIO()):
             self._server.stop()
 
@@ -324,7 +332,6 @@ class Page:
         self._aim = view
 
     def _move(self, client: Any, view: View, offset: Positions) -> None:
-        """Move the view of a browser to an offset from its target."""
         camera = client.camera
         with client.atomic():
             _set_clipping(camera, view)

@@ -116,11 +116,6 @@ class SurfaceScene:
 def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int = 0) -> SurfaceScene:
     """Return the scene of a map.
 
-    Args:
-        grid_map: the map.
-        settings: layers and style.
-        max_drawn_cells: limit of the cells, as for `Surface`.
-
     Raises:
         LayerNotFoundError: the map lacks a layer of the settings.
     """
@@ -154,7 +149,6 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
 
 
 def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
-    """Return lines between neighboring cells that both have a height."""
     valid = surface.valid
     number = (np.cumsum(valid) - 1).reshape(valid.shape)
     pairs = [
@@ -167,7 +161,6 @@ def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
 
 
 def _vectors(surface: Surface, mesh: Mesh, settings: ViewSettings) -> Points:
-    """Return lines from the surface along the finite vectors."""
     layers = [surface.values(layer)[surface.valid] for layer in settings.vector_layers]
     vectors = np.stack(layers, axis=-1)
     finite = np.isfinite(vectors).all(axis=-1)

@@ -22,7 +22,6 @@ FIRST_DATE = 1e9
 
 
 def as_table(rows: Iterable[tuple[str, str]]) -> str:
-    """Return a table of names and values."""
     cells = "".join(
         f"<tr><td>{escape(name)}</td><td style='text-align:right'>{escape(value)}</td></tr>"
         for name, value in rows
@@ -31,7 +30,6 @@ def as_table(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def as_note(text: str) -> str:
-    """Return a paragraph."""
     return f"<div style='{TEXT}'>{escape(text)}</div>"
 
 

@@ -31,10 +31,7 @@ class Viewer:
 
     Maps are decoded only while a browser is connected, and only the shown layers.
 
-    Args:
-        page: the page.
-        max_drawn_cells: limit of the cells, as for `Surface`.
-        clock: returns the ROS time [ns].
+    `clock` returns the ROS time [ns].
     """
 
     def __init__(
@@ -84,18 +81,25 @@ class Viewer:
         self._arrivals.append(time.monotonic())
 
     def update(self) -> str:
-        """Update the page.
+        """Update the page, and return the problem with the map or the settings, or an empty text.
 
-        Returns:
-            The problem with the shown map or with the settings, empty if there is none. The page
-            shows this text as well, and keeps the map that it had.
+        In case of a problem, the page shows it and keeps the last map.
         """
         page = self._page
         if page.is_watched:
             try:
                 page.turn(self._settings.history if self._settings else 1)
                 self._draw_if_due()
-                self._answer_click()
+                ray = page.take_click()
+                if ray is not None and self._drawn is not None:
+                    received, _, scene = self._drawn
+                    point = hit(scene.mesh, *ray)
+                    page.mark(point)
+                    self._selected = None if point is None else point[:2]
+                    text = as_note("There is no map at this place.")
+                    if self._selected is not None:
+                        text = readout(received.decode(), self._selected)
+                    page.tell_values(text)
             except Exception as error:  # A map that cannot be drawn must not end the node.
                 self._problem = reason(error) if isinstance(error, DROPPED) else repr(error)
             if self._problem or self._refusal:
@@ -128,17 +132,3 @@ class Viewer:
         self._drawn, self._problem = (received, grid_map, scene), ""
         if self._selected is not None:
             self._page.tell_values(readout(grid_map, self._selected))
-
-    def _answer_click(self) -> None:
-        ray = self._page.take_click()
-        if ray is None or self._drawn is None:
-            return
-        received, _, scene = self._drawn
-        point = hit(scene.mesh, *ray)
-        self._page.mark(point)
-        if point is None:
-            self._selected = None
-            self._page.tell_values(as_note("There is no map at this place."))
-        else:
-            self._selected = point[:2]
-            self._page.tell_values(readout(received.decode(), self._selected))

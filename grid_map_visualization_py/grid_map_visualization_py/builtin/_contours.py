@@ -70,15 +70,25 @@ class ContoursVisualization(LineMarker):
     def _lines(self, grid_map: GridMap) -> Iterator[npt.NDArray[np.float64]]:
         """Yield the ends (2 N, 3) of the line segments, level by level."""
         values = grid_map.unwrapped(self.layer).T
-        if min(values.shape) < 2:
+        low, high = min_of_finites(values), max_of_finites(values)
+        if min(values.shape) < 2 or math.isnan(low):
             return
+        levels = np.unique(self.levels)
+        if not self.levels:
+            first, last = np.ceil(low / self.interval), np.floor(high / self.interval)
+            if last - first >= MOST_LEVELS:
+                raise GridMapError(
+                    f"parameter 'interval': {self.interval} gives more than {MOST_LEVELS} lines "
+                    f"between {low} and {high}"
+                )
+            levels = np.arange(first, last + 1) * self.interval
         generator = _contourpy().contour_generator(
             *grid_map.geometry.axes_in_map_order(),
             np.ma.masked_invalid(values.astype(np.float64)),
             corner_mask=True,
             line_type="ChunkCombinedOffset",
         )
-        for level in self._levels_of(values):
+        for level in levels:
             (points,), (offsets,) = generator.lines(level)
             if points is not None:
                 height = 0.0 if self.flat else level
@@ -86,17 +96,3 @@ class ContoursVisualization(LineMarker):
                 begins = np.delete(np.arange(len(points)), offsets[1:] - np.uint32(1))
                 ends = points[np.stack([begins, begins + 1], axis=-1).ravel()]
                 yield np.insert(ends, 2, height, axis=1)
-
-    def _levels_of(self, values: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        if self.levels:
-            return np.unique(self.levels)
-        low, high = min_of_finites(values), max_of_finites(values)
-        if math.isnan(low):
-            return np.empty(0)
-        first, last = np.ceil(low / self.interval), np.floor(high / self.interval)
-        if last - first >= MOST_LEVELS:
-            raise GridMapError(
-                f"parameter 'interval': {self.interval} gives more than {MOST_LEVELS} lines between"
-                f" {low} and {high}"
-            )
-        return np.arange(first, last + 1) * self.interval

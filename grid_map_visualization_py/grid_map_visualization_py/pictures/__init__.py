@@ -131,7 +131,13 @@ def save_animation(
         OSError: the file cannot be written.
     """
     ending = _ending_of(path, ".gif", ".mp4")
-    program = _ffmpeg() if ending == ".mp4" else ""
+    program = shutil.which("ffmpeg") or ""
+    if ending == ".mp4" and not program:
+        try:
+            program = str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
+        except (ImportError, RuntimeError) as error:
+            remedy = "install ffmpeg (apt) or imageio-ffmpeg (pip), or write a .gif file instead"
+            raise MissingPackageError("ffmpeg", "a video", remedy) from error
     check(math.isfinite(speed) and speed > 0, "speed", "a positive number", speed)
     check(len(records) > 0, "records", "maps", "none")
     with new_file(path) as temporary, TemporaryDirectory() as folder:
@@ -223,14 +229,3 @@ def _ending_of(path: str | PathLike[str], *endings: str) -> str:
     expected = f"a name that ends in {before} or {last}"
     check(ending in endings, "path", expected, Path(path).name)
     return ending
-
-
-def _ffmpeg() -> str:
-    """Return the program that writes videos, or raise `MissingPackageError`."""
-    if found := shutil.which("ffmpeg"):
-        return found
-    try:
-        return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
-    except (ImportError, RuntimeError) as error:
-        remedy = "install ffmpeg (apt) or imageio-ffmpeg (pip), or write a .gif file instead"
-        raise MissingPackageError("ffmpeg", "a video", remedy) from error
