@@ -53,16 +53,16 @@ explore:  ## Try the property tests with new random examples (`make test` repeat
 fuzz: build  ## Feed damaged messages, files and texts to all readers for a minute (FOR=... [s], or INPUTS=... of them)
 	@$(ENTER) python3 test/fuzz.py $(if $(INPUTS),--inputs $(INPUTS),--seconds $(or $(FOR),60))
 
-check: setup  ## Check style, types, imports and licence headers
+check: build  ## Check style, types, imports, licence headers and the list of public names
 	@$(ENTER) ruff check --output-format=concise . && ruff format --check . && \
 	    export MYPYPATH=$(SOURCES) PYTHONPATH=tools:$(SOURCES):$$PYTHONPATH && \
-	    mypy $(addprefix -p ,$(PACKAGES)) && lint-imports
+	    mypy $(addprefix -p ,$(PACKAGES)) && lint-imports && python3 tools/api.py --check
 
 format:  ## Format the code and apply automatic fixes
 	@$(ENTER) ruff check --fix . ; ruff format .
 
-tables: build  ## Update the parameter tables in docs/ from the code
-	@$(ENTER) PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 tools/parameter_tables.py
+tables: build  ## Update the parameter tables in docs/ and docs/api.txt from the code
+	@$(ENTER) export PYTHONPATH=$(SOURCES):$$PYTHONPATH && python3 tools/parameter_tables.py && python3 tools/api.py
 
 # Sphinx imports the packages from their sources, and their libraries from the environment of the build.
 docs: build  ## Build the documentation site in build/docs/

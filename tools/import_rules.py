@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Contracts for import-linter that depend on names of modules."""
 
-import sys
-
 from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output
 
@@ -36,29 +34,3 @@ def importers(graph: ImportGraph, module: str) -> list[str]:
 
 def is_executable(module: str) -> bool:
     return "._executables." in module or module.endswith("_node")
-
-
-class PrivateStaysInside(Contract):
-    """No package imports a private module of another; a leading underscore marks it.
-
-    Modules of Python are free: `_thread` is documented. Packages named in `shared` are private to
-    the suite: its packages may import them, but not the modules inside.
-    """
-
-    shared = fields.SetField(subfield=fields.StringField(), required=False)
-
-    def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:  # noqa: ARG002
-        broken = [
-            f"{importer} imports {private}, which is private"
-            for private in sorted(set(filter(is_private, graph.modules)) - (self.shared or set()))
-            for importer in importers(graph, private)
-            if importer.partition(".")[0] != private.partition(".")[0]
-        ]
-        return ContractCheck(kept=not broken, metadata={"broken": broken})
-
-    render_broken_contract = NodesAreLeaves.render_broken_contract
-
-
-def is_private(module: str) -> bool:
-    parts = module.split(".")
-    return parts[0] not in sys.stdlib_module_names and any(part.startswith("_") for part in parts)
