@@ -53,7 +53,7 @@ explore:  ## Try the property tests with new random examples (`make test` repeat
 fuzz: build  ## Feed damaged messages, files and texts to all readers for a minute (FOR=... [s], or INPUTS=... of them)
 	@$(ENTER) python3 test/fuzz.py $(if $(INPUTS),--inputs $(INPUTS),--seconds $(or $(FOR),60))
 
-check: build  ## Check style, types, imports, licence headers and the list of public names
+check: build  ## Check style, types, imports, license headers and the list of public names
 	@$(ENTER) ruff check --output-format=concise . && ruff format --check . && \
 	    export MYPYPATH=$(SOURCES) PYTHONPATH=tools:$(SOURCES):$$PYTHONPATH && \
 	    mypy $(addprefix -p ,$(PACKAGES)) && lint-imports && python3 tools/api.py --check
