@@ -49,12 +49,6 @@ def test_filters_without_a_declaration_look_at_the_whole_map():
     assert chain_of(lambda grid_map: grid_map).reach(0.1) == WHOLE_MAP
 
 
-def test_a_parameter_called_reach_is_no_declaration():
-    function = Declares(1)
-    function.reach = 3.0
-    assert chain_of(function).reach(0.1) == WHOLE_MAP
-
-
 @pytest.mark.parametrize("reach", [-1, 0.5, np.nan, -np.inf, "3", None])
 def test_a_wrong_reach_names_the_filter(reach):
     with pytest.raises(FilterError, match=r"'mine'.*reach: expected a number of cells"):

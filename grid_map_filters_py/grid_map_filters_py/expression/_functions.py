@@ -13,7 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_core_py import _arrays as statistics
+from grid_map_core_py._arrays import (
+    max_of_finites,
+    min_of_finites,
+    number_of_finites,
+    sum_of_finites,
+)
 
 from ._matrices import SCALAR, Fold, Matrices, Value, describe, known, shape_of, simplified
 from ._nodes import Fault
@@ -89,10 +94,10 @@ SQUARES = Fold(np.square, np.add)
 PRODUCT = Fold(np.asarray, np.multiply)
 MINIMUM = Fold(np.asarray, np.minimum)
 MAXIMUM = Fold(np.asarray, np.maximum)
-FINITE_COUNT = Fold(np.isfinite, np.add, statistics.number_of_finites)
-FINITE_SUM = Fold(_finite_or(0.0), np.add, statistics.sum_of_finites)
-FINITE_MINIMUM = Fold(_finite_or(np.inf), np.minimum, statistics.min_of_finites)
-FINITE_MAXIMUM = Fold(_finite_or(-np.inf), np.maximum, statistics.max_of_finites)
+FINITE_COUNT = Fold(np.isfinite, np.add, number_of_finites)
+FINITE_SUM = Fold(_finite_or(0.0), np.add, sum_of_finites)
+FINITE_MINIMUM = Fold(_finite_or(np.inf), np.minimum, min_of_finites)
+FINITE_MAXIMUM = Fold(_finite_or(-np.inf), np.maximum, max_of_finites)
 
 
 def _folding(fold: Fold) -> Callable[..., Any]:
