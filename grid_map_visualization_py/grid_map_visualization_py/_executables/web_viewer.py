@@ -46,7 +46,24 @@ class WebViewerNode(ConfiguredNode):
         if self._robot_frame and not has_tf():
             remedy = "install tf2_ros_py of your ROS distribution, or leave it empty"
             raise MissingPackageError("tf2_ros", "robot_frame", remedy)
-        self._page = self._serve_page(topic)
+        about = "address of the page; `127.0.0.1` is reachable from this machine only"
+        host = self.read("host", "127.0.0.1", about)
+        port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 for any free one")
+        height_layer = self.read("height_layer", "elevation", "initial layer of the heights")
+        about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
+        color_layer = self.read("color_layer", "", about)
+        about = "initial color map, a name of Matplotlib"
+        color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
+        about = (
+            "names under which browsers may open the page, besides IP addresses, `localhost`, "
+            "`host` and the name of the machine, with or without `.local`"
+        )
+        names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
+        self._page = Page(host, port, height_layer, color_layer, color_map, names, topic)
+        if self._page.is_public:
+            self.get_logger().warning(
+                f"anyone who can reach {self._page.url} sees all maps and can change the settings"
+            )
         clock = lambda: self.get_clock().now().nanoseconds  # noqa: E731
         self._viewer = Viewer(self._page, max_drawn_cells, clock)
         self._log = LogThrottle(self.get_logger())
@@ -61,27 +78,6 @@ class WebViewerNode(ConfiguredNode):
         # The address stands alone on its line, so that it is easy to find and to copy.
         text = f"shows {self._maps.topic_name} in the browser at\n{self._page.url}"
         self.get_logger().info(text)
-
-    def _serve_page(self, topic: str) -> Page:
-        about = "address of the page; `127.0.0.1` is reachable from this machine only"
-        host = self.read("host", "127.0.0.1", about)
-        port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 for any free one")
-        height_layer = self.read("height_layer", "elevation", "initial layer of the heights")
-        about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
-        color_layer = self.read("color_layer", "", about)
-        about = "initial color map, a name of Matplotlib"
-        color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
-        about = (
-            "names under which browsers may open the page, besides IP addresses, `localhost`, "
-            "`host` and the name of the machine, with or without `.local`"
-        )
-        names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
-        page = Page(host, port, height_layer, color_layer, color_map, names, topic)
-        if page.is_public:
-            self.get_logger().warning(
-                f"anyone who can reach {page.url} sees all maps and can change the settings"
-            )
-        return page
 
     def destroy_node(self) -> None:
         """Destroy the node and close its page."""
