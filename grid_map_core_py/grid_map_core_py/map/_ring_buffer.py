@@ -13,6 +13,8 @@ import numpy as np
 
 from .._arrays._checks import Integers, Layer, Size
 
+_FEW = 2**14  # number of cells from which on arithmetic is faster than looking up
+
 
 @dataclass(frozen=True)
 class BufferRegion:
@@ -48,7 +50,10 @@ def lines(size: int, start: int) -> Integers:
 
 def place(numbers: Integers, start: int, size: int) -> None:
     """Convert rows or columns of the map (N,) to buffer indices, in place."""
-    if start:
+    if start and numbers.size < _FEW:
+        lines(size, start).take(numbers, mode="clip", out=numbers)
+    elif start:
+        # Two passes of arithmetic are faster than looking up, but begin more slowly.
         numbers += start
         unsigned = numbers.view(np.uint64)
         # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
