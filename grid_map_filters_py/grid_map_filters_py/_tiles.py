@@ -131,7 +131,7 @@ def _map(site: TiledMap, window: Window, layers: Mapping[str, Layer | float]) ->
 
 def _cropped(grid_map: GridMap, window: Window) -> GridMap:
     """Return a window of a map, with layers of its own."""
-    return grid_map if shape(window) == grid_map.size else grid_map.get_block(*window).copy()
+    return grid_map if shape(window) == grid_map.size else grid_map.get_block(*window)
 
 
 def _cells(window: Window) -> int:

@@ -104,7 +104,8 @@ class GridMap(MutableMapping[str, Layer]):
         timestamp: int = 0,
     ) -> None:
         geometry = GridGeometry(length, resolution, position)
-        self._set_up(geometry, layers, basic_layers, frame_id, timestamp)
+        self._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
+        self._fill(layers, basic_layers)
 
     @classmethod
     def from_geometry(
@@ -118,20 +119,15 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Return a map over `geometry`; the other arguments are as in the constructor."""
         grid_map = cls.__new__(cls)
-        grid_map._set_up(geometry, layers, basic_layers, frame_id, timestamp)
+        grid_map._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
+        grid_map._fill(layers, basic_layers)
         return grid_map
 
-    def _set_up(
-        self,
-        geometry: GridGeometry,
-        layers: Iterable[str] | Mapping[str, ArrayLike],
-        basic_layers: Iterable[str],
-        frame_id: str,
-        timestamp: int,
+    def _fill(
+        self, layers: Iterable[str] | Mapping[str, ArrayLike], basic_layers: Iterable[str]
     ) -> None:
         if not isinstance(layers, Mapping):
             layers = dict.fromkeys(as_names(layers), np.nan)
-        self._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
         # Conversions of small messages begin with a map without layers.
         if layers:
             self.update(layers)
@@ -574,38 +570,22 @@ class GridMap(MutableMapping[str, Layer]):
         Returns:
             A map with the same layers, basic layers, frame and time, and start index (0, 0).
         """
-        rows, columns = self._geometry.overlapped(position, length)
-        return self._with(
-            self._blocks(rows, columns), self._geometry.cropped(rows, columns), (0, 0)
-        )
-
-    def _blocks(self, rows: slice, columns: slice) -> dict[str, Layer]:
-        copies = ring_buffer.copies(self._start, self.size, rows, columns)
-        shape = rows.stop - rows.start, columns.stop - columns.start
-        layers = {}
-        for name, data in self._layers.items():
-            layers[name] = out = np.empty(shape, np.float32, "F")
-            for source, target in copies:
-                out[target] = data[source]
-        return layers
+        return self.get_block(*self._geometry.overlapped(position, length))
 
     def get_block(self, rows: slice, columns: slice) -> GridMap:
-        """Return a block of cells, for work on a large map tile by tile.
+        """Return a copy of a block of cells, as `get_submap` does.
 
         Args:
             rows, columns: slices in map order, without a step and not empty.
-
-        Returns:
-            A map with the same layers, basic layers, frame and time, and start index (0, 0). Its
-            layers are views, which are not contiguous; those of a map that has moved are copies.
         """
         rows, columns = (
-            _block_side(part, count) for part, count in zip((rows, columns), self.size, strict=True)
+            slice(*part.indices(count)[:2])
+            for part, count in zip((rows, columns), self.size, strict=True)
         )
-        if self._start == (0, 0):
-            layers = {name: data[rows, columns] for name, data in self._layers.items()}
-        else:
-            layers = self._blocks(rows, columns)
+        layers = {
+            name: ring_buffer.block(data, self._start, rows, columns)
+            for name, data in self._layers.items()
+        }
         return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 
     def extend_to_include(self, other: GridMap) -> None:
@@ -824,14 +804,6 @@ def _as_time(timestamp: int) -> int:
 def _wrong_name(layer: object) -> GridMapError:
     expected = "a name, a non-empty string without control characters"
     return GridMapError(f"layer: expected {expected}, got {short(layer)}")
-
-
-def _block_side(part: slice, count: int) -> slice:
-    """Return a slice of rows or columns without None and negative numbers."""
-    start, stop, step = part.indices(count)
-    if step != 1 or start >= stop:
-        raise OutOfMapError(f"block: expected a slice of the {count} cells of a side, got {part}")
-    return slice(start, stop)
 
 
 def _finite_or_nan(*vector: float) -> Positions:

@@ -60,40 +60,26 @@ def place(numbers: Integers, start: int, size: int) -> None:
         np.minimum(unsigned, unsigned - np.uint64(size), out=unsigned)
 
 
-def block(
-    layer: Layer, start: Size, rows: slice, columns: slice, out: Layer | None = None
-) -> Layer:
+def block(layer: Layer, start: Size, rows: slice, columns: slice) -> Layer:
     """Copy a block of map cells out of the buffer, in map order.
 
     Args:
         layer: (rows, cols) the whole buffer.
         start: start index of the circular buffer.
         rows, columns: the block, as cells of the map.
-        out: array of the block's shape to copy into; None makes one.
     """
-    if out is None:
-        out = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
-    for source, target in copies(start, layer.shape, rows, columns):
-        out[target] = layer[source]
+    out: Layer = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
+    in_columns = _pieces(columns, start[1], layer.shape[1])
+    for from_rows, to_rows in _pieces(rows, start[0], layer.shape[0]):
+        for from_columns, to_columns in in_columns:
+            out[to_rows, to_columns] = layer[from_rows, from_columns]
     return out
 
 
-def copies(
-    start: Size, size: Size, rows: slice, columns: slice
-) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Return the places in the buffer, and in the block, of the one to four pieces of a block."""
-    in_columns = _pieces(columns, start[1], size[1])
-    return [
-        ((from_rows, from_columns), (to_rows, to_columns))
-        for from_rows, to_rows in _pieces(rows, start[0], size[0])
-        for from_columns, to_columns in in_columns
-    ]
-
-
-def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy of a layer in map order; `start` and `out` are those of `block`."""
+def unwrapped(layer: Layer, start: Size) -> Layer:
+    """Return a copy in map order of a layer that is stored from the index `start`."""
     rows, columns = layer.shape
-    return block(layer, start, slice(0, rows), slice(0, columns), out)
+    return block(layer, start, slice(0, rows), slice(0, columns))
 
 
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
