@@ -570,7 +570,7 @@ class GridMap(MutableMapping[str, Layer]):
         Returns:
             A map with the same layers, basic layers, frame and time, and start index (0, 0).
         """
-        return self.get_block(*self._geometry.overlapped(position, length))
+        return self._block(*self._geometry.overlapped(position, length))
 
     def get_block(self, rows: slice, columns: slice) -> GridMap:
         """Return a copy of a block of cells, as `get_submap` does.
@@ -578,14 +578,21 @@ class GridMap(MutableMapping[str, Layer]):
         Args:
             rows, columns: slices in map order, without a step and not empty.
         """
-        rows, columns = (
-            slice(*part.indices(count)[:2])
-            for part, count in zip((rows, columns), self.size, strict=True)
+        return self._block(
+            *(
+                slice(*part.indices(count)[:2])
+                for part, count in zip((rows, columns), self.size, strict=True)
+            )
         )
-        layers = {
-            name: ring_buffer.block(data, self._start, rows, columns)
-            for name, data in self._layers.items()
-        }
+
+    def _block(self, rows: slice, columns: slice) -> GridMap:
+        copies = ring_buffer.copies(self._start, self.size, rows, columns)
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        layers = {}
+        for name, data in self._layers.items():
+            layers[name] = out = np.empty(shape, np.float32, "F")
+            for source, target in copies:
+                out[target] = data[source]
         return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 
     def extend_to_include(self, other: GridMap) -> None:

@@ -69,11 +69,21 @@ def block(layer: Layer, start: Size, rows: slice, columns: slice) -> Layer:
         rows, columns: the block, as cells of the map.
     """
     out: Layer = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
-    in_columns = _pieces(columns, start[1], layer.shape[1])
-    for from_rows, to_rows in _pieces(rows, start[0], layer.shape[0]):
-        for from_columns, to_columns in in_columns:
-            out[to_rows, to_columns] = layer[from_rows, from_columns]
+    for source, target in copies(start, layer.shape, rows, columns):
+        out[target] = layer[source]
     return out
+
+
+def copies(
+    start: Size, size: Size, rows: slice, columns: slice
+) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
+    """Return the places in the buffer, and in the block, of the one to four pieces of a block."""
+    in_columns = _pieces(columns, start[1], size[1])
+    return [
+        ((from_rows, from_columns), (to_rows, to_columns))
+        for from_rows, to_rows in _pieces(rows, start[0], size[0])
+        for from_columns, to_columns in in_columns
+    ]
 
 
 def unwrapped(layer: Layer, start: Size) -> Layer:
