@@ -346,7 +346,7 @@ class GridMap(MutableMapping[str, Layer]):
             self.clear(name)
 
     def copy(self) -> GridMap:
-        """Return a deep copy of the map."""
+        """Return a deep copy."""
         return self._with({name: data.copy("F") for name, data in self._layers.items()})
 
     __copy__ = copy
@@ -495,11 +495,10 @@ class GridMap(MutableMapping[str, Layer]):
     # Moving and cutting
 
     def move(self, position: ArrayLike) -> list[BufferRegion]:
-        """Move the map; its data stays where it is in the frame.
+        """Move the map, while its data stays at its place in the frame.
 
-        The map moves by whole cells, so that its center comes within half a cell of `position`.
-        Cells that leave the map are dropped, newly covered cells are NaN in all layers. No data is
-        copied.
+        The map moves by whole cells to within half a cell of `position`. Data outside the map is
+        lost, new cells are NaN in all layers. No data is copied.
 
         Args:
             position: (2,) new center [m].
@@ -598,9 +597,9 @@ class GridMap(MutableMapping[str, Layer]):
     def extend_to_include(self, other: GridMap) -> None:
         """Grow so that the map covers another one, by whole cells at the borders.
 
-        The cells keep their places and values, new cells are NaN. A map that already covers the
-        other one (within 1e-9 m) does not change; one that grows is stored from start index (0, 0).
-        `add_data_from` also copies the data.
+        Cells keep their positions and values; new cells are NaN. A map that already covers the
+        other one (within 1e-9 m) does not change; one that grows has the start index (0, 0)
+        afterwards. `add_data_from` also copies the data.
 
         Raises:
             GridMapError: both maps name a frame and the frames differ.
@@ -643,7 +642,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Return the map in another frame, as a surface of 3-D points seen from above.
 
         Each cell with a finite height is a point, which carries the values of the other layers. If
-        several points fall into one cell, the highest one stays; among equal heights, that of the
+        several points fall into one cell, the highest one wins; among equal heights, the one of the
         last column and row. Points outside the new map are lost.
 
         Args:
@@ -656,7 +655,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Returns:
             A map of the same resolution, layers, basic layers and time, and start index (0, 0).
-            It is centered on the moved corners (at z = 0) and covers them.
+            It covers the transformed corners of this map at z = 0.
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
@@ -665,10 +664,10 @@ class GridMap(MutableMapping[str, Layer]):
     def to_xarray(self, *, crs: str = "") -> xarray.Dataset:
         """Return the map as a dataset of xarray.
 
-        Each layer is a float32 variable of the dimensions ("x", "y"), with the centers of the cells
-        [m] as coordinates; both descend. The layers of a map whose `start_index` is (0, 0) are not
-        copied: writing into the dataset changes the map. The attributes `frame_id`, `timestamp`
-        [ns], `basic_layers`, `resolution` [m] and `position` [m] describe the map.
+        Each layer is a float32 variable with the dimensions ("x", "y"). The coordinates are the
+        cell centers [m], both descending. If `start_index` is (0, 0), the dataset shares the layers
+        of the map. The attributes `frame_id`, `timestamp` [ns], `basic_layers`, `resolution` [m]
+        and `position` [m] describe the map.
 
         Args:
             crs: coordinate reference system of the frame: WKT, a code such as "EPSG:25832", or a
