@@ -15,6 +15,18 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from .errors import ConfigError, hint, short
 
+__all__ = [
+    "DEEPEST",
+    "build",
+    "cast",
+    "check",
+    "describe",
+    "descriptions",
+    "mismatch",
+    "nested",
+    "node_sections",
+]
+
 T = TypeVar("T")
 
 DEEPEST = 50

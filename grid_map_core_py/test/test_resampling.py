@@ -98,28 +98,6 @@ def test_layers_equal_cpp_away_from_holes(layer, least):
     assert count > least
 
 
-def test_layers_with_holes_are_right_next_to_the_holes():
-    count = 0
-    for description, case in CASES:
-        if case["cv_interpolation"] == cv2.INTER_NEAREST:
-            continue
-        source = to_map(description, case).unwrapped("elevation")
-        values = converted(description, case)["elevation"]
-        ratio = case["resolution"] / description["resolution"]
-        for row, column in np.argwhere(near_holes(description, case, "elevation")):
-            center = (np.array([row, column]) + 0.5) * ratio - 0.5
-            nearest = np.clip(
-                np.ceil(center - 0.5 - 1e-9).astype(int), 0, np.array(source.shape) - 1
-            )
-            value = values[row, column]
-            assert np.isnan(value) == np.isnan(source[tuple(nearest)])
-            if np.isfinite(value):
-                around = source[kernel(center)]
-                assert np.nanmin(around) - 1e-6 <= value <= np.nanmax(around) + 1e-6
-                count += 1
-    assert count > 1000
-
-
 def near_holes(description, case, layer) -> np.ndarray:
     grid_map = to_map(description, case)
     source = np.isnan(grid_map.unwrapped(layer))
