@@ -95,9 +95,12 @@ def exists(name: str) -> bool:
     return True
 
 
-@pytest.mark.parametrize("section", ["Names", "Modules"])
-def test_new_names_exist_and_old_names_are_gone(section):
-    rows = [*table(page("docs/from_0.1_to_0.2.md").section(section))]
+@pytest.mark.parametrize(
+    ("path", "section"),
+    [("from_0.1_to_0.2", "Names"), ("from_0.1_to_0.2", "Modules"), ("changed_names", "Names")],
+)
+def test_new_names_exist_and_old_names_are_gone(path, section):
+    rows = [*table(page(f"docs/{path}.md").section(section))]
     assert len(rows) > 10
     for old, new in rows:
         gone, there = (re.findall(r"`(grid_map_[\w.]+)`", cell) for cell in (old, new))

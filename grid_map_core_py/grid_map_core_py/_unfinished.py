@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files and folders that are removed unless they are finished."""
+"""Temporary files and folders, removed at the end or by a signal."""
 
 import shutil
 import tempfile
@@ -41,6 +41,6 @@ def remove(path: Path) -> None:
 
 
 def remove_all() -> None:
-    """Remove all that is unfinished, before the process ends."""
+    """Remove all unfinished files and folders, before the process ends."""
     for path in [*_paths]:
         remove(path)

@@ -34,8 +34,7 @@ __all__ = [
 ]
 
 FREE_BYTES = 100_000_000
-"""Unpacked bytes for which `max_ratio` does not count: maps of one value pack extremely well."""
-
+"""Unpacked bytes that `max_ratio` always allows: uniform maps compress extremely well."""
 
 VISITS = 4
 """Factor of `max_cells` that limits how often cells are visited: two seconds for triangles."""
@@ -67,7 +66,7 @@ _limits = Limits()
 
 
 def current_limits() -> Limits:
-    """Return the limits that hold now."""
+    """Return the current limits."""
     return _limits
 
 
@@ -75,8 +74,8 @@ def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
     """Set the limits of the process and return those that it had before.
 
     Args:
-        limits: the new ones; None means those that hold now.
-        changes: `max_cells`, `max_bytes` or `max_ratio`, in place of those.
+        limits: new limits; None keeps the current ones.
+        changes: new values of `max_cells`, `max_bytes` or `max_ratio`.
     """
     global _limits
     before = _limits
@@ -98,7 +97,7 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
     """Raise `LimitError` if a map would have too many cells, or its layers too many bytes.
 
     Args:
-        name: name of what claims the size, for the message.
+        name: subject of the error message.
         size: rows and columns; they may be infinite.
         layers: number of layers that will be made; 0 if each one takes bytes of the input.
     """
@@ -114,7 +113,7 @@ def check_visits(name: str, visits: float) -> None:
     """Raise `LimitError` if overlapping parts of a map have too many cells together.
 
     Args:
-        name: name of what has the parts, for the message.
+        name: subject of the error message.
         visits: sum of the cells of all parts.
     """
     if visits > VISITS * current_limits().max_cells:
@@ -130,7 +129,7 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
     """Raise `LimitError` if packed data claims to unpack to too many bytes.
 
     Args:
-        name: name of the data, for the message.
+        name: subject of the error message.
         unpacked, packed: numbers of bytes.
     """
     if unpacked > current_limits().max_bytes:

@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, OutOfMapError
@@ -315,25 +314,3 @@ def test_a_center_is_two_finite_numbers(shape, center):
 def test_sizes_of_shapes_are_finite_and_not_negative(shape, arguments, message):
     with pytest.raises(GeometryError, match=message):
         shape(GridMap((1, 1), 0.1), (0, 0), *arguments)
-
-
-@pytest.mark.parametrize(
-    "shape",
-    [
-        map_cells,
-        lambda grid_map: submap_cells(grid_map, (7, 9), (250, 180)),
-        lambda grid_map: circle_cells(grid_map, (0, 0), 10.0),
-        lambda grid_map: circle_cells(grid_map, (0, 0), 100.0),
-        lambda grid_map: spiral_cells(grid_map, (0, 0), 10.0),
-        lambda grid_map: spiral_cells(grid_map, (0, 0), 15.0),
-        lambda grid_map: ellipse_cells(grid_map, (0, 0), (20, 5), 0.7),
-        lambda grid_map: polygon_cells(grid_map, Polygon.from_circle((0, 0), 12.0, 50)),
-    ],
-)
-def test_shapes_take_less_than_four_times_their_memory(shape):
-    grid_map = GridMap((30, 20), 0.1)
-    grid_map.start_index = (7, 9)
-    shape(grid_map)
-    peak, cells = peak_of(shape, grid_map)
-    assert cells[0].size > 5000
-    assert peak < 4 * sum(numbers.nbytes for numbers in cells)

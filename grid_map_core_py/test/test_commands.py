@@ -108,13 +108,6 @@ def test_inspect_draws_histograms(command):
     assert np.argsort(bars).tolist() == np.argsort(counts).tolist()
 
 
-def test_inspect_takes_layers_without_values(command):
-    save_npz(GridMap((1, 1), 0.5, layers={"empty": np.nan}), "empty.npz")
-    code, text, _ = command("inspect empty.npz --histogram")
-    assert code == 0
-    assert text.splitlines()[1].split() == ["empty", "-", "-", "-", "-", "100.0%", "0"]
-
-
 @pytest.mark.parametrize("value", [0.0, -7.5, 3e38, -1e20])
 def test_single_value_is_in_the_middle_of_its_histogram(value, command):
     save_npz(GridMap((1, 1), 0.5, layers={"flat": value}), "flat.npz")

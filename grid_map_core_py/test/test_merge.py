@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
@@ -116,28 +115,12 @@ class TestExtendToInclude:
         assert terrain["elevation"] is layer
         assert terrain.start_index == (3, 2)
 
-    @pytest.mark.parametrize("center", [(1, 2), (-1, 2), (1, -2), (-1, -2)])
-    def test_works_with_a_border_at_zero(self, center):
-        grid_map = GridMap((2, 4), 0.5, center, {"a": 1.0})
-        grid_map.extend_to_include(GridMap((2, 4), 0.5, np.negative(center)))
-        assert grid_map.size == (8, 16)
-        assert grid_map.position.tolist() == [0.0, 0.0]
-        assert np.isfinite(grid_map["a"]).sum() == 32
-
     @pytest.mark.parametrize("cells", [0, 3, 41])
     def test_rounding_far_from_origin_adds_no_cell(self, cells):
         for origin in np.random.default_rng(1).uniform(4e6, 6e6, (50, 2)):
             grid_map = GridMap((4, 3), 0.1, origin, layers=["a"])
             grid_map.extend_to_include(GridMap((4, 3), 0.1, origin + 0.1 * cells))
             assert grid_map.size == (40 + cells, 30 + cells)
-
-    def test_needs_little_memory(self):
-        grid_map = GridMap((300, 200), 1.0, layers={"a": 1.0, "b": 2.0})
-        grid_map.start_index = (7, 9)
-        grid_map.basic_layers = ["a"]
-        other = GridMap((300, 200), 1.0, (50, 50))
-        peak, _ = peak_of(grid_map.extend_to_include, other)
-        assert peak <= 2.0 * sum(grid_map[layer].nbytes for layer in grid_map)
 
 
 class TestAddDataFrom:
@@ -219,12 +202,6 @@ class TestAddDataFrom:
         assert np.isnan(terrain["b"]).all()
         assert_maps_equal(terrain.without_layers("b"), before)
 
-    def test_empty_list_of_layers_adds_nothing(self, terrain):
-        before = terrain.copy()
-        other = GridMap((2, 2), 1.0, (0, 0), {"elevation": 1.0})
-        terrain.add_data_from(other, extend_map=False, overwrite_data=True, layers=[])
-        assert_maps_equal(terrain, before)
-
     @pytest.mark.parametrize(
         ("layers", "position", "frame_id", "error", "message"),
         [
@@ -255,10 +232,3 @@ class TestAddDataFrom:
             terrain.extend_to_include(other)
         with pytest.raises(GridMapError, match="get_transformed_map"):
             terrain.extend_to_include(GridMap((1, 1), 1.0, frame_id="odom"))
-
-    def test_needs_little_memory(self):
-        grid_map = GridMap((600, 500), 1.0, layers={"a": 1.0})
-        other = GridMap((600, 500), 1.0, (50, 50), layers={"a": 1.0, "b": 2.0})
-        options = {"extend_map": False, "overwrite_data": False}
-        peak, _ = peak_of(grid_map.add_data_from, other, **options)
-        assert peak <= 2.0 * sum(grid_map[layer].nbytes for layer in grid_map)

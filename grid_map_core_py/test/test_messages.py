@@ -51,10 +51,8 @@ def test_long_values_become_one_line_of_80_characters(value):
     "call",
     [
         lambda m: m.add("e", WORDS),
-        lambda m: m.with_layers({"e": WORDS}),
         lambda m: m.with_layers(WORDS),
         lambda m: m.get_index(WORDS),
-        lambda m: m.get_submap(WORDS, (1, 1)),
         lambda m: m.at_position("a", (0, 0), WORDS),
         lambda m: m.get_transformed_map(WORDS, "a", "odom"),
         lambda m: m.__setitem__(("e",) * 1000, 1.0),

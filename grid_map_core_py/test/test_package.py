@@ -7,8 +7,6 @@ import pkgutil
 import subprocess
 import sys
 
-import pytest
-
 import grid_map_core_py
 
 MODULES = [
@@ -45,13 +43,6 @@ except AttributeError as error:
     assert "has no attribute 'lod'" in str(error)
 """
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-@pytest.mark.parametrize("room", ["conversions", "elevation", "map", "regions"])
-def test_docstring_of_a_room_names_everything_in_it(room):
-    module = importlib.import_module(f"grid_map_core_py.{room}")
-    missing = [name for name in module.__all__ if f"`{name}`" not in module.__doc__]
-    assert missing == []
 
 
 def test_the_examples_in_the_docstrings_are_true():

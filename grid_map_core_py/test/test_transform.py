@@ -161,14 +161,6 @@ def test_points_outside_of_the_result_are_dropped():
     assert np.nanmax(result["elevation"]) < 2
 
 
-@pytest.mark.parametrize("center", [(1, 2), (-1, -2)])
-def test_works_with_a_border_at_zero(center):
-    grid_map = GridMap((2, 4), 0.5, center, {"elevation": 1.0})
-    result = grid_map.get_transformed_map(YAW90, "elevation", "new", 0.5)
-    assert result.size == (8, 4)
-    assert (result["elevation"] == 1).all()
-
-
 def test_far_from_the_origin_every_cell_finds_its_place():
     for shift in np.random.default_rng(1).uniform(4e6, 6e6, (50, 3)):
         grid_map = GridMap((4, 3), 0.1, layers={"elevation": 0.0, "number": np.ones((40, 30))})

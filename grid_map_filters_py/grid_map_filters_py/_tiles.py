@@ -130,7 +130,7 @@ class FilteredTiles:
             given, around = self._block(count - 1, wanted, needed)
             most = 1.0 if isinstance(function, WideningFilter) else _MOST
             if math.prod(shape(around)) > most * math.prod(shape(wanted)):
-                given, around = given.get_block(*within(wanted, around)).copy(), wanted
+                given, around = given.get_block(*within(wanted, around)), wanted
             more = 0
             if isinstance(function, WideningFilter):
                 more = function.missing(given, within(window, around))

@@ -1,14 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array types, checks of arguments, work in pieces, freed memory, and statistics.
-
-- Types: `Layer`, `Mask`, `Positions`, `Cells`, `Size`.
-- Checks that return what was given as an array or a number, or raise `GeometryError`: `as_array`,
-  `as_number`, `as_cells`.
-- Work on large arrays in pieces that fit the cache: `elementwise`, `slices`.
-- Memory that the process frees and keeps: `keep_memory`, `LARGEST_BLOCK`.
-- Statistics that skip NaN and infinities: `number_of_finites`, `sum_of_finites`, `mean_of_finites`,
-  `min_of_finites`, `max_of_finites`.
-"""
+"""Array types, checks of arguments, work in pieces, freed memory, and statistics."""
 
 from ._checks import (
     Cells as Cells,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Memory that a process frees and keeps, where the C library is glibc."""
+"""Reuse of freed memory, with the C library glibc."""
 
 import ctypes
 from contextlib import suppress
@@ -11,12 +11,11 @@ LARGEST_BLOCK = 2**25
 
 
 def keep_memory() -> None:
-    """Keep up to 1 GB of freed memory: for messages above 32 MB, and for tiles.
+    """Keep up to 1 GB of freed memory, for messages above 32 MB and for tiles.
 
-    Subscriptions of this suite call it for such a message, and processes that compute tiles; a node
-    that only publishes such messages calls it itself. Otherwise glibc returns such blocks to the
-    system at once, and the system clears all pages of the next one, which takes longer than all
-    copies of a message on its way.
+    By default, glibc returns such blocks to the system at once, and the system clears the pages of
+    the next one, which takes longer than copying a message. Subscriptions of this suite call this
+    function for large messages; a node that only publishes them calls it itself.
     """
     with suppress(AttributeError):  # Other C libraries have no such function.
         mallopt = ctypes.CDLL(None).mallopt

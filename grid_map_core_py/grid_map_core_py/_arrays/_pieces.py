@@ -57,10 +57,10 @@ def slices(count: int, step: int) -> Iterator[slice]:
 
 
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
-    """Yield the members of groups that are laid out one after another, at most `limit` at once.
+    """Yield the members of all groups in order, at most `limit` at once.
 
     Args:
-        counts: (G,) how many members each group has.
+        counts: (G,) number of members of each group.
 
     Yields:
         groups: (n,) the group of each member.

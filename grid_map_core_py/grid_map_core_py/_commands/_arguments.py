@@ -44,7 +44,7 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     )
     about = "leave out damaged messages, and read a damaged MCAP file up to the last whole chunk"
     group.add_argument("--recover", action="store_const", const=True, help=about)
-    group = parser.add_argument_group("limits of what a file may cost")
+    group = parser.add_argument_group("limits for files")
     for limit, meaning in (
         ("cells", "largest number of cells of a map"),
         ("bytes", "largest size of all layers, or of unpacked data"),

@@ -29,7 +29,7 @@ BUILT_IN = ("info", "inspect", "convert", "submap", "doctor")
 HELP = {
     "info": "show the contents of a file: topics, layers, size, place and time",
     "inspect": "show range, mean, missing values and histogram of every layer",
-    "convert": "convert maps between file formats; make maps of clouds, meshes and height images",
+    "convert": "convert maps between file formats; make maps from clouds, meshes and height images",
     "submap": "cut a rectangle out of a map, also out of one that is larger than memory",
     "doctor": "show versions, missing or broken packages, and the settings of ROS and DDS",
     "filter": "run a filter chain on a map of any size, or on all maps of a bag",
@@ -110,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """End the process; libraries might catch an exception, or make another one of it."""
+    """End the process; an exception could be caught or replaced by a library."""
     remove_all()
     signal.signal(number, signal.SIG_DFL)
     signal.raise_signal(number)
@@ -133,7 +133,6 @@ def _run(arguments: Sequence[str]) -> int:
         if unknown:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         given = {field.name: getattr(options, field.name, None) for field in fields(Limits)}
-        # For all threads of the command.
         before = set_limits(**{name: value for name, value in given.items() if value is not None})
         try:
             return int(options.run(options))
@@ -151,10 +150,7 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _text_of(error: Exception) -> str:
-    """Return the text of an error that a user can mend; raise any other error.
-
-    The text of an OSError is its file and its reason, without the error number.
-    """
+    """Return the message of an error that the user can correct; raise any other error."""
     if isinstance(error, OSError):
         return ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
     if isinstance(error, GridMapError | MemoryError):

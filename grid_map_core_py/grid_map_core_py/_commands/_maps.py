@@ -44,11 +44,11 @@ _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 def _choose(
     options: argparse.Namespace, of_source: Iterable[str] | None = None
 ) -> "tuple[Format, dict[str, Any]]":
-    """Return the format of the source or the destination, and the options given for it.
+    """Return the format and the given options of the source, or of the destination.
 
     Args:
         options: the arguments.
-        of_source: for the destination, names in formats of the options that the source uses.
+        of_source: for the destination, names of the options that the source uses.
     """
     from ..files import find_format, formats, options_of
 
@@ -91,16 +91,7 @@ def source_format(options: argparse.Namespace) -> str:
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Return the map that the arguments of `add_source` name.
-
-    Args:
-        options: the arguments.
-        layers: names of the layers to read; None means all.
-
-    Raises:
-        UsageError: an option is for other formats.
-        GridMapError: the map cannot be read.
-    """
+    """Return the map, or only some of its layers, that the arguments of `add_source` name."""
     found, given = _choose(options)
     with _source(options.source) as path:
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
@@ -199,12 +190,8 @@ class Destination:
 
     Args:
         options: the arguments.
-        usual_topic: topic of the maps in a bag, unless the arguments name one; None means that of
-            a source that is a bag, else `/grid_map`.
-
-    Raises:
-        UsageError: the format is not known, or an option is for other formats.
-        CommandError: there is something already.
+        usual_topic: default topic of the maps in a bag; None means the topic of the source if it
+            is a bag, else `/grid_map`.
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
@@ -255,7 +242,7 @@ class Destination:
             if self.path != STANDARD:
                 self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
                 continue
-            # An archive is not written from its beginning to its end.
+            # A ZIP archive is not written sequentially.
             with scratch_folder() as folder:
                 path = folder / "map.npz"
                 self.format.save(grid_map, path, **self._given)  # type: ignore[misc]

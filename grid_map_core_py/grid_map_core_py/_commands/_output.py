@@ -79,9 +79,9 @@ class ProgressBar:
         stream: None means standard error, or standard output for `as_json`.
         clock: returns the time [s].
         quiet: show nothing.
-        unit: what is counted.
-        cells: cells of each, for a rate of cells; then the first call tells how many were finished
-            before.
+        unit: name of the counted items.
+        cells: number of cells per unit, to show the rate in cells; the first call then reports how
+            many units were finished before.
         as_json: print a line of JSON every second and at the end.
     """
 

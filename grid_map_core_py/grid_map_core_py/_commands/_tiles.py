@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Commands on maps of any size: when they run on tiles, and on which cluster."""
+"""Options and execution of commands that run on tiles."""
 
 import argparse
 import logging
@@ -32,16 +32,16 @@ _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 
 def add_tiles(parser: argparse.ArgumentParser) -> None:
-    """Add how maps of any size are computed, from Zarr or GeoTIFF to Zarr or GeoTIFF."""
+    """Add the options of runs on tiles, from Zarr or GeoTIFF to Zarr or GeoTIFF."""
     group = parser.add_argument_group("maps of any size, from .zarr or .tif to .zarr or .tif")
     where = group.add_mutually_exclusive_group()
     about = "start this number of processes (threads of this process)"
     where.add_argument("--workers", type=int, metavar="N", help=about)
-    about = "take the cluster of this scheduler of Dask, such as tcp://host:8786"
+    about = "use the Dask cluster of this scheduler, such as tcp://host:8786"
     where.add_argument("--scheduler", metavar="ADDRESS", help=about)
     about = "largest memory of each process, such as 1GB"
     group.add_argument("--memory", metavar="SIZE", help=about)
-    about = "continue a run that did not finish: compute what is missing"
+    about = "continue an unfinished run: compute only the missing tiles"
     group.add_argument("--resume", action="store_true", help=about)
     about = "side of a tile and of a chunk of the store [cells] (that of the source, or 1024)"
     group.add_argument("--chunks", type=int, metavar="CELLS", help=about)
@@ -66,7 +66,7 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
     """Return the rectangle that the arguments of `add_rectangle` name.
 
-    Of stores and rasters, only the chunks under it are read.
+    Only the chunks of stores and rasters under the rectangle are read.
     """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
@@ -158,7 +158,7 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Let the processes or the cluster that the arguments of `add_tiles` name compute tiles."""
+    """Run tiles on the processes or the cluster that the arguments of `add_tiles` name."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles", _REMEDY).config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):

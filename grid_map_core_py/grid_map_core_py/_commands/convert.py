@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Convert maps between file formats; make maps of clouds, meshes and height images."""
+"""Convert maps between file formats; make maps from clouds, meshes and height images."""
 
 import argparse
 from collections.abc import Iterator

@@ -104,7 +104,8 @@ class GridMap(MutableMapping[str, Layer]):
         timestamp: int = 0,
     ) -> None:
         geometry = GridGeometry(length, resolution, position)
-        self._set_up(geometry, layers, basic_layers, frame_id, timestamp)
+        self._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
+        self._fill(layers, basic_layers)
 
     @classmethod
     def from_geometry(
@@ -118,20 +119,15 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Return a map over `geometry`; the other arguments are as in the constructor."""
         grid_map = cls.__new__(cls)
-        grid_map._set_up(geometry, layers, basic_layers, frame_id, timestamp)
+        grid_map._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
+        grid_map._fill(layers, basic_layers)
         return grid_map
 
-    def _set_up(
-        self,
-        geometry: GridGeometry,
-        layers: Iterable[str] | Mapping[str, ArrayLike],
-        basic_layers: Iterable[str],
-        frame_id: str,
-        timestamp: int,
+    def _fill(
+        self, layers: Iterable[str] | Mapping[str, ArrayLike], basic_layers: Iterable[str]
     ) -> None:
         if not isinstance(layers, Mapping):
             layers = dict.fromkeys(as_names(layers), np.nan)
-        self._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
         # Conversions of small messages begin with a map without layers.
         if layers:
             self.update(layers)
@@ -350,7 +346,7 @@ class GridMap(MutableMapping[str, Layer]):
             self.clear(name)
 
     def copy(self) -> GridMap:
-        """Return a deep copy of the map."""
+        """Return a deep copy."""
         return self._with({name: data.copy("F") for name, data in self._layers.items()})
 
     __copy__ = copy
@@ -499,11 +495,10 @@ class GridMap(MutableMapping[str, Layer]):
     # Moving and cutting
 
     def move(self, position: ArrayLike) -> list[BufferRegion]:
-        """Move the map; its data stays where it is in the frame.
+        """Move the map, while its data stays at its place in the frame.
 
-        The map moves by whole cells, so that its center comes within half a cell of `position`.
-        Cells that leave the map are dropped, newly covered cells are NaN in all layers. No data is
-        copied.
+        The map moves by whole cells to within half a cell of `position`. Data outside the map is
+        lost, new cells are NaN in all layers. No data is copied.
 
         Args:
             position: (2,) new center [m].
@@ -574,12 +569,22 @@ class GridMap(MutableMapping[str, Layer]):
         Returns:
             A map with the same layers, basic layers, frame and time, and start index (0, 0).
         """
-        rows, columns = self._geometry.overlapped(position, length)
-        return self._with(
-            self._blocks(rows, columns), self._geometry.cropped(rows, columns), (0, 0)
+        return self._block(*self._geometry.overlapped(position, length))
+
+    def get_block(self, rows: slice, columns: slice) -> GridMap:
+        """Return a copy of a block of cells, as `get_submap` does.
+
+        Args:
+            rows, columns: slices in map order, without a step and not empty.
+        """
+        return self._block(
+            *(
+                slice(*part.indices(count)[:2])
+                for part, count in zip((rows, columns), self.size, strict=True)
+            )
         )
 
-    def _blocks(self, rows: slice, columns: slice) -> dict[str, Layer]:
+    def _block(self, rows: slice, columns: slice) -> GridMap:
         copies = ring_buffer.copies(self._start, self.size, rows, columns)
         shape = rows.stop - rows.start, columns.stop - columns.start
         layers = {}
@@ -587,33 +592,14 @@ class GridMap(MutableMapping[str, Layer]):
             layers[name] = out = np.empty(shape, np.float32, "F")
             for source, target in copies:
                 out[target] = data[source]
-        return layers
-
-    def get_block(self, rows: slice, columns: slice) -> GridMap:
-        """Return a block of cells, for work on a large map tile by tile.
-
-        Args:
-            rows, columns: slices in map order, without a step and not empty.
-
-        Returns:
-            A map with the same layers, basic layers, frame and time, and start index (0, 0). Its
-            layers are views, which are not contiguous; those of a map that has moved are copies.
-        """
-        rows, columns = (
-            _block_side(part, count) for part, count in zip((rows, columns), self.size, strict=True)
-        )
-        if self._start == (0, 0):
-            layers = {name: data[rows, columns] for name, data in self._layers.items()}
-        else:
-            layers = self._blocks(rows, columns)
         return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 
     def extend_to_include(self, other: GridMap) -> None:
         """Grow so that the map covers another one, by whole cells at the borders.
 
-        The cells keep their places and values, new cells are NaN. A map that already covers the
-        other one (within 1e-9 m) does not change; one that grows is stored from start index (0, 0).
-        `add_data_from` also copies the data.
+        Cells keep their positions and values; new cells are NaN. A map that already covers the
+        other one (within 1e-9 m) does not change; one that grows has the start index (0, 0)
+        afterwards. `add_data_from` also copies the data.
 
         Raises:
             GridMapError: both maps name a frame and the frames differ.
@@ -656,7 +642,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Return the map in another frame, as a surface of 3-D points seen from above.
 
         Each cell with a finite height is a point, which carries the values of the other layers. If
-        several points fall into one cell, the highest one stays; among equal heights, that of the
+        several points fall into one cell, the highest one wins; among equal heights, the one of the
         last column and row. Points outside the new map are lost.
 
         Args:
@@ -669,7 +655,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Returns:
             A map of the same resolution, layers, basic layers and time, and start index (0, 0).
-            It is centered on the moved corners (at z = 0) and covers them.
+            It covers the transformed corners of this map at z = 0.
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
@@ -678,10 +664,10 @@ class GridMap(MutableMapping[str, Layer]):
     def to_xarray(self, *, crs: str = "") -> xarray.Dataset:
         """Return the map as a dataset of xarray.
 
-        Each layer is a float32 variable of the dimensions ("x", "y"), with the centers of the cells
-        [m] as coordinates; both descend. The layers of a map whose `start_index` is (0, 0) are not
-        copied: writing into the dataset changes the map. The attributes `frame_id`, `timestamp`
-        [ns], `basic_layers`, `resolution` [m] and `position` [m] describe the map.
+        Each layer is a float32 variable with the dimensions ("x", "y"). The coordinates are the
+        cell centers [m], both descending. If `start_index` is (0, 0), the dataset shares the layers
+        of the map. The attributes `frame_id`, `timestamp` [ns], `basic_layers`, `resolution` [m]
+        and `position` [m] describe the map.
 
         Args:
             crs: coordinate reference system of the frame: WKT, a code such as "EPSG:25832", or a
@@ -827,14 +813,6 @@ def _as_time(timestamp: int) -> int:
 def _wrong_name(layer: object) -> GridMapError:
     expected = "a name, a non-empty string without control characters"
     return GridMapError(f"layer: expected {expected}, got {short(layer)}")
-
-
-def _block_side(part: slice, count: int) -> slice:
-    """Return a slice of rows or columns without None and negative numbers."""
-    start, stop, step = part.indices(count)
-    if step != 1 or start >= stop:
-        raise OutOfMapError(f"block: expected a slice of the {count} cells of a side, got {part}")
-    return slice(start, stop)
 
 
 def _finite_or_nan(*vector: float) -> Positions:

@@ -3,7 +3,7 @@
 
 Pictures show the map from above, x to the right and y upwards, from the smallest finite value (dark
 blue) to the largest (yellow); cells that are NaN are transparent. Layers whose name ends in `color`
-are taken for packed colors.
+are treated as packed colors.
 """
 
 from __future__ import annotations

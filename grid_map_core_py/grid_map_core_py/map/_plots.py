@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Drawing of maps by another package, which this one may not import.
+"""Loads drawing functions from another package, to avoid a circular dependency.
 
-A package offers a style by an entry point of the group `grid_map_core_py.plots`: its name, and a
-function of a map, the name of a layer, the axes and further options.
+An entry point of the group `grid_map_core_py.plots` adds a style: a function of a map, the name of
+a layer, the axes and further options.
 """
 
 from importlib.metadata import entry_points

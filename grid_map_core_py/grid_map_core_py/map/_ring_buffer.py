@@ -13,6 +13,8 @@ import numpy as np
 
 from .._arrays._checks import Integers, Layer, Size
 
+_FEW = 2**14  # number of cells from which on arithmetic is faster than looking up
+
 
 @dataclass(frozen=True)
 class BufferRegion:
@@ -48,26 +50,25 @@ def lines(size: int, start: int) -> Integers:
 
 def place(numbers: Integers, start: int, size: int) -> None:
     """Convert rows or columns of the map (N,) to buffer indices, in place."""
-    if start:
+    if start and numbers.size < _FEW:
+        lines(size, start).take(numbers, mode="clip", out=numbers)
+    elif start:
+        # Two passes of arithmetic are faster than looking up, but begin more slowly.
         numbers += start
         unsigned = numbers.view(np.uint64)
         # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
         np.minimum(unsigned, unsigned - np.uint64(size), out=unsigned)
 
 
-def block(
-    layer: Layer, start: Size, rows: slice, columns: slice, out: Layer | None = None
-) -> Layer:
+def block(layer: Layer, start: Size, rows: slice, columns: slice) -> Layer:
     """Copy a block of map cells out of the buffer, in map order.
 
     Args:
         layer: (rows, cols) the whole buffer.
         start: start index of the circular buffer.
         rows, columns: the block, as cells of the map.
-        out: array of the block's shape to copy into; None makes one.
     """
-    if out is None:
-        out = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
+    out: Layer = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
     for source, target in copies(start, layer.shape, rows, columns):
         out[target] = layer[source]
     return out
@@ -85,10 +86,10 @@ def copies(
     ]
 
 
-def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy of a layer in map order; `start` and `out` are those of `block`."""
+def unwrapped(layer: Layer, start: Size) -> Layer:
+    """Return a copy in map order of a layer that is stored from the index `start`."""
     rows, columns = layer.shape
-    return block(layer, start, slice(0, rows), slice(0, columns), out)
+    return block(layer, start, slice(0, rows), slice(0, columns))
 
 
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:

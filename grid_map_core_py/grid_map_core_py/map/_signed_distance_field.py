@@ -29,20 +29,17 @@ _STRIP = 1 << 16  # number of cells in a strip, which fit into the cache
 class SignedDistanceField:
     """Distances from points in space to the surface of a height layer.
 
-    The surface is stepped: a point is filled when its z is at most the height of its cell. The
-    field holds exact distances at nodes, which lie over the cell centers on horizontal levels one
-    resolution apart. In the air a distance is positive and reaches to the nearest filled point of a
-    column, where a column stands at each cell center and ends at the height of the cell. In the
-    ground it is negative and reaches to the nearest free point of the lines above the columns. On
-    top of its column a node has distance 0. Beyond the border of the map there is nothing, neither
-    ground nor air.
+    The surface consists of one vertical line of ground per cell, at its center, up to its height.
+    In the air, the distance to the nearest point of such a line is positive; in the ground, the
+    distance to the nearest point above one is negative; on top it is 0. Outside the map there is
+    neither ground nor air. Distances are exact at nodes, which lie over the cell centers on
+    horizontal levels one resolution apart.
 
-    Between the nodes distances are interpolated trilinearly, and extrapolated linearly outside,
-    which is an estimate that gets worse with the distance from the field. Along a side of a single
-    cell they are constant.
+    Distances are interpolated trilinearly between the nodes, and extrapolated linearly outside,
+    which is only an estimate. Along a side of a single cell they are constant.
 
-    A cell of height +inf is filled at any z, a cell of height -inf at none. In a map without any
-    filled cell all distances are +inf, in one without any free point -inf; gradients are then 0.
+    A height of +inf is ground at any z, -inf at none. Without any ground all distances are +inf,
+    without any air -inf; gradients are then 0.
 
     Args:
         grid_map: the map; later changes of it have no effect.
@@ -283,7 +280,7 @@ def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
     if unknown is None and missing.any():
         raise GridMapError(
             f"layer {layer!r}: {np.count_nonzero(missing)} of {missing.size} cells are NaN; "
-            "inpaint them first, or take them for free space with unknown='free'"
+            "inpaint them first, or treat them as free space with unknown='free'"
         )
     heights[missing] = -np.inf
     return heights
