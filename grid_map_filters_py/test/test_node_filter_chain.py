@@ -140,8 +140,7 @@ def test_each_layer_is_unwrapped_and_copied_once(start, copies):
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    # One layer at a time is put in order.
-    assert peak < (copies + 0.3) * len(data)
+    assert peak < (copies + 0.1) * len(data)
 
 
 def test_late_nodes_and_subscribers_get_the_last_map(parameters, other_side):

@@ -51,7 +51,7 @@ def to_costmap(
         GeometryError: the bounds are equal as float32, or not finite.
     """
     messages = messages_of("nav2_msgs", "to_costmap")
-    costmap = costs.to_costmap(grid_map, layer, codec or CostRange(data_min, data_max))
+    costmap = costs.to_costs(grid_map, layer, codec or CostRange(data_min, data_max))
     header = to_header(grid_map)
     metadata = messages.CostmapMetaData(
         map_load_time=header.stamp,
@@ -106,4 +106,4 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
         origin_y=place.y,
         global_frame_id=frame_id,
     )
-    return costs.from_costmap(plain, layer, codec, timestamp=timestamp)
+    return costs.from_costs(plain, layer, codec, timestamp=timestamp)

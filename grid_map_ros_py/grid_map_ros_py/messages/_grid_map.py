@@ -5,7 +5,7 @@ import array
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import is_name, select_layers, unwrapped
 
 from ..errors import MessageError
-from ._cdr import Buffer, serialize, view
+from ._cdr import Buffer, Reordered, serialize, view
 from ._checks import (
     check_fields,
     check_position,
@@ -60,7 +60,11 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
     messages, arrays = messages_of("std_msgs"), []
     for described in plain.data:
         values = array.array("f")
-        values.frombytes(described.data.data.cast("B"))
+        if isinstance(described.data, Reordered):
+            values.frombytes(described.data.values.data.cast("B"))
+            described.data.write(np.frombuffer(values, np.float32))
+        else:
+            values.frombytes(described.data.data.cast("B"))
         multi_array = messages.Float32MultiArray()
         dimensions = described.layout.dim
         multi_array.layout.dim = [messages.MultiArrayDimension(**vars(one)) for one in dimensions]
@@ -105,7 +109,7 @@ def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> 
     if max(start) > LARGEST_START_INDEX:
         start = (0, 0)
     # The cell of the map's buffer that the message stores first.
-    first, second = (
+    first = tuple(
         (stored - sent) % cells
         for stored, sent, cells in zip(grid_map.start_index, start, grid_map.size, strict=True)
     )
@@ -118,28 +122,24 @@ def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> 
         SimpleNamespace(label=inner, size=rows, stride=rows),
     ]
     layout = SimpleNamespace(dim=dimensions, data_offset=0)
+
+    def ordered(layer: Layer) -> Layer | Reordered:
+        values = np.asarray(layer, np.float32, order="F").ravel("K")
+        if first == (0, 0):
+            return values
+        return Reordered(
+            values, lambda sent: unwrapped(layer, first, out=sent.reshape(layer.shape, order="F"))
+        )
+
     return SimpleNamespace(
         header=SimpleNamespace(stamp=stamp, frame_id=grid_map.frame_id),
         info=_info(grid_map.geometry),
         layers=list(names),
         basic_layers=[*filter({*names}.__contains__, grid_map.basic_layers)],
-        data=[_MultiArray(layout, grid_map[name], (first, second)) for name in names],
+        data=[SimpleNamespace(layout=layout, data=ordered(grid_map[name])) for name in names],
         outer_start_index=start[0],
         inner_start_index=start[1],
     )
-
-
-class _MultiArray(NamedTuple):
-    """Attributes of a `Float32MultiArray`, whose values are put in order when they are read."""
-
-    layout: SimpleNamespace
-    layer: Layer
-    first: Size
-
-    @property
-    def data(self) -> Layer:
-        layer = unwrapped(self.layer, self.first) if any(self.first) else self.layer
-        return np.asarray(layer, np.float32).ravel("F")
 
 
 def _info(geometry: GridGeometry) -> SimpleNamespace:
