@@ -258,17 +258,19 @@ def test_excessive_number_of_voxels_is_refused() -> None:
     assert len(few) == 6
 
 
+NO_VOXELS = "min_bound, max_bound: expected voxels between them"
+
+
 @pytest.mark.parametrize(
-    ("low", "high"),
-    [((1, NAN, NAN), (0, NAN, NAN)), ((NAN, NAN, 1e9), (NAN,) * 3), ((1e9,) * 3, (2e9,) * 3)],
+    ("options", "text"),
+    [
+        ({"min_bound": (1, NAN, NAN), "max_bound": (0, NAN, NAN)}, NO_VOXELS),
+        ({"min_bound": (NAN, NAN, 1e9)}, NO_VOXELS),
+        ({"min_bound": (1e9,) * 3, "max_bound": (2e9,) * 3}, NO_VOXELS),
+        ({"min_bound": (0, 0)}, "min_bound: expected x, y and z"),
+        ({"resolution": 0.05}, r"resolution: expected at least that of the tree, 0\.1"),
+    ],
 )
-def test_bounds_without_voxels_between_them_are_refused(low: Any, high: Any) -> None:
-    with pytest.raises(MessageError, match="min_bound, max_bound: expected voxels between them"):
-        from_octomap(GOOD, min_bound=low, max_bound=high)
-
-
-def test_cells_are_not_smaller_than_voxels() -> None:
-    with pytest.raises(MessageError, match=r"resolution: expected at least that of the tree, 0\.1"):
-        from_octomap(GOOD, resolution=0.05)
-    with pytest.raises(MessageError, match="min_bound: expected x, y and z"):
-        from_octomap(GOOD, min_bound=(0, 0))
+def test_invalid_argument_is_named(options: Any, text: str) -> None:
+    with pytest.raises(MessageError, match=text):
+        from_octomap(GOOD, **options)
