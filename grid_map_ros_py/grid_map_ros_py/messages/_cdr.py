@@ -73,10 +73,6 @@ def serialize(
             numbers of one type, (N,) for a sequence of N numbers. The dtype must be that of the
             message.
         message_type: type of the message, as for `view`; None means its class.
-
-    Raises:
-        AttributeError: the message has no such field.
-        MessageError: a text is not valid Unicode, or a field is a wstring.
     """
     for name in arrays:
         getattr(message, name)
@@ -93,13 +89,8 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
     Args:
         data: the bytes, little- or big-endian.
-        message_type: class of the message, or the name of a type that needs no message package:
-            "grid_map_msgs/GridMap", and the types that `grid-map view` shows, such as
-            "nav_msgs/Odometry".
-
-    Raises:
-        MessageError: the bytes end too early, a length or a text is invalid, the encoding is not
-            plain CDR, or a field is a wstring.
+        message_type: class of the message, or the name of a type that needs no message package,
+            such as "grid_map_msgs/GridMap" and those that `grid-map view` shows.
     """
     return _struct(message_type).read(_Reader(data))
 

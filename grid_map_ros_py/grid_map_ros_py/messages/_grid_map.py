@@ -83,9 +83,6 @@ def to_serialized_message(
         grid_map, layers: as for `to_message`.
         start_index: row and column of the message's buffer where cell (0, 0) of the map is stored;
             None keeps the start index of the map.
-
-    Raises:
-        OutOfMapError: the start index is no cell of the map.
     """
     if start_index is None:
         start_index = grid_map.start_index
@@ -184,9 +181,6 @@ def from_message(
             of the sender's buffer and its start index.
         copy: False makes read-only layers that share the memory of the message where possible: if
             they are column-major and need no unwrapping.
-
-    Raises:
-        LimitError: the message claims too many cells.
     """
     check_fields(message, "grid_map_msgs/GridMap", "info", "basic_layers")
     geometry = from_info(message.info)
@@ -219,7 +213,6 @@ def from_serialized_message(
 
     Args:
         data: the message in CDR, as a raw subscription receives it and bags hold it.
-        layers, copy_basic_layers, unwrap, copy: as for `from_message`.
     """
     message = view(data, GRID_MAP)
     return from_message(
