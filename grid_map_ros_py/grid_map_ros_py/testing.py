@@ -71,7 +71,7 @@ for main, words in starts:
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
-    """Return a ROS domain that is not the caller's, and a TCP port that reserves it until closed."""
+    """Return a ROS domain other than the caller's, and a TCP port that reserves it while open."""
     for k in range(DOMAINS):
         # The number depends on the process id, so that a domain is not reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS

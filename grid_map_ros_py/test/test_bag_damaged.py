@@ -147,17 +147,6 @@ def test_cut_off_file_gives_all_whole_chunks(tmp_path, compression):
     assert counts[-1] == len(recovered(whole)) == 6
 
 
-def test_recovery_ends_with_a_warning_at_the_first_damage(path):
-    write_mcap(path, NUMBERS, chunk_size=2 * SIZE, compression="NONE")
-    data = bytearray(path.read_bytes())
-    data[data.index(to_serialized_message(numbered_map(4))) + 200] ^= 0xFF
-    path.write_bytes(data)
-    with pytest.raises(BagError, match=r"a wrong chunk at .*; recover=True"):
-        read_all(path)
-    with pytest.warns(UserWarning, match="read up to the last whole chunk; 'mcap recover' may"):
-        assert recovered(path) in ([1, 2], [1, 2, 3])
-
-
 def test_folder_of_a_killed_recorder_is_read_on_request(tmp_path):
     folder = tmp_path / "bag"
     folder.mkdir()

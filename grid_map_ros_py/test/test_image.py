@@ -198,20 +198,21 @@ def test_malformed_image_gets_one_error_that_names_the_field(kind: str) -> None:
         from_image(message, "e", 1.0)
 
 
-def test_image_of_another_size_than_the_map_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("convert", "error", "text"),
+    [
+        (lambda m: to_image(m, "e", "jpeg"), MessageError, "encoding: .* bgra16.* got 'jpeg'"),
+        (lambda m: to_color_image(m, "e", "mono8"), MessageError, "one with colors.*got 'mono8'"),
+        (lambda m: to_image(m, "slope", "rgb8"), LayerNotFoundError, "'slope'; available: e"),
+        (lambda m: to_color_image(m, "slope"), LayerNotFoundError, "'slope'; available: e"),
+        *(
+            (lambda m, add=add: add(m, sample("mono8"), "image"), MessageError, r"got \(3, 5\)")
+            for add in (add_layer_from_image, add_color_layer_from_image)
+        ),
+    ],
+)
+def test_invalid_argument_is_named(convert: Any, error: type[Exception], text: str) -> None:
     grid_map = GridMap((5, 3), 1.0, layers={"e": 0.0})
-    for add in (add_layer_from_image, add_color_layer_from_image):
-        with pytest.raises(MessageError, match=r"height, width: expected \(5, 3\).*got \(3, 5\)"):
-            add(grid_map, sample("mono8"), "image")
+    with pytest.raises(error, match=text):
+        convert(grid_map)
     assert grid_map.layers == ("e",)
-
-
-def test_errors_name_unknown_encodings_and_missing_layers() -> None:
-    grid_map = GridMap((1, 1), 1.0, layers={"color": 0.0})
-    with pytest.raises(MessageError, match=r"encoding: expected one of .*bgra16.* got 'jpeg'"):
-        to_image(grid_map, "color", "jpeg")
-    with pytest.raises(MessageError, match=r"encoding: expected one with colors.*got 'mono8'"):
-        to_color_image(grid_map, "color", "mono8")
-    for convert in (to_image, to_color_image):
-        with pytest.raises(LayerNotFoundError, match="'slope'; available: color"):
-            convert(grid_map, "slope", "rgb8")

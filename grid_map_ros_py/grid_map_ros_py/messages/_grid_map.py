@@ -106,10 +106,11 @@ def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> 
     if max(start) > LARGEST_START_INDEX:
         start = (0, 0)
     # The cell of the map's buffer that the message stores first.
-    first = tuple(
+    row, column = (
         (stored - sent) % cells
         for stored, sent, cells in zip(grid_map.start_index, start, grid_map.size, strict=True)
     )
+    first = (row, column)
     seconds, rest = divmod(check_nanoseconds(grid_map.timestamp), NANOSECONDS)
     stamp = SimpleNamespace(sec=seconds, nanosec=rest)
     rows, columns = grid_map.size
