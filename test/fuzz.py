@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fuzzing of all readers: damaged input must raise `GridMapError`, and messages in little memory.
+"""Fuzzing of readers of messages and files: damaged input raises `GridMapError`.
+
+Readers of messages must do so in little memory.
 
     python3 test/fuzz.py --seconds 60
     python3 test/fuzz.py --inputs 1000000

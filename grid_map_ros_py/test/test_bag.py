@@ -430,3 +430,12 @@ def test_messages_in_log_of_killed_recorder_are_read(tmp_path):
         for name in names:
             shutil.copy(tmp_path / name, tmp_path / "copy")
     assert number_of(load_from_bag(tmp_path / "copy" / names[0])) == 6
+
+
+def test_bag_in_read_only_folder_is_read(tmp_path):
+    shutil.copytree(DATA / "cpp_move_sqlite", tmp_path / "bag")
+    for path in (*(tmp_path / "bag").iterdir(), tmp_path / "bag"):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    assert load_from_bag(tmp_path / "bag").size == (70, 70)
+    (tmp_path / "bag").chmod(0o755)
+    assert len([*(tmp_path / "bag").iterdir()]) == 2
