@@ -13,8 +13,8 @@ from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError
 from grid_map_core_py.conversions import (
     CostRange,
     CostTable,
-    from_costmap,
-    to_costmap,
+    from_costs,
+    to_costs,
 )
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
@@ -45,7 +45,7 @@ def test_layers_become_the_costs_of_cpp():
     assert len(compared) == 12
     for description, case in compared:
         codec = CostRange(case["data_min"], case["data_max"])
-        costmap = to_costmap(golden.to_map(description), case["layer"], codec)
+        costmap = to_costs(golden.to_map(description), case["layer"], codec)
         expected = case["costmap"]
         assert costmap.costmap.dtype == np.uint8
         assert costmap.costmap.tolist() == expected["data"]
@@ -71,7 +71,7 @@ def test_costs_become_the_layers_of_cpp():
             global_frame_id=given_costmap["header"]["frame_id"],
         )
         timestamp = case["result"]["timestamp"]
-        result = from_costmap(costmap, "cost", CostRange(), timestamp=timestamp)
+        result = from_costs(costmap, "cost", CostRange(), timestamp=timestamp)
         assert_maps_equal(result, golden.to_map(case["result"]))
 
 
@@ -144,12 +144,12 @@ def test_arrays_keep_their_shape(codec, shape):
 
 @given(grid_maps())
 def test_moved_maps_give_the_costmap_of_the_same_world(grid_map):
-    costmap = to_costmap(grid_map, "elevation", CENTURY)
+    costmap = to_costs(grid_map, "elevation", CENTURY)
     standing = grid_map.copy()
     standing.convert_to_default_start_index()
-    expected = to_costmap(standing, "elevation", CENTURY)
+    expected = to_costs(standing, "elevation", CENTURY)
     np.testing.assert_array_equal(costmap.costmap, expected.costmap)
-    result = from_costmap(costmap, "cost", DIRECT, timestamp=grid_map.timestamp)
+    result = from_costs(costmap, "cost", DIRECT, timestamp=grid_map.timestamp)
     expected_values = CENTURY.to_costs(standing["elevation"])
     np.testing.assert_array_equal(result["cost"], expected_values)
     np.testing.assert_allclose(result.position, grid_map.position, atol=1e-9)
@@ -159,7 +159,7 @@ def test_moved_maps_give_the_costmap_of_the_same_world(grid_map):
 def test_a_costmap_begins_at_the_smallest_x_and_y():
     grid_map = GridMap((3, 2), 1.0, (10.5, 20.0), {"cost": 0.0})
     grid_map["cost"][grid_map.get_index((11.9, 19.1))] = 100
-    costmap = to_costmap(grid_map, "cost", CENTURY)
+    costmap = to_costs(grid_map, "cost", CENTURY)
     assert (costmap.origin_x, costmap.origin_y) == (9.0, 19.0)
     column, row = 2, 0  # in PyCostmap2D's order: x, y from the origin
     assert costmap.costmap[row * costmap.size_x + column] == 254
@@ -205,8 +205,8 @@ def test_costs_are_bytes(costs):
     ],
 )
 def test_invalid_costmap_is_refused(attribute, value, message):
-    costmap = to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "cost", DIRECT)
+    costmap = to_costs(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "cost", DIRECT)
     with pytest.raises(GeometryError, match=message):
-        from_costmap(SimpleNamespace(**{**vars(costmap), attribute: value}), "cost", DIRECT)
+        from_costs(SimpleNamespace(**{**vars(costmap), attribute: value}), "cost", DIRECT)
     with pytest.raises(LayerNotFoundError, match="no layer 'height'"):
-        to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "height", DIRECT)
+        to_costs(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "height", DIRECT)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Grid maps on ROS 2: messages, bags and parts of nodes.
 
-The names of the package are those of its rooms `messages` and `bags`, loaded on first use. Reading
-messages and reading and writing bags needs neither rclpy nor message packages; making a message
-needs the package of its type. `nodes` has parts for writing nodes (subscriptions,
+The package re-exports `messages` and `bags`; both are imported lazily. Bags, and messages that are
+read, need neither rclpy nor message packages. `nodes` has parts for your own nodes (subscriptions,
 parameters, `run`), and `testing` starts nodes for tests; both need rclpy.
 """
 
@@ -75,16 +74,15 @@ _OFFERED = {
     "to_image to_line_marker to_message to_occupancy_grid to_point_cloud to_polygon to_pose "
     "to_serialized_grid_cells to_serialized_message to_stamp to_transform to_triangle_list_marker",
 }
-_ROOM_OF = {name: room for room, names in _OFFERED.items() for name in names.split()}
-"""Rooms by name; they are imported when a name of theirs is first used."""
+_MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
 
-__all__ = sorted(_ROOM_OF)
+__all__ = sorted(_MODULE_OF)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _ROOM_OF:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(f".{_ROOM_OF[name]}", __name__), name)
+    found = globals()[name] = getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
     return found
 
 

@@ -50,12 +50,7 @@ class MessageError(GridMapError, ValueError):
 
 
 class BagError(GridMapError):
-    """A bag cannot be read or written.
-
-    Attributes:
-        path: the file or folder.
-        reason: the problem.
-    """
+    """A bag, the file or folder `path`, cannot be read or written."""
 
     def __init__(self, path: object, reason: str) -> None:
         self.path = path

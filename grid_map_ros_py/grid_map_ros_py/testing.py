@@ -71,11 +71,7 @@ for main, words in starts:
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
-    """Return an unused ROS domain, and a lock that reserves it until the lock is closed.
-
-    It is never the domain of the caller, where nodes of the user may run. The lock is a TCP port,
-    which the end of the process releases.
-    """
+    """Return a ROS domain other than the caller's, and a TCP port that reserves it while open."""
     for k in range(DOMAINS):
         # The number depends on the process id, so that a domain is not reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS
@@ -233,12 +229,7 @@ def refusals(
 
 
 class Peer:
-    """An rclpy node that publishes to and subscribes to the processes under test.
-
-    Attributes:
-        node: the node.
-        received: received messages by topic.
-    """
+    """An rclpy node that publishes and subscribes; `received` holds messages by topic."""
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         self.node = node

@@ -194,24 +194,14 @@ def test_view_shares_the_memory_of_the_bytes():
 
 
 @pytest.mark.parametrize(
-    ("header", "found"),
-    [
-        (b"\0\3\0\0", "'0x0003'"),
-        (b"\0\x0b\0\0", "'0x000b'"),
-        (b"\1\0\0\0", "'0x0100'"),
-    ],
-)
-def test_other_encodings_are_refused_by_number(header, found):
-    with pytest.raises(MessageError) as error:
-        view(header + bytes(8), Empty)
-    expected = "encoding: expected plain CDR (0x0000 or 0x0001)"
-    assert str(error.value) == f"{expected}, got {found}"
-
-
-@pytest.mark.parametrize(
     ("spoil", "text"),
     [
         (lambda raw: raw[:2], "encoding: expected 4 bytes, got 2"),
+        *(
+            (lambda raw, code=code: code + raw[2:],
+             f"encoding: expected plain CDR (0x0000 or 0x0001), got '0x{code.hex()}'")
+            for code in (b"\0\3", b"\0\x0b", b"\1\0")
+        ),
         (lambda raw: raw[:10], "header.stamp.nanosec: expected 4 bytes more, got 2"),
         (lambda raw: raw.replace(b"\4\0\0\0map", b"\4\0\0\xffmap"),
          "header.frame_id: expected at most 68 values (68 bytes more), got 4278190084"),
@@ -236,7 +226,7 @@ def test_more_values_than_a_sequence_may_have_are_refused():
         view(raw + bytes(8), SolidPrimitive)
 
 
-def test_unknown_field_type_is_named():
+def test_values_that_cannot_be_serialized_are_named():
     class Wide:
         @staticmethod
         def get_fields_and_field_types() -> dict[str, str]:
@@ -244,15 +234,5 @@ def test_unknown_field_type_is_named():
 
     with pytest.raises(MessageError, match=r"Wide\.text: expected a type .*'wstring'"):
         view(bytes(12), Wide)
-
-
-@pytest.mark.parametrize(
-    ("message", "text"),
-    [
-        (Header(frame_id="\udcff"), "frame_id: expected a text that UTF-8 can hold"),
-        (Marker(points=[Point()], text="\ud800"), "text: expected a text that UTF-8 can hold"),
-    ],
-)
-def test_texts_that_no_message_can_hold_are_refused(message, text):
-    with pytest.raises(MessageError, match=text):
-        serialize(message)
+    with pytest.raises(MessageError, match="text: expected a text that UTF-8 can hold"):
+        serialize(Marker(points=[Point()], text="\ud800"))

@@ -131,6 +131,7 @@ def test_one_map_is_the_last_or_the_chosen_one(command):
         ("convert site.npz survey", 1, "survey: is there already; --force replaces it"),
         ("convert survey survey --force", 1, "is the source, too"),
         ("convert site.npz map.mcap", 2, "map.mcap: expected a name of one of the formats"),
+        ("convert site.npz copy --recover", 2, "--recover is for bag, and this is npz"),
         ("info .", 1, "no bag: a folder without metadata.yaml"),
     ],
 )

@@ -21,7 +21,6 @@ from std_msgs.msg import String
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
-    bag_maps,
     bag_topics,
     from_message,
     load_from_bag,
@@ -132,26 +131,6 @@ def test_recorder_keeps_what_fits_on_a_full_disk(tmp_path):
     assert_maps_equal(load_from_bag(bag), numbered_map(2, side=300))
 
 
-def test_killed_recording_is_recovered(tmp_path):
-    bag = tmp_path / "bag"
-    large = to_message(numbered_map(2, side=300))
-    with peer() as node, command("record", MAP, bag) as recorder:
-        publisher = node.node.create_publisher(GridMapMessage, MAP, 10)
-
-        def publish_and_look() -> bool:
-            publisher.publish(large)
-            file = bag / "bag_0.mcap"
-            return file.exists() and file.stat().st_size > 5_000_000
-
-        node.wait_until(publish_and_look, "some maps on disk")
-        recorder.send_signal(signal.SIGKILL)
-        recorder.wait()
-    with pytest.warns(UserWarning, match="read up to"):
-        recovered = [*bag_maps(bag, recover=True)]
-    assert len(recovered) >= 4
-    assert_maps_equal(recovered[-1], numbered_map(2, side=300))
-
-
 def test_recorder_hears_best_effort_publishers_that_come_later(tmp_path):
     bag = tmp_path / "bag"
     with peer() as node, command("record", TEXT, bag, "--count", 2) as recorder:
@@ -177,12 +156,6 @@ def test_recorder_replaces_a_bag_only_when_forced(tmp_path):
         node.publish(MAP, to_message(numbered_map(2)))
         assert recorder.wait() == 0
     assert_maps_equal(load_from_bag(tmp_path / "bag"), numbered_map(2))
-
-
-def test_player_ends_with_the_bag(tmp_path):
-    with command("play", write_texts(tmp_path / "bag"), TEXT, "--rate", 2) as player:
-        assert player.wait() == 0, player.text
-    assert "published 5 messages" in player.text
 
 
 def test_player_loops_with_the_recorded_quality_of_service(tmp_path):
@@ -241,12 +214,8 @@ def test_player_skips_topics_that_it_cannot_publish(tmp_path):
     assert player.text.count(" is not installed\n") == len(UNKNOWN) - 1
 
 
-ENFORCED = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
-
-
-@pytest.mark.parametrize("settings", [{"ROS_DOMAIN_ID": "many"}, ENFORCED])
-def test_wrong_settings_of_ros_are_one_error(settings):
-    lister = Process([*GRID_MAP, "topics"], settings)
+def test_wrong_settings_of_ros_are_one_error():
+    lister = Process([*GRID_MAP, "topics"], {"ROS_DOMAIN_ID": "many"})
     assert lister.wait() == 1
     assert lister.lines[-1].startswith("grid-map: error: ROS does not start: ")
     assert "Traceback" not in lister.text

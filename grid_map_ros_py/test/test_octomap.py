@@ -175,27 +175,12 @@ def test_leaves_of_all_depths_are_found_in_both_forms(leaves: dict[tuple[int, ..
     assert set(to_voxels(points, 1.0)) == within
 
 
-def test_large_leaf_is_as_high_as_its_highest_voxel() -> None:
-    # From the root to the positive octant, then down to a leaf of 8 x 8 x 8 voxels at the origin.
-    leaf = (7, *([0] * 12))
-    grid_map = from_octomap(message(write_binary({leaf: True}), resolution=0.5))
-    assert grid_map.size == (8, 8)
-    assert (grid_map["elevation"] == 3.75).all()
-    assert grid_map.position.tolist() == [2.0, 2.0]
-    cut = from_octomap(message(write_binary({leaf: True}), resolution=0.5), max_bound=(1, 9, 1.3))
-    assert cut.size == (2, 18)
-    np.testing.assert_array_equal(np.unique(cut["elevation"][:, 10:]), [1.25])
-
-
-def test_free_space_alone_is_a_map_without_heights() -> None:
-    octomap = message(write_binary({(0,) * 15: False}), resolution=0.5)
-    assert octomap_to_points(octomap).shape == (0, 3)
-    assert np.isnan(from_octomap(octomap)["elevation"]).all()
-
-
 def test_empty_tree_has_no_points_and_the_extent_of_bounds() -> None:
     nothing = message(b"")
-    assert octomap_to_points(nothing).shape == (0, 3)
+    free = message(write_binary({(0,) * 15: False}), resolution=0.5)
+    assert np.isnan(from_octomap(free)["elevation"]).all()
+    for octomap in (nothing, free):
+        assert octomap_to_points(octomap).shape == (0, 3)
     with pytest.raises(MessageError, match="data: expected a tree with leaves, got 'none'"):
         from_octomap(nothing)
     grid_map = from_octomap(nothing, min_bound=(-1, -0.5, 0), max_bound=(1, 0.5, 1))
@@ -258,17 +243,19 @@ def test_excessive_number_of_voxels_is_refused() -> None:
     assert len(few) == 6
 
 
+NO_VOXELS = "min_bound, max_bound: expected voxels between them"
+
+
 @pytest.mark.parametrize(
-    ("low", "high"),
-    [((1, NAN, NAN), (0, NAN, NAN)), ((NAN, NAN, 1e9), (NAN,) * 3), ((1e9,) * 3, (2e9,) * 3)],
+    ("options", "text"),
+    [
+        ({"min_bound": (1, NAN, NAN), "max_bound": (0, NAN, NAN)}, NO_VOXELS),
+        ({"min_bound": (NAN, NAN, 1e9)}, NO_VOXELS),
+        ({"min_bound": (1e9,) * 3, "max_bound": (2e9,) * 3}, NO_VOXELS),
+        ({"min_bound": (0, 0)}, "min_bound: expected x, y and z"),
+        ({"resolution": 0.05}, r"resolution: expected at least that of the tree, 0\.1"),
+    ],
 )
-def test_bounds_without_voxels_between_them_are_refused(low: Any, high: Any) -> None:
-    with pytest.raises(MessageError, match="min_bound, max_bound: expected voxels between them"):
-        from_octomap(GOOD, min_bound=low, max_bound=high)
-
-
-def test_cells_are_not_smaller_than_voxels() -> None:
-    with pytest.raises(MessageError, match=r"resolution: expected at least that of the tree, 0\.1"):
-        from_octomap(GOOD, resolution=0.05)
-    with pytest.raises(MessageError, match="min_bound: expected x, y and z"):
-        from_octomap(GOOD, min_bound=(0, 0))
+def test_invalid_argument_is_named(options: Any, text: str) -> None:
+    with pytest.raises(MessageError, match=text):
+        from_octomap(GOOD, **options)

@@ -10,7 +10,7 @@ import pytest
 import grid_map_ros_py
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import bags, messages, nodes
+from grid_map_ros_py import nodes
 from grid_map_ros_py.testing import Process, peer, running
 
 README = Path(__file__).parents[1] / "README.md"
@@ -106,12 +106,3 @@ def test_node_in_the_documentation_runs(tmp_path) -> None:
         layers = {"elevation": 1.5}
         other.publish("/grid_map", grid_map_ros_py.to_message(GridMap((1, 1), 0.5, layers=layers)))
         assert set(other.expect("/scaled_map").data[0].data) == {3.0}
-
-
-@pytest.mark.parametrize("module", [grid_map_ros_py, bags, messages, nodes])
-def test_public_names_exist_and_are_documented(module) -> None:
-    assert set(module.__all__) <= set(dir(module))
-    for name in module.__all__:
-        assert getattr(module, name).__doc__, name
-    with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
-        module.nonsense  # noqa: B018

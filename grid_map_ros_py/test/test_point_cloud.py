@@ -87,33 +87,33 @@ def test_every_valid_cell_of_a_large_map_is_a_point(shape: tuple[int, int]) -> N
         np.testing.assert_array_equal(found[name], grid_map[layer].ravel("F")[known])
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_map_without_a_finite_cell_is_an_empty_cloud(value: float) -> None:
-    cloud = to_point_cloud(GridMap((2, 1), 0.5, layers={"elevation": value}), "elevation")
-    assert (cloud.width, cloud.row_step, len(cloud.data)) == (0, 0, 0)
-    assert names(cloud) == ["x", "y", "z"]
+@pytest.mark.parametrize(
+    ("layers", "expected"),
+    [
+        (["variance"], {"x": 0.0, "y": 0.0, "z": 1.0, "variance": 2.0}),
+        (["color", "elevation"], {"rgb": 3.0, "x": 0.0, "y": 0.0, "z": 1.0}),
+        (["rgb", "elevation"], {"rgb": 4.0, "x": 0.0, "y": 0.0, "z": 1.0}),
+        (["color", "rgb"], {"x": 0.0, "y": 0.0, "z": 1.0, "color": 3.0, "rgb": 4.0}),
+    ],
+)
+def test_fields_are_those_of_the_layers(layers: list[str], expected: dict[str, float]) -> None:
+    values = {"elevation": 1.0, "variance": 2.0, "color": 3.0, "rgb": 4.0}
+    cloud = to_point_cloud(GridMap((1, 1), 1.0, layers=values), "elevation", layers)
+    assert names(cloud) == [*expected]
+    assert points(cloud).tolist() == [tuple(expected.values())]
 
 
-def test_point_layer_need_not_be_among_the_layers() -> None:
-    grid_map = GridMap((1, 1), 1.0, layers={"elevation": 1.0, "variance": 2.0})
-    cloud = to_point_cloud(grid_map, "elevation", ["variance"])
-    assert names(cloud) == ["x", "y", "z", "variance"]
-    assert points(cloud).tolist() == [(0.0, 0.0, 1.0, 2.0)]
-
-
-def test_color_layer_becomes_field_rgb_bit_by_bit() -> None:
-    color = np.array([[0x00FF8001]], np.uint32).view(np.float32)
-    cloud = to_point_cloud(GridMap((1, 1), 1.0, layers={"z0": 0.0, "color": color}), "z0")
-    assert names(cloud) == ["x", "y", "z", "rgb"]
-    assert points(cloud)["rgb"].view(np.uint32).tolist() == [0x00FF8001]
-
-
-@pytest.mark.parametrize("layers", [["rgb", "elevation"], ["color", "elevation", "rgb"]])
-def test_layer_called_rgb_is_unchanged(layers: list[str]) -> None:
-    grid_map = GridMap((1, 1), 1.0, layers={"color": 1.0, "rgb": 2.0, "elevation": 0.0})
-    cloud = to_point_cloud(grid_map, "elevation", layers)
-    assert set(names(cloud)) == {*layers, "x", "y", "z"} - {"elevation"}
-    assert points(cloud)["rgb"].tolist() == [2.0]
+def test_cells_that_are_not_valid_are_left_out() -> None:
+    values = [[1.0, math.nan], [math.inf, 2.0]]
+    grid_map = GridMap((2, 2), 1.0, layers={"elevation": values})
+    assert points(to_flat_point_cloud(grid_map, 0.25))["z"].tolist() == [0.25] * 4
+    assert grid_map.layers == ("elevation",)
+    grid_map.basic_layers = ["elevation"]
+    flat = to_flat_point_cloud(grid_map)
+    assert (names(flat), points(flat)["elevation"].tolist()) == (["elevation", *"xyz"], [1.0, 2.0])
+    grid_map["elevation"] = math.nan
+    empty = to_point_cloud(grid_map, "elevation")
+    assert (names(empty), empty.width, len(empty.data)) == ([*"xyz"], 0, 0)
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
@@ -124,20 +124,6 @@ def test_only_the_point_layer_may_be_called_like_a_coordinate(
     with pytest.raises(MessageError, match=f"fields: expected no layer called '{axis}'"):
         to_point_cloud(grid_map, "elevation")
     assert points(to_point_cloud(grid_map, axis))["z"].tolist() == [2.0]
-
-
-def test_flat_cloud_has_every_cell_at_one_height() -> None:
-    grid_map = GridMap((1.0, 1.5), 0.5, layers={"elevation": math.nan})
-    cloud = to_flat_point_cloud(grid_map, 0.25)
-    assert names(cloud) == ["elevation", "x", "y", "z"]
-    assert points(cloud)["z"].tolist() == [0.25] * 6
-    assert grid_map.layers == ("elevation",)
-
-
-def test_flat_cloud_leaves_out_cells_that_are_not_valid() -> None:
-    values = [[1.0, math.nan], [math.inf, 2.0]]
-    grid_map = GridMap((2, 2), 1.0, layers={"elevation": values}, basic_layers=["elevation"])
-    assert points(to_flat_point_cloud(grid_map))["elevation"].tolist() == [1.0, 2.0]
 
 
 @pytest.mark.filterwarnings("error")

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 from wire import set_field
 
-from grid_map_core_py import ConfigError, GridGeometry, GridMap, GridMapError
+from grid_map_core_py import GridGeometry, GridMap, GridMapError
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 from grid_map_ros_py import (
     MessageError,
@@ -147,32 +147,23 @@ def test_map_without_position_fits_the_points() -> None:
     assert (result.size, result.position.tolist()) == ((2, 3), [0.0, 0.5])
     assert result.layers == ("elevation",)
     assert (result.frame_id, result.timestamp) == ("map", 7_000_000_000)
+    low = from_point_cloud(cloud, resolution=1.0, length=(9, 9), position=(1, 1), max_height=1.5)
+    assert (low.size, np.nansum(low["elevation"])) == ((9, 9), 1.0)
     lowest = from_point_cloud(cloud, "ground", 1.0, "min", more_layers={"n": "count"})
     assert lowest.layers == ("ground", "n")
     assert np.nanmax(lowest["ground"]) == 2.0
     assert lowest["n"].sum() == 3
 
 
-def test_options_of_points_are_passed_on() -> None:
-    cloud = xyz_cloud([(0.4, 0.4, 1.0), (5.0, 5.0, 2.0), (0.4, 0.4, 9.0), (0, 0, -9), (NAN, 0, 0)])
-    heights = {"min_height": 0.5, "max_height": 2.5}
-    result = from_point_cloud(cloud, resolution=1.0, length=(2, 2), position=(1, 1), **heights)
-    assert result["elevation"][1, 1] == 1.0
-    assert np.isnan(result["elevation"]).sum() == 3
-
-
 @pytest.mark.parametrize("datatype", CODES)
-def test_coordinates_may_have_any_type(datatype: int) -> None:
+def test_coordinates_may_have_any_type_and_order(datatype: int) -> None:
+    size = struct.calcsize(CODES[datatype])
+    fields = [("z", 0, datatype, 1), ("x", 3 + size, FLOAT64, 1), ("y", 11 + size, datatype, 0)]
+    xyz, columns = read_columns(packed_cloud([{"x": 5e6 + 0.1, "y": 2, "z": 20}], fields))
+    assert (xyz.dtype, xyz.tolist(), columns) == (np.float64, [[5e6 + 0.1, 2.0, 20.0]], {})
     points = [{"x": 1, "y": 2, "z": 3}, {"x": 3, "y": 2, "z": 9}]
     result = from_point_cloud(packed_cloud(points, xyz_fields(datatype)), resolution=2.0)
     assert result["elevation"].tolist() == [[9.0], [3.0]]
-
-
-def test_coordinates_may_differ_in_type_and_order() -> None:
-    fields = [("z", 0, UINT8, 1), ("x", 3, FLOAT64, 1), ("y", 11, FLOAT32, 0)]
-    points = [{"x": 5e6 + 0.1, "y": 2.0, "z": 200}]
-    xyz, columns = read_columns(packed_cloud(points, fields))
-    assert (xyz.dtype, xyz.tolist(), columns) == (np.float64, [[5e6 + 0.1, 2.0, 200.0]], {})
 
 
 def test_empty_cloud_is_an_empty_map() -> None:
@@ -208,14 +199,6 @@ def test_other_fields_become_layers() -> None:
     assert from_point_cloud(cloud, resolution=1.0, fields="ring").layers == chosen.layers
 
 
-def test_requested_field_must_exist_with_one_number() -> None:
-    cloud = packed_cloud(POINTS, FIELDS)
-    with pytest.raises(MessageError, match=r"fields: expected one called 'rings', got \['x'"):
-        from_point_cloud(cloud, resolution=1.0, fields=["rings"])
-    with pytest.raises(MessageError, match=r"fields\[4\]\.count: expected 1 for 'normal', got 3"):
-        from_point_cloud(cloud, resolution=1.0, fields=["normal"])
-
-
 @pytest.mark.parametrize("alpha", [0, 0xFE])
 @pytest.mark.parametrize(
     ("name", "datatype"), [("rgb", FLOAT32), ("rgb", UINT32), ("rgba", UINT32)]
@@ -232,33 +215,35 @@ def test_colors_become_the_layer_color(name: str, datatype: int, alpha: int) -> 
     assert hex(last["color"].view(np.uint32).item()) == "0x304050"
 
 
-def test_colors_have_four_bytes() -> None:
-    cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "rgb": 9}], [*xyz_fields(), ("rgb", 12, 2, 1)])
-    expected = r"fields\[3\]\.datatype: expected UINT32 or FLOAT32 for packed colors, got 2"
-    with pytest.raises(MessageError, match=expected):
-        from_point_cloud(cloud, resolution=1.0)
-    assert from_point_cloud(cloud, resolution=1.0, fields=[]).layers == ("elevation",)
-
-
 # --- bad messages ---------------------------------------------------------------------------------
 
 
-def test_grid_and_its_parameters_are_exclusive() -> None:
-    cloud = xyz_cloud([(0, 0, 0)])
-    with pytest.raises(ConfigError, match="'resolution': expected a number, or `onto`"):
-        from_point_cloud(cloud)
-    for given_too in ({"resolution": 1.0}, {"length": (1, 1)}, {"position": (0, 0)}):
-        with pytest.raises(ConfigError, match="'onto': expected no resolution, length or position"):
-            from_point_cloud(cloud, onto=GridMap((1, 1), 1.0), **given_too)
-    with pytest.raises(ConfigError, match="reduction of elevation"):
-        from_point_cloud(cloud, resolution=1.0, reduction="highest")
+ANYWHERE = GridMap((1, 1), 1.0)
 
 
-def test_map_of_another_frame_is_refused() -> None:
-    cloud = xyz_cloud([(0, 0, 0)], frame_id="lidar")
-    with pytest.raises(MessageError, match=r"header.frame_id: expected that of the map, 'map'"):
-        from_point_cloud(cloud, onto=GridMap((1, 1), 1.0, frame_id="map"))
-    assert from_point_cloud(cloud, onto=GridMap((1, 1), 1.0)).frame_id == "lidar"
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({}, "'resolution': expected a number, or `onto`"),
+        *(
+            ({"onto": ANYWHERE, **also}, "'onto': expected no resolution, length or position")
+            for also in ({"resolution": 1.0}, {"length": (1, 1)}, {"position": (0, 0)})
+        ),
+        (
+            {"onto": GridMap((1, 1), 1.0, frame_id="odom")},
+            "header.frame_id: expected that of .*'odom'",
+        ),
+        ({"resolution": 1.0, "reduction": "highest"}, "reduction of elevation"),
+        ({"fields": ["rings"]}, r"fields: expected one called 'rings', got \['x'"),
+        ({"fields": ["normal"]}, r"fields\[4\]\.count: expected 1 for 'normal', got 3"),
+        ({"fields": ["rgb"]}, r"fields\[6\]\.datatype: expected UINT32 or FLOAT32 for packed"),
+    ],
+)
+def test_invalid_argument_is_named(options: dict[str, Any], text: str) -> None:
+    cloud = packed_cloud([POINTS[0] | {"rgb": 9}], [*FIELDS, ("rgb", 30, 2, 1)])
+    with pytest.raises(GridMapError, match=text):
+        from_point_cloud(cloud, **{"fields": [], **options})
+    assert from_point_cloud(cloud, fields=[], onto=ANYWHERE).frame_id == "map"
 
 
 HUGE = 2**32 - 1

@@ -27,28 +27,19 @@ TRANSFORM = Transform(translation=Vector3(x=1.0, y=2.0, z=3.0), rotation=QUARTER
 MATRIX = [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
 
 
-def odometry() -> Odometry:
-    message = Odometry()
-    message.pose.pose = POSE
-    return message
-
-
-def stamped_with_covariance() -> PoseWithCovarianceStamped:
-    message = PoseWithCovarianceStamped()
-    message.pose.pose = POSE
-    return message
-
-
 @pytest.mark.parametrize(
-    "message", [POSE, PoseStamped(pose=POSE), stamped_with_covariance(), odometry()]
+    ("read", "message", "path", "part"),
+    [
+        (from_pose, PoseStamped(), "pose", POSE),
+        (from_pose, PoseWithCovarianceStamped(), "pose.pose", POSE),
+        (from_pose, Odometry(), "pose.pose", POSE),
+        (from_transform, TransformStamped(), "transform", TRANSFORM),
+    ],
 )
-def test_quarter_turn_of_pose_is_known(message: Any) -> None:
-    np.testing.assert_allclose(from_pose(message), MATRIX, atol=1e-15)
-
-
-@pytest.mark.parametrize("message", [TRANSFORM, TransformStamped(transform=TRANSFORM)])
-def test_quarter_turn_of_transform_is_known(message: Any) -> None:
-    np.testing.assert_allclose(from_transform(message), MATRIX, atol=1e-15)
+def test_quarter_turn_is_known(read: Any, message: Any, path: str, part: Any) -> None:
+    set_field(message, path, part)
+    for one in (part, message):
+        np.testing.assert_allclose(read(one), MATRIX, atol=1e-15)
 
 
 def test_rounded_quaternion_is_accepted() -> None:

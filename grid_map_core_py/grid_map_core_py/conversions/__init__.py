@@ -4,9 +4,9 @@
 - Images: `to_image`, `from_image`, `add_layer_from_image`, with colors `to_color_image`,
   `add_color_layer_from_image`; `change_resolution`; the types `Image` and `Order`.
 - Colors as layer values: `color_vector_to_value`, `color_value_to_vector`,
-  `color_channels_to_value`, `color_value_to_bytes`; their bits: `join_channels`, `split_channels`,
-  `NO_COLOR`; names of layers and fields with colors: `COLOR_LAYER`, `COLOR_FIELDS`.
-- Costmaps: `to_costmap`, `from_costmap`, `Costmap`. A `CostCodec` turns values into costs: a
+  `color_channels_to_value`, `color_value_to_bytes`; names of layers and fields with colors:
+  `COLOR_LAYER`, `COLOR_FIELDS`.
+- Costmaps: `to_costs`, `from_costs`, `Costmap`. A `CostCodec` turns values into costs: a
   `CostTable` or a `CostRange`; costs are `FREE` to `LETHAL`.
 - Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`,
   `PointCloudPipeline`.
@@ -20,8 +20,8 @@ from ._costmap import (
     Costmap as Costmap,
     CostRange as CostRange,
     CostTable as CostTable,
-    from_costmap as from_costmap,
-    to_costmap as to_costmap,
+    from_costs as from_costs,
+    to_costs as to_costs,
 )
 from ._image_arrays import (
     COLOR_LAYER as COLOR_LAYER,

@@ -167,7 +167,7 @@ class Costmap:
     global_frame_id: str = ""
 
 
-def to_costmap(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
+def to_costs(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     """Return a layer as a costmap.
 
     Args:
@@ -190,7 +190,7 @@ def to_costmap(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     )
 
 
-def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int = 0) -> GridMap:
+def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int = 0) -> GridMap:
     """Return a map with one layer from a costmap.
 
     Args:

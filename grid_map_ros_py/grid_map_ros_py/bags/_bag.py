@@ -59,15 +59,10 @@ def save_to_bag(
     Args:
         maps: one map, or several; each is written before the next one is taken.
         path: folder of the bag.
-        topic: topic of the maps in the bag.
         layers: names of the layers to write; None means all.
         overwrite: replace an existing bag. Other files and folders are never replaced.
         storage: "mcap", or "sqlite3", which `loadFromBag` of the C++ library reads.
         compression: "none", "lz4" or "zstd" for MCAP; "none" for sqlite3.
-
-    Raises:
-        BagError: the bag cannot be written, it exists and `overwrite` is False, or there are no
-            maps.
     """
     names = _once(layers)
     writer = BagWriter(path, overwrite=overwrite, storage=storage, compression=compression)
@@ -80,7 +75,7 @@ class BagWriter:
     """Context manager that writes a bag map by map.
 
     The bag replaces the target when the context ends. After an exception there is no bag, or the
-    old one. Other arguments, and errors: see `save_to_bag`.
+    old one. Other arguments: see `save_to_bag`.
 
     Args:
         in_place: for long recordings to MCAP: write directly to `path`. The bag can be finished
@@ -163,8 +158,7 @@ class BagWriter:
         """Append a map.
 
         Args:
-            topic: topic of the map in the bag.
-            grid_map: the map.
+            topic, grid_map: the map, and its topic in the bag.
             time: time of the message [ns]; None means the time of the map.
             layers: names of the layers to write; None means all.
         """
@@ -241,10 +235,6 @@ def load_from_bag(
         unwrap: as for `from_message`.
         recover: read a damaged MCAP file, such as that of a recorder that was killed, up to the
             last whole chunk, with a warning.
-
-    Raises:
-        BagError: the bag is damaged or missing, lacks the topic or the map, or the topic is not one
-            of maps.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -258,10 +248,7 @@ def bag_maps(
     *,
     recover: bool = False,
 ) -> Iterator[GridMap]:
-    """Yield the maps on a topic in time order, each read when it is asked for.
-
-    Arguments and errors: see `load_from_bag`.
-    """
+    """Yield the maps on a topic in time order, each read when requested; see `load_from_bag`."""
     names = _once(layers)
     with BagReader(path, topic, recover=recover) as bag:
         for record in bag:
@@ -304,15 +291,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """A recorded message.
-
-    Attributes:
-        topic: its topic.
-        type: its type, such as `grid_map_msgs/msg/GridMap`.
-        time: time of the recording [ns].
-        data: the message in CDR.
-        place: name of the message in errors.
-    """
+    """A recorded message in CDR, with the time of the recording [ns] and its name in errors."""
 
     topic: str
     type: str
@@ -400,9 +379,8 @@ def bag_messages(
     """Yield the messages of a bag in time order, each read when it is asked for.
 
     Args:
-        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
+        path, recover: as for `load_from_bag`.
         types: types of messages to read; None means all. Topics that are not in CDR are left out.
-        recover: as for `load_from_bag`.
     """
     wanted = None if types is None else {*types}
     with BagFiles(path, recover=recover) as files:
@@ -422,11 +400,7 @@ class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
     Each message is read when it is accessed, and not decoded. Close the reader, or use it as a
-    context manager. Arguments and errors: see `load_from_bag`.
-
-    Attributes:
-        topic: the topic.
-        topics: type and encoding of every topic in the bag.
+    context manager. Arguments: see `load_from_bag`.
     """
 
     def __init__(

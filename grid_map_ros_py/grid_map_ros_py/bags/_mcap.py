@@ -56,9 +56,7 @@ class McapFile:
     Messages are found through the index of the file if there is one, else by a scan. The place of a
     message is the offset of its chunk in the file (-1 without a chunk) and its offset in the chunk.
 
-    Args:
-        path: the file.
-        recover: ignore the index, and read up to the first damage, with a warning.
+    `recover` ignores the index, and reads up to the first damage, with a warning.
     """
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
@@ -218,11 +216,8 @@ class McapFile:
 class McapWriter:
     """Writes serialized messages to a new file.
 
-    Args:
-        path: the file.
-        compression: one of `COMPRESSIONS`.
-        reserve: whether to allocate space before each message, so that the file can still be
-            finished when the disk is full.
+    With `reserve`, space is allocated before each message, so that the file can still be finished
+    when the disk is full.
     """
 
     def __init__(self, path: Path, compression: str = "none", *, reserve: bool = False) -> None:

@@ -25,7 +25,6 @@ class Topic(NamedTuple):
 
     Attributes:
         type: name of the type, such as `grid_map_msgs/msg/GridMap`.
-        encoding: "cdr" in every bag of ROS 2.
         qos: quality of service of its publishers, a YAML list of profiles; may be empty.
         definition: text of the message type with those of all nested types; may be empty.
         type_hash: hash of the type (REP-2011); may be empty.
@@ -149,13 +148,7 @@ def save(folder: Path, document: object) -> None:
 def files_of(path: Path, *, recover: bool = False) -> list[Path]:
     """Return the files with the messages of a bag, in the order in which they were recorded.
 
-    Args:
-        path: the folder of the bag, or a single file.
-        recover: accept a folder without metadata, as an interrupted recorder leaves it.
-
-    Raises:
-        BagError: the folder is no bag, its metadata is damaged, or its files are missing or
-            compressed.
+    `recover` accepts a folder without metadata, as an interrupted recorder leaves it.
     """
     if path.is_file():
         return [path]

@@ -2,8 +2,9 @@
 """Conversions between grid maps and ROS messages.
 
 All functions raise `LayerNotFoundError` for a layer that is missing, `MessageError` for a message
-that contradicts itself or cannot hold a value, and `MissingPackageError` for a message package that
-is not installed. Messages are checked completely before memory is allocated.
+that contradicts itself or cannot hold a value, `LimitError` for too many cells, other
+`GridMapError` for invalid arguments, and `MissingPackageError` for a message package that is not
+installed. Messages are checked completely before memory is allocated.
 """
 
 from ._cdr import serialize as serialize, view as view

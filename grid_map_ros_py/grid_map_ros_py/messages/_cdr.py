@@ -9,7 +9,7 @@ import array
 import re
 import struct
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
@@ -73,16 +73,12 @@ def serialize(
             numbers of one type, (N,) for a sequence of N numbers. The dtype must be that of the
             message.
         message_type: type of the message, as for `view`; None means its class.
-
-    Raises:
-        AttributeError: the message has no such field.
-        MessageError: a text is not valid Unicode, or a field is a wstring.
     """
     for name in arrays:
         getattr(message, name)
     writer = _Writer()
     _struct(type(message) if message_type is None else message_type).write(writer, message, arrays)
-    return writer.stream.getvalue()
+    return writer.joined()
 
 
 def view(data: Buffer, message_type: MessageType) -> Any:
@@ -93,28 +89,50 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
     Args:
         data: the bytes, little- or big-endian.
-        message_type: class of the message, or the name of a type that needs no message package:
-            "grid_map_msgs/GridMap", and the types that `grid-map view` shows, such as
-            "nav_msgs/Odometry".
-
-    Raises:
-        MessageError: the bytes end too early, a length or a text is invalid, the encoding is not
-            plain CDR, or a field is a wstring.
+        message_type: class of the message, or the name of a type that needs no message package,
+            such as "grid_map_msgs/GridMap" and those that `grid-map view` shows.
     """
     return _struct(message_type).read(_Reader(data))
 
 
+@dataclass(frozen=True)
+class Reordered:
+    """Values (N,) that are sent in another order; `write` fills an array (N,) in that order."""
+
+    values: npt.NDArray[Any]
+    write: Callable[[npt.NDArray[Any]], object]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
 class _Writer:
-    """Stream of a message, in which values are aligned to their own size as CDR demands."""
+    """Pieces of a message, each aligned to its own size as CDR demands."""
 
     def __init__(self) -> None:
-        self.stream = BytesIO()
-        self.stream.write(_HEADER)
+        self._pieces: list[bytes | memoryview] = [_HEADER]
+        self._reordered: dict[int, Reordered] = {}
+        self._end = len(_HEADER)
+
+    def joined(self) -> bytes:
+        if not self._reordered:
+            return b"".join(self._pieces)
+        # `BytesIO` takes over the zeros and returns them as bytes, both without a copy.
+        stream, begin = BytesIO(bytes(self._end)), 0
+        with stream.getbuffer() as memory:
+            for piece in self._pieces:
+                if one := self._reordered.get(begin):
+                    one.write(np.frombuffer(memory, one.values.dtype, len(one), begin))
+                else:
+                    memory[begin : begin + len(piece)] = piece
+                begin += len(piece)
+        return stream.getvalue()
 
     def add(self, data: bytes | memoryview, alignment: int = 1) -> None:
-        if padding := (len(_HEADER) - self.stream.tell()) % alignment:
-            self.stream.write(bytes(padding))
-        self.stream.write(data)
+        if padding := (len(_HEADER) - self._end) % alignment:
+            self._pieces.append(bytes(padding))
+        self._pieces.append(data)
+        self._end += padding + len(data)
 
     def count(self, number: int) -> None:
         _COUNT.write(self, number)
@@ -123,6 +141,10 @@ class _Writer:
         if values.size:
             contiguous = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
             self.add(contiguous.data.cast("B"), values.itemsize)
+
+    def reordered(self, one: Reordered) -> None:
+        self.array(one.values)
+        self._reordered[self._end - one.values.nbytes] = one
 
 
 class _Reader:
@@ -195,7 +217,10 @@ class _Number:
         return values.astype(self.code, copy=False)
 
     def write_array(self, writer: _Writer, values: Any) -> None:
-        writer.array(np.asarray(values, self.code))
+        if isinstance(values, Reordered):
+            writer.reordered(values)
+        else:
+            writer.array(np.asarray(values, self.code))
 
 
 _COUNT = _Number("I")

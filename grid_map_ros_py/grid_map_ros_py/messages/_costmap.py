@@ -40,18 +40,13 @@ def to_costmap(
     """Return a layer as costs; `nav2_simple_commander.costmap_2d.PyCostmap2D` takes the result.
 
     Args:
-        grid_map: the map.
-        layer: the layer that gives the values.
-        data_min: value of cost 0, free.
-        data_max: value of cost 254, lethal; it may be less than `data_min`. Values beyond the
-            bounds are clamped, NaN becomes 255.
+        grid_map, layer: the map, and its layer that gives the values.
+        data_min, data_max: two different values, of cost 0 (free) and of cost 254 (lethal). Values
+            beyond them are clamped, NaN becomes 255.
         codec: replaces the range from `data_min` to `data_max`, for example `OCCUPANCIES`.
-
-    Raises:
-        GeometryError: the bounds are equal as float32, or not finite.
     """
     messages = messages_of("nav2_msgs", "to_costmap")
-    costmap = costs.to_costmap(grid_map, layer, codec or CostRange(data_min, data_max))
+    costmap = costs.to_costs(grid_map, layer, codec or CostRange(data_min, data_max))
     header = to_header(grid_map)
     metadata = messages.CostmapMetaData(
         map_load_time=header.stamp,
@@ -73,17 +68,12 @@ def to_costmap(
 def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     """Return a map with one layer from a costmap.
 
-    The resolution of the map is the float64 with the same shortest decimal form as that of the
-    message.
+    Its resolution is the float64 with the same shortest decimal form as that of the message.
 
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander.
         layer: name of the layer.
         codec: turns costs into values; the default keeps them, with NaN where they are unknown.
-
-    Raises:
-        MessageError: the message contradicts itself, or it is rotated.
-        GeometryError: size or resolution of the `PyCostmap2D` is invalid.
     """
     if hasattr(costmap, "metadata"):
         grid = costmap.metadata
@@ -106,4 +96,4 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
         origin_y=place.y,
         global_frame_id=frame_id,
     )
-    return costs.from_costmap(plain, layer, codec, timestamp=timestamp)
+    return costs.from_costs(plain, layer, codec, timestamp=timestamp)

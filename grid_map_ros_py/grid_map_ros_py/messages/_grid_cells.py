@@ -30,13 +30,9 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
     To publish a large map, `to_serialized_grid_cells` is faster: it makes no object per cell.
 
     Args:
-        grid_map: the map.
-        layer: the layer that is compared.
+        grid_map, layer: the map, and its layer that is compared.
         lower, upper: bounds, both included and rounded to float32 like the layer; `-inf` and `inf`
             select all finite cells.
-
-    Raises:
-        MessageError: a bound is NaN, or the resolution does not fit a float32.
     """
     message = _without_cells(grid_map)
     centers = centers_between(grid_map, layer, lower, upper).tolist()
@@ -68,11 +64,6 @@ def from_grid_cells(
         geometry: the grid of the map, such as `grid_map.geometry`; cells outside of it are left
             out. None takes the smallest grid that covers all cells, with the same cells if their
             centers lie on one lattice, as those of `to_grid_cells` do.
-
-    Raises:
-        MessageError: width or height of the cells differs from the resolution, a cell is not
-            finite, or there are none.
-        LimitError: the extent of the cells is too large.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)
@@ -99,7 +90,7 @@ def centers_between(
 ) -> npt.NDArray[np.float64]:
     """Return (N, 3) centers x, y [m, map frame], z = 0 of the cells with values between two bounds.
 
-    The order is column after column of the map's buffer. Arguments and errors: see `to_grid_cells`.
+    The order is column after column of the map's buffer. Arguments: see `to_grid_cells`.
     """
     values = grid_map[layer].ravel("F")
     bounds = as_number(lower, "lower"), as_number(upper, "upper")

@@ -5,7 +5,7 @@ import array
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import is_name, select_layers, unwrapped
 
 from ..errors import MessageError
-from ._cdr import Buffer, serialize, view
+from ._cdr import Buffer, Reordered, serialize, view
 from ._checks import (
     check_fields,
     check_position,
@@ -60,7 +60,11 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
     messages, arrays = messages_of("std_msgs"), []
     for described in plain.data:
         values = array.array("f")
-        values.frombytes(described.data.data.cast("B"))
+        if isinstance(described.data, Reordered):
+            values.frombytes(described.data.values.data.cast("B"))
+            described.data.write(np.frombuffer(values, np.float32))
+        else:
+            values.frombytes(described.data.data.cast("B"))
         multi_array = messages.Float32MultiArray()
         dimensions = described.layout.dim
         multi_array.layout.dim = [messages.MultiArrayDimension(**vars(one)) for one in dimensions]
@@ -79,9 +83,6 @@ def to_serialized_message(
         grid_map, layers: as for `to_message`.
         start_index: row and column of the message's buffer where cell (0, 0) of the map is stored;
             None keeps the start index of the map.
-
-    Raises:
-        OutOfMapError: the start index is no cell of the map.
     """
     if start_index is None:
         start_index = grid_map.start_index
@@ -105,10 +106,11 @@ def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> 
     if max(start) > LARGEST_START_INDEX:
         start = (0, 0)
     # The cell of the map's buffer that the message stores first.
-    first, second = (
+    row, column = (
         (stored - sent) % cells
         for stored, sent, cells in zip(grid_map.start_index, start, grid_map.size, strict=True)
     )
+    first = (row, column)
     seconds, rest = divmod(check_nanoseconds(grid_map.timestamp), NANOSECONDS)
     stamp = SimpleNamespace(sec=seconds, nanosec=rest)
     rows, columns = grid_map.size
@@ -118,28 +120,24 @@ def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> 
         SimpleNamespace(label=inner, size=rows, stride=rows),
     ]
     layout = SimpleNamespace(dim=dimensions, data_offset=0)
+
+    def ordered(layer: Layer) -> Layer | Reordered:
+        values = np.asarray(layer, np.float32, order="F").ravel("K")
+        if first == (0, 0):
+            return values
+        return Reordered(
+            values, lambda sent: unwrapped(layer, first, out=sent.reshape(layer.shape, order="F"))
+        )
+
     return SimpleNamespace(
         header=SimpleNamespace(stamp=stamp, frame_id=grid_map.frame_id),
         info=_info(grid_map.geometry),
         layers=list(names),
         basic_layers=[*filter({*names}.__contains__, grid_map.basic_layers)],
-        data=[_MultiArray(layout, grid_map[name], (first, second)) for name in names],
+        data=[SimpleNamespace(layout=layout, data=ordered(grid_map[name])) for name in names],
         outer_start_index=start[0],
         inner_start_index=start[1],
     )
-
-
-class _MultiArray(NamedTuple):
-    """Attributes of a `Float32MultiArray`, whose values are put in order when they are read."""
-
-    layout: SimpleNamespace
-    layer: Layer
-    first: Size
-
-    @property
-    def data(self) -> Layer:
-        layer = unwrapped(self.layer, self.first) if any(self.first) else self.layer
-        return np.asarray(layer, np.float32).ravel("F")
 
 
 def _info(geometry: GridGeometry) -> SimpleNamespace:
@@ -184,9 +182,6 @@ def from_message(
             of the sender's buffer and its start index.
         copy: False makes read-only layers that share the memory of the message where possible: if
             they are column-major and need no unwrapping.
-
-    Raises:
-        LimitError: the message claims too many cells.
     """
     check_fields(message, "grid_map_msgs/GridMap", "info", "basic_layers")
     geometry = from_info(message.info)
@@ -219,7 +214,6 @@ def from_serialized_message(
 
     Args:
         data: the message in CDR, as a raw subscription receives it and bags hold it.
-        layers, copy_basic_layers, unwrap, copy: as for `from_message`.
     """
     message = view(data, GRID_MAP)
     return from_message(

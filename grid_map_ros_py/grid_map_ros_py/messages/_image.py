@@ -2,8 +2,7 @@
 """`sensor_msgs/Image` and grid maps.
 
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
-is +x, left is +y. Encodings are mono8 and mono16; rgb, bgr, rgba and bgra followed by 8 or 16; and
-8UC, 16UC, 32FC and 64FC followed by 1, 3 or 4 channels, with colors in the order BGR.
+is +x, left is +y.
 """
 
 import array
@@ -72,10 +71,6 @@ def to_image(
         grid_map, layer, lower, upper: as in `grid_map_core_py.to_image`.
         encoding: see `ENCODINGS`. With three or four channels the first three are equal; a fourth
             one is alpha, 0 for NaN.
-
-    Raises:
-        MessageError: the encoding is unknown.
-        GeometryError: the bounds are invalid.
     """
     kind = _encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
@@ -86,12 +81,8 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
     """Return a layer of packed colors as a color image.
 
     Args:
-        grid_map: the map.
-        layer: the layer, with values of `color_vector_to_value`.
+        grid_map, layer: the map, and its layer with values of `color_vector_to_value`.
         encoding: one with three channels, or four with alpha, which is 0 for NaN.
-
-    Raises:
-        MessageError: the encoding is unknown or has a single channel.
     """
     kind = _encoding_of(encoding)
     if kind.channels < 3:
@@ -115,8 +106,8 @@ def from_image(
 ) -> GridMap:
     """Return a map with one layer that holds the gray values of an image.
 
-    Colors become gray by their luma. Frame and time of the map are those of the message. Other
-    arguments and errors: see `grid_map_core_py.from_image`.
+    Frame and time of the map are those of the message. Other arguments: see
+    `grid_map_core_py.from_image`.
     """
     image, order = to_pixels(message)
     return pixels.from_image(
@@ -180,14 +171,7 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
 
     The pixels are a view of the message's memory, in the byte order of the sender, unless padding
     makes numbers unaligned.
-
-    Args:
-        message: the image.
-        size: rows and columns that it must have; None accepts any.
-
-    Raises:
-        MessageError: the message contradicts itself, or the image has another size.
-        LimitError: the image has too many pixels.
+    `size`, if given, is the required (rows, cols).
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

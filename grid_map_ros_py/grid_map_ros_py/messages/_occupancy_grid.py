@@ -35,14 +35,9 @@ def to_occupancy_grid(
     """Return a layer as occupancies.
 
     Args:
-        grid_map: the map.
-        layer: the layer that gives the values.
-        data_min: value that becomes 0, free.
-        data_max: value that becomes 100, occupied; it may be less than `data_min`. Values
-            beyond the bounds are clamped, NaN becomes -1, unknown.
-
-    Raises:
-        MessageError: the bounds are equal as float32, or not finite.
+        grid_map, layer: the map, and its layer that gives the values.
+        data_min, data_max: two different values, which become 0 (free) and 100 (occupied). Values
+            beyond them are clamped, NaN becomes -1 (unknown).
     """
     stored = occupancies(grid_map[layer], data_min, data_max)
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
@@ -64,9 +59,6 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 
     -1 becomes NaN; all other values are kept. The resolution of the map is the float64 with the
     same shortest decimal form as that of the message.
-
-    Raises:
-        MessageError: the message contradicts itself, or the grid is rotated.
     """
     check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
@@ -81,8 +73,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
 
-    Computed in float32, so that every value equals that of the C++ library. Errors: see
-    `to_occupancy_grid`.
+    Computed in float32, so that every value equals that of the C++ library.
     """
     data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):

@@ -80,11 +80,6 @@ def from_octomap(
             highest column whose center is in it. None means the side of a voxel.
         min_bound, max_bound: (3,) x, y, z [m]; voxels whose center is between them count. NaN
             means no bound.
-
-    Raises:
-        MessageError: the message contradicts itself, there is no voxel within the bounds, or the
-            tree has no leaf to take the extent from.
-        LimitError: the extent has too many cells.
     """
     leaves = _leaves(message)
     timestamp = from_stamp(message.header.stamp)
@@ -110,10 +105,7 @@ def from_octomap(
 def octomap_to_points(
     message: "Octomap", *, min_bound: npt.ArrayLike = ANYWHERE, max_bound: npt.ArrayLike = ANYWHERE
 ) -> Points:
-    """Return the centers (N, 3) x, y, z [m] of all occupied voxels.
-
-    Arguments and errors: see `from_octomap`.
-    """
+    """Return the centers (N, 3) x, y, z [m] of all occupied voxels; bounds: see `from_octomap`."""
     leaves = _leaves(message)
     if not leaves:
         return np.empty((0, 3))
@@ -135,11 +127,9 @@ def load_octomap(
     """Return the map of a `.bt` or `.ot` file.
 
     Args:
-        path: the file.
         layers: None, or the name of the layer.
         height_layer: name of the layer.
         resolution, min_bound, max_bound: as in `from_octomap`.
-        frame_id: frame of the map.
     """
     bounds: dict[str, Any] = {"min_bound": min_bound, "max_bound": max_bound}
     with storage_errors(Path(path), "read"):
@@ -149,7 +139,6 @@ def load_octomap(
 
 
 def _read(path: Path, frame_id: str) -> Any:
-    """Return a file as an object with the fields of `octomap_msgs/Octomap`."""
     check_bytes(f"{path}: file", path.stat().st_size, math.inf)
     head, separator, tree = path.read_bytes().partition(b"\ndata\n")
     kind, *lines = head.splitlines() or [b""]

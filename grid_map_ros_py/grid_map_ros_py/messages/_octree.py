@@ -186,11 +186,7 @@ def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.
 
 
 def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
-    """Return the occupied voxels (3, N) of a box.
-
-    Raises:
-        LimitError: there are more than half of `max_cells`; a few bytes can claim any number.
-    """
+    """Return the occupied voxels (3, N) of a box, at most half of `max_cells`."""
     count = 0
     for depth, (keys, occupied) in leaves.items():
         side = np.int32(side_of(depth))

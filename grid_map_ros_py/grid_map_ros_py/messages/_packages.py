@@ -11,13 +11,7 @@ from grid_map_core_py.errors import required
 def messages_of(package: str, needed_by: str = "this message", kind: str = "msg") -> Any:
     """Return the module with the message classes of a package, such as `nav_msgs.msg`.
 
-    Args:
-        package: name of the package.
-        needed_by: name of the caller in the error.
-        kind: "msg", or "srv" for services.
-
-    Raises:
-        MissingPackageError: the package is not installed, or its environment is not sourced.
+    The error of a missing package names `needed_by`. `kind` is "msg", or "srv" for services.
     """
     name = f"{package}.{kind}"
     remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"

@@ -58,10 +58,7 @@ def to_point_cloud(
         grid_map: the map.
         point_layer: the layer that gives z.
         layers: names of the layers to send; None means all. x, y, z come first if the point layer
-            is not among them.
-
-    Raises:
-        MessageError: another layer is called x, y or z.
+            is not among them. Other layers may not be called x, y or z.
     """
     select_layers(grid_map.layers, point_layer)
     names = select_layers(grid_map.layers, layers)
@@ -82,9 +79,6 @@ def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2"
     """Return the cells of a map as points of one height [m], with all layers as fields.
 
     x, y, z are the last fields. Cells where a basic layer is not finite are left out.
-
-    Raises:
-        MessageError: the height is not finite, or a layer is called x, y or z.
     """
     if not abs(height) <= float(np.finfo(np.float32).max):
         raise MessageError("height", "a finite number", height)
@@ -176,19 +170,13 @@ def from_point_cloud(
         reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`, `variance` or
             `count`.
         onto: replaces resolution, length and position: a geometry, or a map whose other layers the
-            result shares.
+            result shares and whose frame must be that of the cloud.
         more_layers: names of further layers made of the heights, each with its reduction.
         fields: names of the fields that become layers, besides the heights. None means all that
             have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
             unless the cloud has a field of that name.
         length, position, field_reductions, min_height, max_height, tight: as in
             `grid_map_core_py.from_points`.
-
-    Raises:
-        MessageError: the cloud contradicts itself, lacks a field, or is in another frame than the
-            map `onto`.
-        ConfigError: a reduction is unknown, or the grid is given twice or not at all.
-        GridMapError: a layer would be made twice, or there are no points to take an extent from.
     """
     points, columns = read_columns(message, fields)
     frame_id, timestamp = message.header.frame_id, from_stamp(message.header.stamp)
@@ -244,8 +232,7 @@ def read_columns(
     """Return the points of a cloud, and the columns for layers other than heights.
 
     Returns:
-        points: (N, 3) x, y, z [m], float32 or float64; a view of the message if x, y, z are
-            adjacent there.
+        points: (N, 3) x, y, z [m], float32 or float64; a view of the message if possible.
         columns: (N,) values of the fields by the names of their layers.
     """
     check_layout(message)
@@ -304,7 +291,6 @@ def check_layout(message: "PointCloud2") -> None:
 
 
 def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[Any]:
-    """Return x, y, z as (N, 3)."""
     x = axes[0]
     size = TYPES[x.datatype].itemsize
     side_by_side = all(

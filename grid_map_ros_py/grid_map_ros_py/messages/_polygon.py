@@ -36,9 +36,6 @@ def to_polygon(
         frame_id: frame of its vertices.
         timestamp: time of the message [ns].
         height: z of the vertices [m].
-
-    Raises:
-        MessageError: the height or a vertex is not finite as float32.
     """
     messages = messages_of("geometry_msgs")
     message: PolygonStamped = messages.PolygonStamped(header=_header(frame_id, timestamp))
@@ -77,10 +74,6 @@ def to_line_marker(
         line_width: width of the line [m].
         color: red, green, blue and alpha from 0 to 1.
         frame_id, timestamp, height: as in `to_polygon`.
-
-    Raises:
-        MessageError: the height or the width of the line is invalid.
-        GeometryError: the color does not have four components from 0 to 1.
     """
     header, width = _header(frame_id, timestamp), as_number(line_width, "line_width")
     if not 0 <= width < math.inf:
@@ -101,7 +94,7 @@ def to_triangle_list_marker(
 ) -> "Marker":
     """Return the area of a polygon as a marker of triangles, as `Polygon.triangulate` cuts it.
 
-    Arguments and errors: see `to_line_marker`. There is one color per triangle.
+    There is one color per triangle. Arguments: see `to_line_marker`.
     """
     # The fan of `Polygon.triangulate`, without an object for every triangle.
     count = max(len(polygon) - 2, 0)
@@ -117,7 +110,6 @@ def to_triangle_list_marker(
 def _marker(
     header: Any, vertices: npt.NDArray[np.float64], height: float, color: npt.ArrayLike, count: int
 ) -> "Marker":
-    """Return a marker with points and `count` equal colors."""
     rgba = as_array(color, np.float32, "color")
     if rgba.shape != (4,) or not ((rgba >= 0) & (rgba <= 1)).all():
         raise GeometryError(

@@ -34,33 +34,23 @@ def from_pose(message: Any) -> Matrix:
     Args:
         message: a `Pose`, or a message with one as `pose`, such as `PoseStamped`,
             `PoseWithCovarianceStamped` and `Odometry`.
-
-    Raises:
-        MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
     """
     kind = "geometry_msgs/Pose, or one with a pose"
     return _from(message, "pose", kind, "position", "orientation")
 
 
 def from_transform(message: Any) -> Matrix:
-    """Return a `Transform` or `TransformStamped` as a (4, 4) matrix.
-
-    It transforms points [m] from the child frame. Errors: see `from_pose`.
-    """
+    """Return a `Transform` or `TransformStamped` as `from_pose` does, from the child frame."""
     return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
 
 
 def to_pose(matrix: npt.ArrayLike) -> "Pose":
-    """Return a (4, 4) matrix as a pose.
-
-    Raises:
-        MessageError: it is not a rotation and a translation.
-    """
+    """Return a (4, 4) matrix, a rotation and a translation [m], as a pose."""
     return _filled(messages_of("geometry_msgs").Pose(), "position", "orientation", matrix)
 
 
 def to_transform(matrix: npt.ArrayLike) -> "Transform":
-    """Return a (4, 4) matrix as a transform; errors: see `to_pose`."""
+    """Return a (4, 4) matrix as a transform."""
     return _filled(messages_of("geometry_msgs").Transform(), "translation", "rotation", matrix)
 
 
