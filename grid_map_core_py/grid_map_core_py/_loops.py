@@ -4,8 +4,10 @@
 Numba is imported when the first loop is compiled or loaded. It keeps machine code in its own cache.
 """
 
-import importlib
+import importlib.util
 import inspect
+import os
+import threading
 import types
 import warnings
 from collections.abc import Callable, Mapping
@@ -16,10 +18,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+__all__ = ["Compiled", "Loop", "loop"]
+
 Compiled: TypeAlias = Callable[..., None]
 Type: TypeAlias = str | tuple[str, int] | tuple[str, ...]
 
-_callable: set[Callable[..., Any]] = set()
+_compiling = threading.RLock()
+_known: set[Callable[..., Any]] = set()
 """Functions that numba can call from compiled code."""
 
 
@@ -34,20 +39,6 @@ class Loop:
             one, "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
             Other types are compiled when they first occur.
         instead: functions that are compiled in place of others that the function calls.
-
-    Example:
-        >>> import numpy as np
-        >>> @loop("float64*", "int64", "float64*")
-        ... def running_sums(values, count, sums):
-        ...     total = 0.0
-        ...     for i in range(count):
-        ...         total += values[i]
-        ...         sums[i] = total
-        >>> run = running_sums.compiled() or running_sums.function
-        >>> sums = np.empty(3)
-        >>> run(np.array([1.0, 2.0, 4.0]), 3, sums)
-        >>> sums.tolist()
-        [1.0, 3.0, 7.0]
     """
 
     function: Callable[..., None]
@@ -63,40 +54,43 @@ class Loop:
             None if numba is not installed or is turned off by NUMBA_DISABLE_JIT, and with a
             `RuntimeWarning` if it fails.
         """
-        return self._compiled
+        with _compiling:
+            return self._compiled
 
     def must_compile(self) -> bool:
         """Return whether `compiled` would compile now, because numba has cached nothing."""
-        if "_compiled" in self.__dict__ or _numba() is None:
+        if "_compiled" in self.__dict__ or not _has_numba():
             return False
         try:
             folder = self._dispatcher(cache=True).stats.cache_path
-        except RuntimeError:  # no folder is writable
+        except Exception:  # no folder is writable, or numba is broken
             return True
         return not any(Path(folder).glob(f"*.{self.function.__name__}-*.nbi"))
 
     @cached_property
     def _compiled(self) -> Compiled | None:
-        numba = _numba()
-        if numba is None:
-            return None
-        signature = numba.void(*(_numba_type(numba.types, part) for part in self.takes))
         failure = None
-        for cache in (True, False):  # numba refuses to cache where it finds no writable folder
+        # Numba refuses to cache where it finds no writable folder.
+        for cache in (True, False) if _has_numba() else ():
             try:
                 dispatcher = self._dispatcher(cache=cache)
-                dispatcher.compile(signature)
+                known = importlib.import_module("numba.types")
+                dispatcher.compile(tuple(_numba_type(known, part) for part in self.takes))
             except Exception as error:
                 failure = error
             else:
                 return lambda *arguments: dispatcher(*map(_flat, arguments))
-        _warn(f"it cannot compile {self.function.__qualname__}", failure)
+        if failure is not None:
+            name = f"{self.function.__module__}.{self.function.__qualname__}"
+            text = f"{type(failure).__name__}: {failure}"
+            said = f"numba cannot compile {name}, NumPy does its work: {text}"
+            warnings.warn(said, RuntimeWarning, stacklevel=3)
         return None
 
     def _dispatcher(self, *, cache: bool) -> Any:
         import numba
 
-        _make_callable(self.function, self.instead)
+        _let_call(self.function, self.instead)
         make: Any = numba.njit
         return make(nogil=True, error_model="numpy", cache=cache)(self.function)
 
@@ -106,24 +100,12 @@ def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
     return lambda function: Loop(function, takes)
 
 
-def _numba() -> Any:
-    """Return the module, or None if it is not installed, is turned off or does not work."""
-    try:
-        numba: Any = importlib.import_module("numba")
-    except ModuleNotFoundError:
-        return None
-    except Exception as error:
-        _warn("it cannot be imported", error)
-        return None
-    return None if numba.config.DISABLE_JIT else numba
+def _has_numba() -> bool:
+    is_on = os.environ.get("NUMBA_DISABLE_JIT", "0") in {"0", ""}
+    return is_on and importlib.util.find_spec("numba") is not None
 
 
-def _warn(text: str, error: Exception | None) -> None:
-    said = f"numba: {text}, NumPy does its work: {type(error).__name__}: {error}"
-    warnings.warn(said, RuntimeWarning, stacklevel=2)
-
-
-def _make_callable(
+def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
     """Let compiled code call the Python functions that a function calls."""
@@ -131,13 +113,12 @@ def _make_callable(
 
     names = inspect.getclosurevars(function)
     for called in (*names.globals.values(), *names.nonlocals.values()):
-        if isinstance(called, types.FunctionType) and called not in _callable:
-            _callable.add(called)
-            replacement = instead.get(called, called)
-            overload(called, jit_options={"error_model": "numpy"}, strict=False)(
-                lambda *_, made=replacement: made
-            )
-            _make_callable(replacement, instead)
+        if isinstance(called, types.FunctionType) and called not in _known:
+            _known.add(called)
+            made = instead.get(called, called)
+            options: Any = {"error_model": "numpy"}
+            overload(called, jit_options=options, strict=False)(lambda *_, made=made: made)
+            _let_call(made, instead)
 
 
 def _numba_type(known: Any, part: Any) -> Any:

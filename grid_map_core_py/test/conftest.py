@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap
+from grid_map_core_py._loops import Loop
 
 
 @pytest.fixture
@@ -24,3 +25,10 @@ def cluster() -> Iterator[Any]:
     options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 60}
     with LocalCluster(2, **options) as cluster, Client(cluster, set_as_default=False) as client:
         yield client
+
+
+@pytest.fixture(params=[pytest.param("compiled", marks=pytest.mark.needs("numba")), "arrays"])
+def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both ways: loops that numba has compiled, and NumPy alone."""
+    if request.param == "arrays":
+        monkeypatch.setattr(Loop, "compiled", lambda _: None)

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError
@@ -165,20 +164,6 @@ def test_a_costmap_begins_at_the_smallest_x_and_y():
     column, row = 2, 0  # in PyCostmap2D's order: x, y from the origin
     assert costmap.costmap[row * costmap.size_x + column] == 254
     assert np.count_nonzero(costmap.costmap) == 1
-
-
-@pytest.mark.parametrize("size", [(1000, 500), (400, 400)])
-def test_memory_stays_below_three_times_the_result(size):
-    grid_map = GridMap(size, 1.0, layers={"cost": 3.0})
-    grid_map.start_index = (17, 200)
-    costmap = to_costmap(grid_map, "cost", CENTURY)
-    for codec in (CENTURY, CostRange()):
-        peak, costs = peak_of(codec.to_costs, grid_map["cost"])
-        assert peak < 3 * costs.nbytes
-        peak, result = peak_of(to_costmap, grid_map, "cost", codec)
-        assert peak < 3 * result.costmap.nbytes
-        peak, result = peak_of(from_costmap, costmap, "cost", codec)
-        assert peak < 3 * result["cost"].nbytes
 
 
 @pytest.mark.parametrize(

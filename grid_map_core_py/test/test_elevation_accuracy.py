@@ -122,13 +122,6 @@ def test_errors_are_within_the_claimed_deviation():
     assert np.abs(result.errors[even]).max() < 0.03
 
 
-def test_normalized_error_of_flat_cells_is_about_one():
-    result = walked()
-    is_flat = result.relief_around < 1e-6
-    assert is_flat.sum() > 2000
-    assert 0.5 < np.mean(result.errors[is_flat] ** 2 / result.variances[is_flat]) < 1.5
-
-
 @pytest.mark.parametrize("yaw", [0.0, 0.2, 0.4, 0.8])
 def test_visibility_removes_no_standing_wall(yaw):
     random = np.random.default_rng(1)
@@ -145,44 +138,3 @@ def test_visibility_removes_no_standing_wall(yaw):
         assert (height[stands] > 0.3).all()
         stands |= (high > 1.0) & (height > 0.3)
     assert stands.sum() > 50
-
-
-def test_obstacle_that_left_is_gone_after_three_scans():
-    random = np.random.default_rng(2)
-    occupied = with_box(ground(), (1.5, 0.3), (0.5, 0.5), 0.9, yaw=0.3)
-    made, transform = mapper(), pose(0.0, 0.0)
-    for number in range(5):
-        made.update(measured(occupied, transform, random), transform, timestamp=number * PERIOD)
-    _, _, high = truth(ground(), made.grid_map)
-    obstacle = (high < 0.01) & (flat(made.grid_map, "elevation") > 0.2)
-    assert obstacle.sum() > 8
-    # For `scanning_duration`, 1 s, nothing is cleared.
-    for number in range(15, 18):
-        made.update(measured(ground(), transform, random), transform, timestamp=number * PERIOD)
-    assert not (flat(made.grid_map, "elevation")[obstacle] > 0.1).any()
-
-
-def largest_step(made, center):
-    """Return the largest step between neighbors [m] that the terrain within 3 m does not have."""
-    mean, low, high = truth(ground(), made.grid_map)
-    near = np.linalg.norm(made.grid_map.get_positions() - center, axis=1) < 3.0
-    errors = flat(made.grid_map, "elevation") - mean
-    errors[~near | (high - low > 0.02)] = np.nan
-    errors = errors.reshape(made.grid_map.size, order="F")
-    steps = [np.abs(np.diff(errors, axis=axis)) for axis in (0, 1)]
-    assert all(np.isfinite(step).sum() > 2000 for step in steps)
-    return max(np.nanmax(step) for step in steps)
-
-
-def test_vertical_drift_draws_no_steps():
-    random = np.random.default_rng(3)
-    compensated, plain = mapper(enable_drift_compensation=True), mapper()
-    for number, x in enumerate(np.linspace(-2.0, 2.0, 120)):
-        transform = pose(x, -0.5)
-        points = measured(ground(), transform, random)
-        # The odometry rises by 1 cm/s.
-        transform[2, 3] += 0.01 * number * PERIOD * 1e-9
-        for made in (compensated, plain):
-            made.update(points, transform, timestamp=number * PERIOD)
-    assert largest_step(compensated, (2.0, -0.5)) < 0.02
-    assert largest_step(plain, (2.0, -0.5)) > 0.05

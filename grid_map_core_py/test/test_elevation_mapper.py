@@ -15,22 +15,10 @@ from grid_map_core_py.elevation import (
     PerfectModel,
     StereoModel,
     StructuredLightModel,
-    _clusters,
-    _order,
     _state,
-    _visibility,
 )
 
 RESOLUTION = 0.25
-LOOPS = (_order.deal, _clusters.grow_clusters, _visibility.trace, _visibility.cover)
-
-
-@pytest.fixture(params=[pytest.param("compiled", marks=pytest.mark.needs("numba")), "arrays"])
-def way(request, monkeypatch):
-    """Both ways: loops that numba has compiled, and NumPy alone."""
-    if request.param == "arrays":
-        for loop in LOOPS:
-            monkeypatch.setattr(loop, "compiled", lambda: None)
 
 
 def diagonal(u, along, across):

@@ -5,7 +5,6 @@ import cv2
 import numpy as np
 import pytest
 from hypothesis import given
-from memory import peak_of
 
 import golden
 from grid_map_core_py import (
@@ -207,21 +206,6 @@ def test_missing_bounds_are_the_range_of_finite_values(terrain, dtype):
     assert image[values == -np.inf] == 0
 
 
-def test_one_bound_suffices_for_writing(terrain):
-    values = in_map_order(terrain, "elevation")
-    highest, lowest = (extreme(values[np.isfinite(values)]) for extreme in (np.max, np.min))
-    for bounds in ((-1, None), (None, 1)):
-        filled = [
-            full if given is None else given
-            for given, full in zip(bounds, (lowest, highest), strict=True)
-        ]
-        np.testing.assert_array_equal(
-            to_image(terrain, "elevation", np.uint8, 1, *bounds),
-            to_image(terrain, "elevation", np.uint8, 1, *filled),
-        )
-    assert not to_image(terrain, "elevation", lower=100.0).any()
-
-
 def test_bounds_in_reverse_invert_the_image(terrain):
     image = to_image(terrain, "elevation", np.uint8, 4, 2.0, -1.0).astype(int)
     mirrored = to_image(terrain, "elevation", np.uint8, 4, -1.0, 2.0).astype(int)
@@ -355,34 +339,7 @@ def test_gray_images_with_channel_axis_are_accepted():
         )
 
 
-def test_an_image_replaces_a_layer_and_nothing_else(terrain):
-    before = terrain["elevation"].copy()
-    terrain["gray"] = 5.0
-    add_layer_from_image(terrain, np.zeros((9, 6), np.uint8), "gray", 2, 4)
-    assert terrain.layers == ("elevation", "gray")
-    assert (terrain["gray"] == 2).all()
-    np.testing.assert_array_equal(terrain["elevation"], before)
-
-
 # --- memory and mistakes --------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("size", [(1000, 800), (400, 400)])
-@pytest.mark.parametrize("channels", [1, 3, 4])
-@pytest.mark.parametrize("dtype", DTYPES)
-def test_memory_stays_below_three_times_the_result(dtype, channels, size):
-    grid_map = GridMap(size, 1.0, layers={"height": 3.0, "color": 0.0})
-    grid_map.start_index = (7, 300)
-    peak, image = peak_of(to_image, grid_map, "height", dtype, channels, 0, 5)
-    assert peak < 3 * image.nbytes
-    if channels > 1:
-        peak, image = peak_of(to_color_image, grid_map, "color", dtype, channels)
-        assert peak < 3 * image.nbytes
-    peak, result = peak_of(lambda: from_image(image, "height", 1.0, 0, 5)["height"])
-    assert peak < 3 * result.nbytes
-    for add, bounds in ((add_layer_from_image, (0, 5)), (add_color_layer_from_image, ())):
-        peak, _ = peak_of(add, grid_map, image, "new", *bounds)
-        assert peak < 3 * result.nbytes
 
 
 @pytest.mark.parametrize(

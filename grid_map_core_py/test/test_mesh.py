@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as arrays
-from memory import peak_of
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError
 from grid_map_core_py.conversions import _mesh, from_mesh, rasterize_triangles
-from grid_map_core_py.testing import assert_maps_equal, grid_maps
+from grid_map_core_py.testing import grid_maps
 
 SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
 
@@ -120,15 +119,6 @@ def test_triangles_without_area_or_not_finite_are_not_hit(faces):
     assert np.isnan(rasterize_triangles(vertices, faces, GridMap((2, 2), 0.5))["elevation"]).all()
 
 
-def test_infinite_heights_and_places_are_ignored():
-    for axis in range(3):
-        vertices = SQUARE.copy()
-        vertices[0, axis] = np.inf
-        result = rasterize_triangles(vertices, [(0, 1, 2), (1, 2, 3)], GridMap((2, 2), 0.5))
-        expected = rasterize_triangles(SQUARE, [(1, 2, 3)], GridMap((2, 2), 0.5))
-        assert_maps_equal(result, expected)
-
-
 def test_one_huge_triangle_covers_every_cell():
     vertices = [(-1e7, -1e7, 1), (1e7, -1e7, 1), (0, 2e7, 1)]
     result = rasterize_triangles(vertices, [(0, 1, 2)], GridMap((20, 30), 0.1))
@@ -147,16 +137,6 @@ def test_large_and_small_triangles_give_the_same_heights(monkeypatch):
         monkeypatch.setattr(_mesh, "_PAIRS", pairs)
         layers.append(rasterize_triangles(corners, faces, grid_map)["elevation"])
     assert all(np.array_equal(layer, layers[0], equal_nan=True) for layer in layers)
-
-
-def test_the_input_is_not_changed_and_other_layers_are_shared():
-    vertices, faces = SQUARE.copy(), np.array([(0, 1, 2)])
-    grid_map = GridMap((2, 2), 0.5, layers={"elevation": 7.0, "other": 1.0})
-    result = rasterize_triangles(vertices, faces, grid_map)
-    np.testing.assert_array_equal(vertices, SQUARE)
-    assert (grid_map["elevation"] == 7).all()
-    assert result["other"] is grid_map["other"]
-    assert result["elevation"].flags.f_contiguous
 
 
 # Maps fitted to meshes
@@ -207,12 +187,3 @@ def test_invalid_mesh_is_refused(vertices, faces, message):
     with pytest.raises(GeometryError, match=message):
         rasterize_triangles(vertices, faces, grid_map)
     assert grid_map.layers == ()
-
-
-def test_memory_grows_with_cells_only():
-    large = (20 * SQUARE, np.array([(0, 1, 2), (0, 2, 3)]))
-    small = (np.tile(SQUARE * 0.001, (50_000, 1)), np.arange(200_000 // 3 * 3).reshape(-1, 3))
-    for vertices, faces in (large, small):
-        grid_map = GridMap((20, 20), 0.02)
-        peak, _ = peak_of(rasterize_triangles, vertices, faces, grid_map)
-        assert peak <= 1.1 * 4 * 1000 * 1000 + 8e6

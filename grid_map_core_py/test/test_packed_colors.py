@@ -4,11 +4,9 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, color_value_to_vector, color_vector_to_value
-from grid_map_core_py.conversions import color_channels_to_value
 
 COLORS = golden.load("colors")
 
@@ -103,29 +101,6 @@ def test_arrays_of_any_shape_pack_like_single_colors(shape, dtype):
     if dtype != np.float32:  # a list would be packed in double precision
         assert np.ravel(bits(values)).tolist() == singles
     assert color_value_to_vector(values).shape == shape
-
-
-def test_channels_keep_their_memory_order():
-    red, green, blue = np.asfortranarray(np.random.default_rng(3).random((3, 40, 30)).T).T
-    values = color_channels_to_value(
-        np.asfortranarray(red), np.asfortranarray(green), blue.copy("F")
-    )
-    assert values.flags.f_contiguous
-    np.testing.assert_array_equal(
-        values, color_vector_to_value(np.stack([red, green, blue], axis=-1))
-    )
-
-
-@pytest.mark.parametrize("size", [(500, 600), (400, 400)])
-@pytest.mark.parametrize("dtype", [np.uint8, np.int64, np.float32, np.float64])
-def test_memory_stays_below_three_times_the_result(dtype, size):
-    rgb = np.ones((*size, 3), dtype=dtype)
-    for function, argument in (
-        (color_vector_to_value, rgb),
-        (color_value_to_vector, rgb[..., 0].astype(np.float32)),
-    ):
-        peak, result = peak_of(function, argument)
-        assert peak < 3 * result.nbytes
 
 
 def test_a_color_has_three_components():

@@ -121,16 +121,6 @@ def test_points_beyond_the_height_limits_are_left_out(grid_map, cloud, low, span
     np.testing.assert_allclose(result["last"], expected["last"], rtol=1e-6)
 
 
-def test_first_and_last_keep_to_the_order_over_many_points():
-    points = np.zeros((100_000, 3))
-    points[:, 2] = np.arange(100_000)
-    result = rasterize(points, GridMap((1, 1), 1.0), ALL)
-    assert result["first"] == 0
-    assert result["last"] == 99_999
-    assert result["count"] == 100_000
-    assert result["mean"] == result["median"] == np.float32(49_999.5)
-
-
 @pytest.mark.parametrize("offset", [0.0, 1e4, -1e6])
 def test_variance_and_mean_keep_precision_far_from_zero(offset):
     rng = np.random.default_rng(3)
@@ -284,16 +274,6 @@ def test_points_on_a_lattice_get_a_cell_each():
     assert (grid_map.frame_id, grid_map.timestamp) == ("odom", 5)
 
 
-@pytest.mark.parametrize("steps", range(1, 40))
-@pytest.mark.parametrize("resolution", [0.1, 0.3, 0.07])
-def test_rounding_drops_no_cell_of_a_lattice(steps, resolution):
-    """Some of these extents come a little short of whole cells, and some go beyond."""
-    points = [(0, 0, 1), (steps * resolution, 0, 1)]
-    grid_map = from_points(points, resolution, {"n": "count"}, tight=True)
-    assert grid_map.size == (steps + 1, 1)
-    assert grid_map["n"].sum() == from_points(points, resolution, {"n": "count"})["n"].sum() == 2
-
-
 def test_length_and_position_may_be_given():
     points = [(0.2, 0.3, 1.0), (1.4, 2.1, 2.0), (1.4, 2.1, np.nan)]
     whole = from_points(points, 0.5, length=(4, 2), position=(1, 1))
@@ -308,24 +288,11 @@ def test_length_and_position_may_be_given():
     assert around_origin.size == (6, 9)
 
 
-def test_fitted_map_ignores_points_outside_the_limits():
-    points = [(0, 0, 0), (1, 1, 0), (100, 100, 50)]
-    assert from_points(points, 1.0, max_height=1.0).size == (2, 2)
-    with pytest.raises(GridMapError, match="within the height limits"):
-        from_points(points, 1.0, min_height=60.0)
-
-
 def test_stray_point_far_away_is_refused_with_a_reason():
     with pytest.raises(GridMapError, match="expected at most 16000000 cells, got"):
         from_points([(0, 0, 0), (1e30, 1, 0)], 0.1)
     with pytest.raises(GridMapError, match="expected at most 16000000 cells, got inf x 1"):
         from_points([(-1.7e308, 0, 0), (1.7e308, 1, 0)], 0.1)
-
-
-@pytest.mark.parametrize("resolution", [0, -1, np.nan, np.inf, "x", None])
-def test_the_resolution_must_be_positive(resolution):
-    with pytest.raises(GeometryError, match="resolution"):
-        from_points([(0, 0, 0)], resolution)
 
 
 # Bad input

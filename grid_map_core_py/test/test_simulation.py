@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, strategies as st
 
 from grid_map_core_py import GeometryError, GridMap, Interpolation, LayerNotFoundError
+from grid_map_core_py._loops import Loop
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.simulation import (
     DepthCamera,
     SpinningLidar,
-    _rays,
     cast_rays,
     scan,
     with_box,
@@ -30,13 +30,6 @@ def terrain(function=lambda x, y: 0.0 * (x + y), side=4.0, resolution=0.1):
     x, y = grid_map.axes()
     grid_map["elevation"] = function(x[:, None], y[None, :])
     return grid_map
-
-
-@pytest.fixture(params=["compiled", "numpy"])
-def way(request, monkeypatch):
-    """Let `cast_rays` march with compiled code if numba is there, or with NumPy."""
-    if request.param == "numpy":
-        monkeypatch.setattr(type(_rays.march), "compiled", lambda _: None)
 
 
 @pytest.mark.usefixtures("way")
@@ -166,7 +159,7 @@ def test_ranges_are_the_same_compiled_in_numpy_and_moved(data, grid_map):
     moved = moved_in_buffer(grid_map, start)
     np.testing.assert_array_equal(cast_rays(moved, origins, directions), expected)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(type(_rays.march), "compiled", lambda _: None)
+        patch.setattr(Loop, "compiled", lambda _: None)
         np.testing.assert_array_equal(cast_rays(grid_map, origins, directions), expected)
 
 

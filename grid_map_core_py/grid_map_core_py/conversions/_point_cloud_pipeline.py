@@ -7,21 +7,24 @@ The parameters are those of the C++ package `grid_map_pcl`; its parameter files 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, is_dataclass
-from typing import Any, Literal, get_type_hints
+from typing import Any, Literal, TypeAlias, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
 
 from .._arrays._checks import Integers, Positions, as_array, as_number
-from .._arrays._pieces import slices
+from .._arrays._pieces import expanded, slices
 from .._parameters import build, check
 from ..errors import ConfigError, GeometryError, GridMapError, short
+from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import as_points, fitting_geometry
 
 _POINTS = 1 << 16  # number of points in a chunk, which bounds memory; a cell is never divided
+_NEIGHBORS = 8  # number of nearest neighbors that clustering links each point to at first
 
 _Triple = tuple[float, ...]
+_Edges: TypeAlias = list[tuple[Integers, Integers]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,8 +240,6 @@ class PointCloudPipeline:
         self, cells: Integers, points: Positions
     ) -> tuple[Integers, npt.NDArray[np.float64]]:
         """Return the cells (m,) that have clusters of these points (n, 3), and the heights (m,)."""
-        from ._clusters import euclidean_clusters  # slow to import
-
         extraction = self.cluster_extraction
         groups = np.unique(cells, return_inverse=True)[1]
         clusters = euclidean_clusters(
@@ -351,6 +352,101 @@ def remove_outliers(
     limit = distances.mean() + deviations * distances.std(ddof=1)
     kept: Positions = cloud[distances <= limit]
     return kept
+
+
+def euclidean_clusters(
+    points: Positions, groups: Integers, tolerance: float, *, workers: int = 1
+) -> Integers:
+    """Return the cluster (n,) of each point; clusters are numbered from 0 in no special order.
+
+    Two points are in the same cluster when they are of the same group and steps between points of
+    that group, none longer than the tolerance, lead from one to the other.
+
+    Args:
+        points: (n, 3) finite x, y, z [m].
+        groups: (n,) not negative; clusters do not reach over groups.
+        tolerance: longest step [m]; one within 1e-9 m of it counts.
+        workers: threads that search for neighbors.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    if not len(points):
+        return np.zeros(0, np.int64)
+    # A search tree cannot split points at the same place, of which sensors may deliver thousands.
+    distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
+    points, groups = distinct[:, :3], distinct[:, 3].astype(np.int64)
+    reach = tolerance + BORDER_TOLERANCE
+    separated = _apart(points, groups, reach)
+    _, neighbors = cKDTree(separated).query(
+        separated, k=_NEIGHBORS + 1, distance_upper_bound=reach, workers=workers
+    )
+    # SciPy marks a missing neighbor with the index `len(points)`.
+    found = neighbors < len(points)
+    linked, _ = np.nonzero(found)
+    edges: _Edges = [(linked, neighbors[found])]
+    clusters = _components(len(points), edges)
+    # Only points that reached the maximum number of links may have further neighbors.
+    crowded = np.flatnonzero(found[:, -1])
+    edges += _missing_links(points, groups, clusters, crowded, reach, workers)
+    if len(edges) > 1:
+        clusters = _components(len(points), edges)
+    return clusters[numbers.reshape(-1)]
+
+
+def _missing_links(
+    points: Positions,
+    groups: Integers,
+    clusters: Integers,
+    crowded: Integers,
+    reach: float,
+    workers: int,
+) -> _Edges:
+    """Return links between crowded points of different clusters of the same group.
+
+    There are few such clusters, so that it is cheap to search, from each point of the smaller one,
+    the nearest point of the larger.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    crowded = crowded[np.argsort(clusters[crowded], kind="stable")]
+    _, starts, ranks, sizes = np.unique(
+        clusters[crowded], return_index=True, return_inverse=True, return_counts=True
+    )
+    if not len(starts):
+        return []
+    tree = cKDTree(_apart(points[crowded], ranks, reach))
+    edges: _Edges = []
+    group_of = groups[crowded[starts]]
+    order = np.argsort(group_of, kind="stable")
+    _, begins, counts = np.unique(group_of[order], return_index=True, return_counts=True)
+    # The clusters of the same group that come before each one.
+    before = np.arange(len(order)) - np.repeat(begins, counts)
+    for places, steps in expanded(before, _POINTS):
+        one, other = order[places], order[places - 1 - steps]
+        swap = sizes[one] > sizes[other]
+        smaller, larger = np.where(swap, other, one), np.where(swap, one, other)
+        for pairs, numbers in expanded(sizes[smaller], _POINTS):
+            asking = starts[smaller[pairs]] + numbers
+            queries = _apart(points[crowded[asking]], larger[pairs], reach)
+            _, nearest = tree.query(queries, distance_upper_bound=reach, workers=workers)
+            found = nearest < len(crowded)
+            edges.append((crowded[asking[found]], crowded[nearest[found]]))
+    return edges
+
+
+def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
+    """Return points (n, 4) whose groups lie out of reach of each other in a fourth dimension."""
+    return np.column_stack([points, 2.0 * reach * groups])
+
+
+def _components(points: int, edges: _Edges) -> Integers:
+    from scipy.sparse import coo_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
+    ends = np.concatenate([a for a, _ in edges]), np.concatenate([b for _, b in edges])
+    links = coo_array((np.ones(len(ends[0]), np.bool_), ends), shape=(points, points))
+    clusters: Integers = connected_components(links, directed=False)[1].astype(np.int64)
+    return clusters
 
 
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}

@@ -70,7 +70,6 @@ def rasterize(
     Raises:
         GeometryError: an array has the wrong shape or holds no numbers.
         ConfigError: a reduction is unknown or does not suit colors, or a limit is invalid.
-        GridMapError: a layer and a field have the same name.
     """
     cloud = as_points(points)
     sources = _sources(cloud, layers, fields or {}, field_reductions or {})
@@ -120,11 +119,10 @@ def from_points(
             are not left out, if there is a length.
         tight: True to take the fewest cells around the middle of the points, wherever the borders
             are then.
-        frame_id: frame of the points and of the map.
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: no point is left to take the extent from; and all that `rasterize` raises.
+        GridMapError: no point is left to take the extent from.
         LimitError: the extent of the points takes too many cells.
     """
     cloud = as_points(points)
@@ -160,13 +158,7 @@ def from_points(
 
 
 def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
-    """Return `points` as a float32 or float64 array (N, 3) or wider; no copy if they are one.
-
-    Masked values become NaN.
-
-    Raises:
-        GeometryError: they are not numbers, or not of this shape.
-    """
+    """Return points as a float32 or float64 array (N, 3) or wider; masked values become NaN."""
     values = _as_floats(points, name)
     if values.ndim != 2 or values.shape[1] < 3:
         raise GeometryError(f"{name}: expected x, y, z of shape (N, 3), got {values.shape}")
@@ -179,9 +171,6 @@ def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
     Args:
         values: (N,) 0xAARRGGBB as integers or as the bits of float32; the common NaN is no color.
         name: name of the values, for the error.
-
-    Raises:
-        GeometryError: they are not numbers.
     """
     given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
     if given.dtype.kind in "iu":

@@ -88,13 +88,9 @@ class Clusters:
 
 
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
-    """Return the clusters of sorted points.
+    """Return the clusters of the points on the map.
 
-    Args:
-        points: the points on the map.
-        common: (m,) variance that all points of a cell share [m^2], such as that of the pose.
-        resolution: side of a cell [m].
-        given: parameters.
+    `common` (m,) is the variance that all points of a cell share [m^2], such as that of the pose.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances

@@ -61,11 +61,7 @@ class Fusion:
     """Fuses the clusters of a scan into the cells of a map, in place.
 
     Attributes:
-        clusters: the clusters of the scan.
-        state: the map.
-        geometry: geometry of the map.
         entries: returns the heights [m] at which the beams of some points entered their cells.
-        given: parameters.
         outcomes: (m,) the `Outcome` for each cell with points.
         chosen: (m,) the cluster that decided on it.
     """
@@ -93,6 +89,12 @@ class Fusion:
         self.chosen = np.where(surface == NONE, clusters.first(is_low), surface)
         self._decide(surface, is_large & is_low)
         self._merge(is_large & is_low)
+
+    @property
+    def is_conflict(self) -> Mask:
+        """(m,) whether the surface of the scan contradicts the height of a cell."""
+        conflict: Mask = self.outcomes >= Outcome.RAISED
+        return conflict
 
     @property
     def is_seen(self) -> Mask:
@@ -164,29 +166,21 @@ class Fusion:
         support[grown] = SIGHTINGS * clusters.counts[found[grown]]
 
         state.heights[cells], state.memory.support[cells] = heights, support
-        least = np.where(self.is_seen, self._least_variances(), 0.0)
-        variances = np.maximum(variances, np.maximum(least, self.given.min_variance))
-        is_conflict = self.outcomes >= Outcome.RAISED
-        state.variances[cells] = variances + self.given.multi_height_noise * is_conflict
-
-    def _least_variances(self) -> Numbers:
-        """Return the smallest variances (m,) that heights can reach [m^2].
-
-        Points come down anywhere in a cell. If u is the largest difference of heights to a
-        neighbor, at most the side of a cell, the mean of n points varies by u^2 / 12 n around the
-        height of the center. In a cell with few points beside one with many, there is only outlying
-        noise of the neighbor's points, which does not average out.
-        """
-        state, cells, size = self.state, self._cells, self.geometry.size
-        support, heights = state.memory.support[cells], state.heights[cells].astype(np.float32)
-        rise = highest_around(state.heights, size)[cells] - heights
-        fall = heights + highest_around(-state.heights, size)[cells]
-        slope = np.minimum(np.maximum(rise, fall), self.geometry.resolution).astype(np.float64)
+        # Points come down anywhere in a cell. If u is the largest difference of heights to a
+        # neighbor, at most the side of a cell, the mean of n points varies by u^2 / 12 n around the
+        # height of the center. A cell with few points beside one with many has only outlying noise
+        # of the neighbor's points, which does not average out.
+        size, low = self.geometry.size, heights.astype(np.float32)
+        above = highest_around(state.heights, size)[cells] - low
+        below = low + highest_around(-state.heights, size)[cells]
+        slope = np.minimum(np.maximum(above, below), self.geometry.resolution).astype(np.float64)
         is_tail = support < TAIL * highest_around(state.memory.support, size)[cells]
-        tails = 4.0 * self.clusters.points.variances[self.clusters.firsts[self.chosen]]
+        tails = 4.0 * clusters.points.variances[clusters.firsts[self.chosen]]
         least = np.maximum(slope * slope / (12.0 * support), is_tail * tails)
-        limited: Numbers = np.minimum(least, self.given.largest_share)
-        return limited
+        least = np.where(self.is_seen, np.minimum(least, self.given.largest_share), 0.0)
+        least = np.maximum(least, self.given.min_variance)
+        noise = self.given.multi_height_noise * self.is_conflict
+        state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
         """Return the candidates (m,) that were seen in enough scans, or `NONE`; note the others."""

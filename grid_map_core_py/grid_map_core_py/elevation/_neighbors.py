@@ -48,7 +48,6 @@ def at_centers(
         points: (3, n) on the map.
         cells: (n,) their cells.
         heights, variances: (cells,) of the map.
-        geometry: geometry of the map.
         threshold: of the gate.
     """
     seen = np.zeros(len(heights), np.bool_)

@@ -37,12 +37,11 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Checks the parameters of a model: finite numbers, not negative unless listed.
-
-    `max_variance` is the default of this parameter for maps of the sensor [m^2].
-    """
+    """Checks the parameters of a model: finite numbers, not negative unless listed."""
 
     max_variance: ClassVar[float] = 0.01
+    """Default of this parameter for maps of the sensor [m^2]."""
+
     _signed: tuple[str, ...] = ()
     _positive: tuple[str, ...] = ()
 
@@ -73,7 +72,9 @@ class LaserModel(_Model):
     beam_angle: float = 0.0006
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
-        slope = _along(points, axis) / distances
+        # A product of matrices would round points differently at different places in the array.
+        x, y, z = map(float, axis)
+        slope = (points[0] * x + points[1] * y + points[2] * z) / distances
         slope *= slope
         across = self.beam_constant + self.beam_angle * distances
         across *= across
@@ -84,7 +85,7 @@ class _Camera(_Model):
     """Noise along the optical axis, the z axis of the sensor, and beside it."""
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
-        del distances  # Only the depth matters.
+        del distances
         depth = points[2]
         share = min(float(axis[2]) ** 2, 1.0)
         along, lateral = self._deviations(depth)
@@ -172,7 +173,7 @@ class PerfectModel(_Model):
     """A sensor without noise, for simulations."""
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
-        del points, axis  # The same everywhere.
+        del points, axis
         return np.zeros_like(distances)
 
 
@@ -189,17 +190,5 @@ class ConstantModel(_Model):
     sensor_noise_factor: float = 0.05
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
-        del points, axis  # The same in all directions.
+        del points, axis
         return self.sensor_noise_factor * (distances * distances)
-
-
-def _along(points: Any, axis: Any) -> Any:
-    """Return the coordinates of points along an axis, with the same rounding for each point.
-
-    A product of matrices would round points differently at different places in the array.
-    """
-    x, y, z = map(float, axis)
-    along = points[0] * x
-    along += points[1] * y
-    along += points[2] * z
-    return along

@@ -84,7 +84,6 @@ class ValueFusion:
         """Fuse values (n,) of points into flat layers (cells,), which are replaced or added.
 
         Args:
-            chosen: the points.
             values: values of all points on the map before they were sorted, by layer.
             layers: layers by name.
             weights: the weights of `average` by name, and the counts of `class_bayesian` by the
@@ -98,7 +97,21 @@ class ValueFusion:
             else:
                 self._fuse_one(name, fusion, chosen, values[name], layers, weights)
         for pattern, names in sets.items():
-            _fuse_classes(pattern, names, chosen, values, layers, weights)
+            size = len(chosen.fresh)
+            total = _forgotten(weights.get(pattern), chosen.fresh, 0.0).astype(np.float64)
+            before = np.where(total > 0.0, total, float(len(names)))
+            sums, added = {}, np.zeros(size)
+            for name in sorted(names):
+                cells, found, _ = _used(chosen, values[name])
+                sums[name] = np.bincount(cells, np.clip(found, 0.0, 1.0), size)
+                added += sums[name]
+            seen = added > 0.0
+            for name in names:
+                old = _forgotten(layers.get(name), chosen.fresh)
+                share = np.where(np.isnan(old), 1.0 / len(names), old)
+                mean = (share * before + sums[name]) / (before + added)
+                layers[name] = np.where(seen, mean, old).astype(np.float32)
+            weights[pattern] = np.where(seen, before + added, total).astype(np.float32)
 
     def _fusion_of(self, name: str) -> tuple[str, str]:
         """Return the pattern that a name matches, and its way of fusion."""
@@ -172,30 +185,3 @@ def _used(
     if not is_color:
         counts &= np.isfinite(found)
     return points.cells[points.groups][counts], found[counts], 1.0 / points.variances[counts]
-
-
-def _fuse_classes(
-    pattern: str,
-    names: list[str],
-    chosen: Chosen,
-    values: Mapping[str, NDArray[Any]],
-    layers: dict[str, NDArray[np.float32]],
-    weights: dict[str, NDArray[np.float32]],
-) -> None:
-    size = len(chosen.fresh)
-    total = _forgotten(weights.get(pattern), chosen.fresh, 0.0).astype(np.float64)
-    before = np.where(total > 0.0, total, float(len(names)))
-    sums = {}
-    for name in names:
-        cells, found, _ = _used(chosen, values[name])
-        sums[name] = np.bincount(cells, np.clip(found, 0.0, 1.0), size)
-    added = np.zeros(size)
-    for name in sorted(names):
-        added += sums[name]
-    seen = added > 0.0
-    for name in names:
-        old = _forgotten(layers.get(name), chosen.fresh)
-        share = np.where(np.isnan(old), 1.0 / len(names), old)
-        mean = (share * before + sums[name]) / (before + added)
-        layers[name] = np.where(seen, mean, old).astype(np.float32)
-    weights[pattern] = np.where(seen, before + added, total).astype(np.float32)

@@ -40,13 +40,9 @@ from ._state import State
 
 
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
-    """Return the heights [m] at which beams entered the cells of their points.
+    """Return the heights (k,) at which beams entered the cells of their points [m].
 
-    Args:
-        scan: the scan.
-        geometry: geometry of the map.
-        order: (n,) places in the scan of points on the map.
-        chosen: (k,) which of these points.
+    `order` (n,) are the places of the points on the map in the scan, `chosen` (k,) some of these.
     """
     chosen = order[chosen]
     rows = geometry.size[0]
@@ -73,13 +69,7 @@ def cleared_cells(
 ) -> Integers:
     """Return the numbers of the cells that beams prove to be free.
 
-    Args:
-        scan: the beams.
-        points: the points on the map, sorted by cell.
-        state: the map.
-        confirmed: (k,) cells that this scan has confirmed.
-        geometry: geometry of the map.
-        given: parameters.
+    `points` are the points on the map, `confirmed` (k,) the cells that this scan has confirmed.
     """
     heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
@@ -204,10 +194,7 @@ MARGIN = 1e-9
 """Heights [m] by which beams are looked at too early, against rounding."""
 
 SECTORS, RINGS = 512, 32
-"""Parts of the surroundings of the sensor, by direction and by distance.
-
-The highest cell in each part that could be cleared tells where a beam has nothing to look for.
-"""
+"""Parts around the sensor, by direction and distance; beams above all cells of a part skip it."""
 
 
 def direction(x: Any, y: Any) -> Any:
