@@ -236,7 +236,7 @@ def test_packages_import_exported_names_of_siblings(package):
         ("from grid_map_core_py import GridMap", []),
         ("from grid_map_core_py import testing", []),
         ("from grid_map_core_py.errors import GridMapError", []),
-        ("from grid_map_ros_py.messages._time import to_time", []),
+        ("from grid_map_ros_py.messages._fields import to_time", []),
         ("from grid_map_core_py.errors import Any", ["grid_map_core_py.errors.Any"]),
         ("from grid_map_core_py.errors import _text", ["grid_map_core_py.errors._text"]),
         ("from grid_map_core_py.map import _geometry", ["grid_map_core_py.map._geometry"]),

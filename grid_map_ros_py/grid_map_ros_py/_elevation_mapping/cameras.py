@@ -21,10 +21,8 @@ from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
 from ..messages._cdr import view
-from ..messages._checks import check_fields
+from ..messages._fields import Matrix, check_fields, from_stamp
 from ..messages._image import to_pixels
-from ..messages._pose import Matrix
-from ..messages._time import from_stamp
 from ..nodes._scans import Cloud
 
 Floats = npt.NDArray[np.float64]

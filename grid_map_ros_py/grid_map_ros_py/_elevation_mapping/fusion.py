@@ -16,7 +16,7 @@ from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import check
 
 from ..errors import MessageError
-from ..messages._pose import Matrix
+from ..messages._fields import Matrix
 from ..nodes._poses import Placement
 from ..nodes._scans import Cloud
 from .cameras import Picture, seen_cells

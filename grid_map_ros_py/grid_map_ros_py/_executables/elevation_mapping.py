@@ -45,13 +45,15 @@ from ..nodes import (
     offer_service,
 )
 from ..nodes._parameters import read_fields
-from ..nodes._pose_sources import (
+from ..nodes._poses import (
     POSE_QUEUE,
     POSE_TYPES,
+    PoseHistory,
+    Poses,
     chosen_source,
+    from_xyz_rpy,
     subscribe_to_poses,
 )
-from ..nodes._poses import PoseHistory, Poses, from_xyz_rpy
 from ..nodes._scans import ScanInputs, ScanQueue, read_cloud
 from ..nodes._topics import listen
 
@@ -84,7 +86,7 @@ class ElevationMappingNode(ConfiguredNode):
             raw_rate=settings.min_update_rate,
             filtered_rate=settings.fused_map_publishing_rate,
         )
-        self._inputs = ScanInputs(self, self._log, self._lay_patch)
+        self._inputs = ScanInputs(self, self._log, self._lay_patch if self._patch else None)
         self._poses = self._make_poses()
         self._queues = {source.name: self._subscribe(source) for source in sources}
         services = MapServices(self, settings, self._fusion, self._outputs, self._inputs)

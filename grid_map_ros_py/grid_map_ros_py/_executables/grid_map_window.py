@@ -36,8 +36,7 @@ from ..nodes import (
     read_parameter,
     steady_timer,
 )
-from ..nodes._pose_sources import POSE_TYPES, chosen_source, subscribe_to_poses
-from ..nodes._poses import PoseHistory
+from ..nodes._poses import POSE_TYPES, PoseHistory, chosen_source, subscribe_to_poses
 
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 

@@ -24,13 +24,15 @@ from ..nodes import (
     steady_timer,
 )
 from ..nodes._parameters import read_fields
-from ..nodes._pose_sources import (
+from ..nodes._poses import (
     POSE_QUEUE,
     POSE_TYPES,
+    PoseHistory,
+    Poses,
     chosen_source,
+    from_xyz_rpy,
     subscribe_to_poses,
 )
-from ..nodes._poses import PoseHistory, Poses, from_xyz_rpy
 from ..nodes._scans import ScanInputs, ScanQueue, fuse_rolling, read_cloud
 
 

@@ -38,15 +38,19 @@ if TYPE_CHECKING:
     )
 
     from ._configured import ConfiguredNode as ConfiguredNode
-    from ._health import Health as Health, health_of as health_of
-    from ._logs import LogThrottle as LogThrottle, dropping as dropping
+    from ._health import (
+        Health as Health,
+        LogThrottle as LogThrottle,
+        dropping as dropping,
+        health_of as health_of,
+    )
     from ._parameters import (
         check_topic as check_topic,
         read_limits as read_limits,
         read_parameter as read_parameter,
         read_parameter_tree as read_parameter_tree,
     )
-    from ._pose_sources import TfPoses as TfPoses, has_tf as has_tf
+    from ._poses import TfPoses as TfPoses, has_tf as has_tf
     from ._profile import use_profile as use_profile
     from ._spin import run as run, steady_timer as steady_timer
     from ._topics import (
@@ -60,10 +64,9 @@ if TYPE_CHECKING:
 _OFFERED = {
     "grid_map_core_py._arrays": "keep_memory",
     "._configured": "ConfiguredNode",
-    "._health": "Health health_of",
-    "._logs": "LogThrottle dropping",
+    "._health": "Health LogThrottle dropping health_of",
     "._parameters": "check_topic read_limits read_parameter read_parameter_tree",
-    "._pose_sources": "TfPoses has_tf",
+    "._poses": "TfPoses has_tf",
     "._profile": "use_profile",
     "._spin": "run steady_timer",
     "._topics": "LatchedSubscription MapPublisher MapSubscription map_qos offer_service",

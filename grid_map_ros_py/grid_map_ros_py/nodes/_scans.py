@@ -20,10 +20,9 @@ from grid_map_core_py.plugins import check
 
 from ..errors import DROPPED, reason
 from ..messages._cdr import view
+from ..messages._fields import NANOSECONDS, from_stamp
 from ..messages._point_cloud import read_columns
-from ..messages._time import NANOSECONDS, from_stamp
-from ._health import health_of
-from ._logs import LogThrottle
+from ._health import LogThrottle, health_of
 from ._poses import LONGEST_JITTER, Placement, Poses
 from ._spin import steady_timer
 from ._topics import warn_of_gaps
@@ -204,7 +203,7 @@ class ScanInputs:
     """
 
     def __init__(
-        self, node: Node, log: LogThrottle, prepare: Callable[[], object] = lambda: None
+        self, node: Node, log: LogThrottle, prepare: Callable[[], object] | None = None
     ) -> None:
         self._node, self._log, self._prepare = node, log, prepare
         self._health = health_of(node)
@@ -244,7 +243,8 @@ class ScanInputs:
 
     def work(self) -> None:
         """Fuse the scans whose poses are known, and warn of silent sensors."""
-        self._prepare()
+        if self._prepare:
+            self._prepare()
         now = time.monotonic()
         for sensor in self._sensors:
             self._count(sensor, sensor.queue.work())

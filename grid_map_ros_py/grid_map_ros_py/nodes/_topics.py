@@ -14,8 +14,7 @@ from grid_map_core_py._arrays import LARGEST_BLOCK, keep_memory
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..messages._grid_map import ReceivedMap
-from ._health import health_of
-from ._logs import LogThrottle, dropping
+from ._health import LogThrottle, dropping, health_of
 
 WEAKER: dict[QoSPolicyKind, Any] = {
     QoSPolicyKind.DURABILITY: DurabilityPolicy.VOLATILE,
