@@ -151,8 +151,8 @@ def create_and_destroy(create_node: Callable[[], Node]) -> int:
 
 
 # No executable has been imported yet.
-for room in (nodes, parameters):
-    room.read_parameter, room.read_parameter_tree = record, record_tree  # type: ignore[assignment]
+for module in (nodes, parameters, _spin):
+    module.read_parameter, module.read_parameter_tree = record, record_tree  # type: ignore[assignment]
 nodes.run = _spin.run = create_and_destroy  # type: ignore[assignment]
 
 
@@ -187,7 +187,7 @@ def table(name: str) -> str:
     cls = FILTERS.get(name) or VISUALIZATIONS.get(name) or MODELS.get(name)
     rows = rows_of_class(cls) if cls else rows_of_node(name)
     end = ""
-    if LIMITS <= {row.name for row in rows}:
+    if {row.name for row in rows} >= LIMITS:
         rows = [row for row in rows if row.name not in LIMITS]
         end = "\nEvery node also has the limits `max_cells`, `max_bytes` and `max_ratio`.\n"
     if not rows:

@@ -2,7 +2,7 @@
 """Parameters of the node `elevation_mapping`."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -173,8 +173,8 @@ def read_mapper_parameters(
 
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
-) -> Callable[[], ElevationFusion]:
-    """Return a function that makes the fusion, which may compile for some seconds."""
+) -> ElevationFusion:
+    """Return the fusion; the first one on a machine may compile for some seconds."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
@@ -193,7 +193,7 @@ def read_fusion(
     about = "the same for channels of images: `color`, `latest` or `exponential`"
     channels = read_parameter_tree(node, "image_channel_fusions", description=about)
     frame, fusions = frame_name(settings.map_frame_id), channel_fusions(fields)
-    return lambda: ElevationFusion(
+    return ElevationFusion(
         ElevationMapper(geometry, frame, value_fusions=fusions, **parameters),
         follow=settings.pose_source != "none",
         covariance_scale=scale,

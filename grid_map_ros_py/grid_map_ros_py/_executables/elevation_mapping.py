@@ -71,13 +71,12 @@ class ElevationMappingNode(ConfiguredNode):
         health.inputs, health.details = "scans", self._details
         sources = read_sources(self)
         self._settings = settings = read_fields(self, Settings)
-        make_fusion = read_fusion(self, settings, sources)
+        if ElevationMapper.must_compile():
+            self.get_logger().info("compiles for some seconds, this first time only")
+        self._fusion, self._patch = read_fusion(self, settings, sources), settings.patch
         if unused := read_unused(self, sources):
             self.get_logger().warning(f"parameters without effect: {'; '.join(unused)}")
         chain = read_chain(self)
-        if ElevationMapper.must_compile():
-            self.get_logger().info("compiles for some seconds, this first time only")
-        self._fusion, self._patch = make_fusion(), settings.patch
         self._outputs = MapOutputs(
             self,
             self._fusion,

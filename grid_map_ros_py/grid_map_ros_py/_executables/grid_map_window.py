@@ -22,8 +22,7 @@ from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import select_layers
 
 from .. import ReceivedMap, to_serialized_message
-from .._serving.latest_only import LatestOnly
-from .._serving.tiled_source import read_source, window
+from .._serving import LatestOnly, read_source, window
 from ..errors import MessageError, reason
 from ..nodes import (
     ConfiguredNode,

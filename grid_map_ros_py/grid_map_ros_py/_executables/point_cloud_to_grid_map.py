@@ -27,13 +27,14 @@ from ..nodes._parameters import read_fields
 from ..nodes._poses import (
     POSE_QUEUE,
     POSE_TYPES,
+    Placement,
     PoseHistory,
     Poses,
     chosen_source,
     from_xyz_rpy,
     subscribe_to_poses,
 )
-from ..nodes._scans import ScanInputs, ScanQueue, fuse_rolling, read_cloud
+from ..nodes._scans import Cloud, ScanInputs, ScanQueue, read_cloud
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,13 +144,18 @@ class PointCloudToGridMapNode(ConfiguredNode):
             poses = PoseHistory(settings.map_frame, mount)
             kind, topic = POSE_TYPES[source], settings.pose_topic
             subscribe_to_poses(self, kind, topic, poses, inputs.work, log, POSE_QUEUE)
-        fuse = partial(
-            fuse_rolling,
-            rolling_map,
-            follow=settings.robot_centric,
-            min_range=settings.min_range,
-            max_range=settings.max_range,
-        )
+
+        def fuse(scan: Cloud, placement: Placement) -> None:
+            rolling_map.fuse(
+                scan.points,
+                scan.columns,
+                transform=placement.transform,
+                min_range=settings.min_range,
+                max_range=settings.max_range,
+                position=placement.center if settings.robot_centric else None,
+                timestamp=scan.stamp,
+            )
+
         clouds = ScanQueue(
             poses,
             partial(read_cloud, fields=settings.fields),

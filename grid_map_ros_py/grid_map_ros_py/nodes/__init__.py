@@ -33,11 +33,8 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from grid_map_core_py._arrays import (
-        keep_memory as keep_memory,
-    )
+    from grid_map_core_py._arrays import keep_memory as keep_memory
 
-    from ._configured import ConfiguredNode as ConfiguredNode
     from ._health import (
         Health as Health,
         LogThrottle as LogThrottle,
@@ -52,7 +49,7 @@ if TYPE_CHECKING:
     )
     from ._poses import TfPoses as TfPoses, has_tf as has_tf
     from ._profile import use_profile as use_profile
-    from ._spin import run as run, steady_timer as steady_timer
+    from ._spin import ConfiguredNode as ConfiguredNode, run as run, steady_timer as steady_timer
     from ._topics import (
         LatchedSubscription as LatchedSubscription,
         MapPublisher as MapPublisher,
@@ -63,12 +60,11 @@ if TYPE_CHECKING:
 
 _OFFERED = {
     "grid_map_core_py._arrays": "keep_memory",
-    "._configured": "ConfiguredNode",
     "._health": "Health LogThrottle dropping health_of",
     "._parameters": "check_topic read_limits read_parameter read_parameter_tree",
     "._poses": "TfPoses has_tf",
     "._profile": "use_profile",
-    "._spin": "run steady_timer",
+    "._spin": "ConfiguredNode run steady_timer",
     "._topics": "LatchedSubscription MapPublisher MapSubscription map_qos offer_service",
 }
 _MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}

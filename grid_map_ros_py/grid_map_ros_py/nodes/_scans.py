@@ -15,7 +15,6 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
-from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.plugins import check
 
 from ..errors import DROPPED, reason
@@ -167,27 +166,6 @@ def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
         message = view(message, PointCloud2)
     stamp = from_stamp(message.header.stamp)
     return Cloud(message.header.frame_id, stamp, *read_columns(message, fields))
-
-
-def fuse_rolling(
-    rolling_map: RollingMap,
-    scan: Cloud,
-    placement: Placement,
-    *,
-    follow: bool,
-    min_range: float = 0.0,
-    max_range: float = math.inf,
-) -> None:
-    """Fuse a cloud into a `RollingMap`, which moves with the robot if `follow` is true."""
-    rolling_map.fuse(
-        scan.points,
-        scan.columns,
-        transform=placement.transform,
-        min_range=min_range,
-        max_range=max_range,
-        position=placement.center if follow else None,
-        timestamp=scan.stamp,
-    )
 
 
 class ScanInputs:
