@@ -403,7 +403,7 @@ def test_node_says_that_it_compiles_if_it_does(
     with running_node(MODULE, *options(tmp_path)) as node:
         wait_until(lambda: "poses: " in node.text, "the node")
         assert text not in node.text
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     process = start_node(MODULE, *options(tmp_path))
     try:
         wait_until(lambda: text in process.text, "the news")

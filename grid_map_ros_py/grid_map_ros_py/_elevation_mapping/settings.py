@@ -18,7 +18,7 @@ from grid_map_core_py.plugins import check
 
 from ..nodes import ConfiguredNode, read_parameter, read_parameter_tree
 from ..nodes._parameters import names_below, read_fields
-from .fusion import ElevationFusion, Patch
+from .fusion import ElevationFusion
 from .outputs import Chain, make_chain
 from .sources import (
     UNUSED_PARAMETERS,
@@ -121,18 +121,6 @@ class Settings:
     def track_point(self) -> tuple[float, float, float]:
         """The point that the map follows [m], in its frame."""
         return self.track_point_x, self.track_point_y, self.track_point_z
-
-    @property
-    def patch(self) -> Patch | None:
-        """The patch with which the map begins; None without a patch."""
-        if not self.initialize_elevation_map or self.pose_source == "none":
-            return None
-        return Patch(
-            (self.length_in_x_init_submap, self.length_in_y_init_submap),
-            self.init_submap_height_offset,
-            self.init_submap_variance,
-            frame_name(self.target_frame_init_submap or self.robot_base_frame_id),
-        )
 
 
 def read_sources(node: ConfiguredNode) -> list[InputSource]:

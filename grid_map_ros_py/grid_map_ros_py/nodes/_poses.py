@@ -42,9 +42,6 @@ Covariance = npt.NDArray[np.float64]
 LONGEST_JITTER = NANOSECONDS
 """Time [ns] by which a scan or a pose may be earlier than the one before without a reset."""
 
-INDEFINITE = 1e-6
-"""Largest deviation of a covariance from a symmetric, positive semi-definite one, relative."""
-
 
 @dataclass(frozen=True)
 class Placement:
@@ -148,7 +145,7 @@ class PoseHistory(Poses):
         stamp = from_stamp(message.header.stamp)
         matrix = from_pose(message)
         given = getattr(message.pose, "covariance", None) if self._with_covariances else None
-        covariance = None if given is None else from_covariance(given)
+        covariance = None if given is None else np.reshape(given, (6, 6))
         self.go_back(stamp)
         place = bisect_right(self._stamps, stamp)
         self._stamps.insert(place, stamp)
@@ -212,29 +209,6 @@ class PoseHistory(Poses):
             return after, after, 0.0
         begin, end = self._stamps[after - 1], self._stamps[after]
         return after - 1, after, (stamp - begin) / (end - begin)
-
-
-def from_covariance(values: npt.ArrayLike) -> Covariance:
-    """Return the covariance (36,) of a message as a matrix (6, 6).
-
-    Rounding errors of the sender, up to `INDEFINITE`, are mended.
-    """
-    matrix = np.asarray(values, np.float64).reshape(6, 6)
-    with np.errstate(over="ignore", invalid="ignore"):
-        largest = float(np.abs(matrix).max())
-        is_symmetric = np.abs(matrix - matrix.T).max() <= INDEFINITE * largest
-    least = 0.0
-    if np.isfinite(largest) and is_symmetric and largest > 0.0:
-        matrix = 0.5 * (matrix + matrix.T)
-        eigenvalues, vectors = np.linalg.eigh(matrix / largest)
-        least = eigenvalues[0]
-        if least < 0.0:
-            matrix = largest * ((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
-            matrix = 0.5 * (matrix + matrix.T)
-    if not (np.isfinite(largest) and is_symmetric and least >= -INDEFINITE):
-        expected = "36 numbers of a symmetric, positive semi-definite matrix"
-        raise MessageError("pose.covariance", expected, np.ravel(values).tolist())
-    return matrix
 
 
 def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance | None:
