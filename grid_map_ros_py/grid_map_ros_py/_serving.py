@@ -81,16 +81,13 @@ def part(
 def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
     """Return a function that opens the map in the parameter `source`; None without a source."""
     kind: Any = str | list[str]
-    about = (
-        "map of any size, of which parts are read: a Zarr store, a GeoTIFF file or a list of "
-        "them; empty means none"
-    )
+    about = "map of any size: a Zarr store, a GeoTIFF file or a list of them; empty means none"
     source = read_parameter(node, "source", kind, "", description=about)
     about = "frame of the source; empty means as stored"
     frame_id = node.read("frame_id", "", about)
     about = (
-        "latitude and longitude [deg, WGS 84] of the origin of the frame, for a source with "
-        "coordinates of the earth; empty means that of the source"
+        "latitude and longitude [deg, WGS 84] of the origin of the frame, for a georeferenced "
+        "source; empty means that of the source"
     )
     origin = read_parameter(node, "origin", list[float], [], description=about)
     fits = len(origin) in (0, 2) and bool(np.isfinite(origin).all())

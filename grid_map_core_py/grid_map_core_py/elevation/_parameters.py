@@ -28,38 +28,33 @@ class Parameters:
 
     Attributes:
         min_variance: smallest variance of a cell [m^2].
-        max_variance: largest variance [m^2], beyond which a cell becomes unknown; 0 or less is no
-            limit. The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: a point agrees with a height if they differ by at most this
-            many standard deviations.
-        multi_height_noise: variance that a cell gains by a scan that contradicts it [m^2].
-        time_variance: variance that each cell gains per second [m^2/s].
-        scanning_duration: time since the last confirmation [s] after which a cell may be cleared or
-            lowered.
-        conflict_points: number of points of one scan that must agree with each other to replace the
-            height of a cell.
-        min_support: share of the points of the densest cluster of a cell that a higher cluster
-            needs to be its surface at once; with fewer points it must be seen in three scans.
-        overhang_clearance: a cluster this much above another one of the same scan is an overhang
-            [m]: the ground stays, and the layer `overhang` has the height of its lower side; 0
-            takes the highest surface.
-        max_time_jump: difference between the times of two scans [s] above which the clock of the
-            map starts anew.
-        enable_visibility_cleanup: True to clear cells above beams that passed through them.
-        max_ray_length: length of beams [m] up to which they clear cells.
-        cleanup_min_angle: smallest angle between a beam and the surface [rad]; beams that graze the
-            surface clear nothing.
-        enable_drift_compensation: True to move the map up or down after the scans.
+        max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
+            The default for a `ConstantModel` is 100.
+        mahalanobis_distance_threshold: largest difference between a point and a height that agree
+            [standard deviations].
+        multi_height_noise: variance that a contradicting scan adds to a cell [m^2].
+        time_variance: growth of the variance of every cell [m^2/s].
+        scanning_duration: time without confirmation after which a cell may be cleared or lowered
+            [s].
+        conflict_points: number of points of one scan that must agree to replace a height.
+        min_support: share of the points of the densest cluster in a cell that a higher cluster
+            needs to become the surface at once; otherwise it must be seen in three scans.
+        overhang_clearance: gap above which a higher cluster is an overhang [m]: the ground stays,
+            and the layer `overhang` holds the lower side; 0 takes the highest surface.
+        max_time_jump: time between two scans above which the clock of the map restarts [s].
+        enable_visibility_cleanup: clear cells above beams that passed through them.
+        max_ray_length: length up to which beams clear cells [m].
+        cleanup_min_angle: smallest angle between a surface and the beams that clear it [rad].
+        enable_drift_compensation: move the map up or down to follow the scans.
         max_drift: largest offset between scan and map that is compensated [m].
-        drift_compensation_alpha: share of the offset by which the map moves in an update.
+        drift_compensation_alpha: share of the offset by which the map moves per update.
         drift_compensation_variance_inlier: largest variance of cells that measure the offset [m^2].
         min_drift_cells: number of cells that must agree on the offset.
-        ignore_points_above, ignore_points_below: points that are higher or lower, relative to the
-            sensor, are dropped [m].
-        min_range, max_range: points that are nearer or farther are dropped [m].
-        horizontal_variances: True to keep the layer `horizontal_variance`, which
+        ignore_points_above, ignore_points_below: limit of heights relative to the sensor [m].
+        min_range, max_range: limit of the distance from the sensor [m].
+        horizontal_variances: keep the layer `horizontal_variance`, which
             `ElevationMapper.fused_map` needs.
-        exponential_alpha: share of a scan in values that are fused by `exponential`.
+        exponential_alpha: share of the last scan in the fusion `exponential`.
     """
 
     min_variance: float = 9e-6
@@ -164,7 +159,7 @@ class _Model:
 class LaserModel(_Model):
     """Lidar: noise along the beam, and a beam that widens with the distance.
 
-    The beam of each point gives its direction, so that the model holds for spinning lidars, too.
+    Each point has the direction of its own beam, so the model also fits spinning lidars.
 
     Attributes:
         min_radius: standard deviation along the beam [m].
@@ -215,9 +210,8 @@ class StructuredLightModel(_Camera):
 
     Attributes:
         cutoff_min_depth, cutoff_max_depth: points with another depth are dropped [m].
-        normal_factor_a, normal_factor_b, normal_factor_c: factors a, b, c of the standard deviation
-            a + b (z - c)^2 + d z^e of the depth z [m].
-        normal_factor_d, normal_factor_e: factors d, e of it.
+        normal_factor_a: a in the standard deviation a + b (z - c)^2 + d z^e of the depth z [m].
+        normal_factor_b, normal_factor_c, normal_factor_d, normal_factor_e: see `normal_factor_a`.
         lateral_factor: standard deviation beside the optical axis, per meter of depth.
     """
 

@@ -59,7 +59,7 @@ class GridMapWindowNode(ConfiguredNode):
             self, "layers", list[str], [], description="layers of the window; empty means all"
         )
         length = self.read_positive("length", 20.0, "side of the window [m]")
-        about = "way of the robot after which a new window is published [m]"
+        about = "distance that the robot moves before the next window [m]"
         self._step = self.read_number("step", 0.5, 0.0, 1e9, about)
         self._period = 1 / self.read_positive("rate", 10.0, "largest rate of windows [Hz]")
         about = (
@@ -72,7 +72,7 @@ class GridMapWindowNode(ConfiguredNode):
         pose_topic = self.read_topic("pose_topic", "/odom", about)
         robot_frame = self.read("robot_frame", "base_link", "frame of the robot, with tf")
         topic = self.read_topic("output_topic", "/grid_map", "topic of the window")
-        about = "whether maps of `write_topic` are merged into the source, a Zarr store"
+        about = "merge maps of `write_topic` into the source, a Zarr store"
         writes = self.read("write_back", False, about)
         write_topic = self.read_topic("write_topic", "/elevation_map", "topic of maps to merge")
 
