@@ -143,7 +143,7 @@ def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequenc
 
 
 class LatestOnly(Generic[T]):
-    """Calls a function in a thread; of the things that wait for it, only the newest one counts.
+    """Calls a function in a thread with the newest of the things that wait for it.
 
     Args:
         function: called with one thing at a time.
@@ -155,12 +155,12 @@ class LatestOnly(Generic[T]):
         self._waiting: T | None = None
         self._is_closed = False
         self._outcomes: deque[Exception | None] = deque(maxlen=100)
-        # A daemon: a disk that hangs must not keep the program from ending.
+        # A daemon, so that a disk that hangs cannot keep the program from ending.
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def put(self, thing: T) -> None:
-        """Let the thread take a thing, in place of one that waits."""
+        """Replace the waiting thing."""
         with self._change:
             self._waiting = thing
             self._change.notify()
@@ -171,10 +171,7 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Wait until the thing that waits is worked on, too; return whether that is so in time [s].
-
-        The thread takes no further things.
-        """
+        """Finish the waiting thing, and stop; return whether that took at most `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()
@@ -182,16 +179,15 @@ class LatestOnly(Generic[T]):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        while (thing := self._next()) is not None:
+        while True:
+            with self._change:
+                self._change.wait_for(lambda: self._waiting is not None or self._is_closed)
+                thing, self._waiting = self._waiting, None
+            if thing is None:
+                return
             try:
                 self._function(thing)
             except Exception as error:  # for the thread that asks for outcomes
                 self._outcomes.append(error)
             else:
                 self._outcomes.append(None)
-
-    def _next(self) -> T | None:
-        with self._change:
-            self._change.wait_for(lambda: self._waiting is not None or self._is_closed)
-            thing, self._waiting = self._waiting, None
-            return thing

@@ -10,7 +10,7 @@ from bags import DATA, TOPIC, number_of, numbered_map
 from conftest import arguments
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import BagError, from_message, load_from_bag, save_to_bag, to_message
+from grid_map_ros_py import BagError, from_message, load_from_bag, to_message
 from grid_map_ros_py.testing import (
     Process,
     peer,
@@ -92,15 +92,3 @@ def test_continuous_saver_saves_every_map_and_drops_invalid_messages(tmp_path):
         wait_until(lambda: "more maps saved: 1\n" in saver.text, "the number of maps")
         assert saver.text.count("saved GridMap") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-
-
-def test_map_passes_from_bag_to_bag_through_both_nodes(tmp_path):
-    save_to_bag(numbered_map(4), tmp_path / "one", TOPIC)
-    with running_node(LOADER, *arguments(file_path=tmp_path / "one")):
-        saver = start_node(SAVER, *arguments(file_path=tmp_path / "two"))
-        try:
-            assert saver.wait() == 0, saver.text
-        finally:
-            saver.kill()
-    one, two = ((tmp_path / name / f"{name}_0.mcap").read_bytes() for name in ("one", "two"))
-    assert two.replace(b"two", b"one") == one

@@ -25,23 +25,13 @@ def start(role: str, profile: str = "") -> Process:
 
 def test_no_large_map_is_lost() -> None:
     with running(start("receive")) as receiver, running(start("send")) as sender:
-        wait_until(lambda: len(receiver.lines) == 6, "all five maps")
+        wait_until(lambda: len(receiver.lines) == 5, "all five maps")
         wait_until(lambda: sender.lines, "the sender to say so")
-    *maps, pages = map(json.loads, receiver.lines)
-    assert maps == [[k, 9, 1000, 1000] for k in range(5)]
-    assert pages < 1000
+    assert [*map(json.loads, receiver.lines)] == [[k, 9, 1000, 1000] for k in range(5)]
     # The profile is applied, not ignored.
     size = ElementTree.parse(PROFILE).find(f".//{NAMESPACE}segment_size")
     assert size is not None
     assert json.loads(sender.lines[0])["largest segment"] >= int(str(size.text))
-
-
-def test_freed_memory_is_kept_on_request() -> None:
-    process = start("print pages")
-    assert process.wait() == 0
-    by_itself, kept = map(int, process.lines)
-    assert kept < 100
-    assert by_itself > 9000
 
 
 def test_lost_clouds_are_logged_once() -> None:

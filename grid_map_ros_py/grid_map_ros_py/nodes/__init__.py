@@ -23,8 +23,8 @@ A complete node, which receives maps from all reliable publishers and publishes 
     if __name__ == "__main__":
         raise SystemExit(run(Scaler))
 
-`run` ends the node on Ctrl-C and returns the exit code. All names are loaded on first use, since
-rclpy takes long to import.
+`run` ends the node on Ctrl-C and returns the exit code. Names are loaded on first use, since
+rclpy is slow to import.
 """
 
 import importlib
@@ -76,8 +76,8 @@ __all__ = sorted(["quiet_start", *_MODULE_OF])
 def quiet_start() -> None:
     """Let Ctrl-C end an executable at once, without a traceback, until `run` handles it.
 
-    Call it where a package of executables begins, before rclpy is imported: importing takes most of
-    the time in which an executable starts. It does nothing in a program that imports the package.
+    Call it at the top of a package of executables, before rclpy is imported, which takes most of
+    the start. It does nothing in a program that imports the package.
     """
     # Executables are started with Ctrl-C blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])

@@ -22,7 +22,7 @@ PERIOD = 1.0
 """Time between two reports of a node [s]."""
 
 PATIENCE = 1.0
-"""Time after which a publisher has found its subscribers, and in which they acknowledge [s]."""
+"""Time for a publisher to find its subscribers, and for them to acknowledge [s]."""
 
 
 @dataclass
@@ -31,7 +31,7 @@ class Health:
 
     Attributes:
         inputs: name of the inputs, such as "maps".
-        received, used, dropped: number of inputs that came, were processed, could not be used.
+        received, used, dropped: number of received, processed and unusable inputs.
         last_error: reason for the last dropped input; empty if there is none.
         problem: the last problem that did not cause a drop; empty if there is none.
         details: returns further values by name.
@@ -61,12 +61,12 @@ class Health:
         self.use()
 
     def receive(self) -> None:
-        """Count an input that has come."""
+        """Count a received input."""
         self.received += 1
         self._last_time = time.monotonic()
 
     def use(self, count: int = 1) -> None:
-        """Count inputs that have been processed."""
+        """Count processed inputs."""
         self.used += count
         self._last_was_dropped = False
 
@@ -76,7 +76,7 @@ class Health:
         self._last_was_dropped, self.last_error = True, why
 
     def drop_used(self, why: str) -> None:
-        """Count the last used input as dropped, as it turned out later that it cannot be used."""
+        """Recount the last used input as dropped, after it turned out to be unusable."""
         self.used -= 1
         self.drop(why)
 
@@ -94,8 +94,8 @@ class Health:
             self._publish(node, level, f"{text}; {self.problem}" if self.problem else text)
 
     def report_failure(self, node: Node, reason: str) -> None:
-        """Publish that the node ends, and wait until subscribers have it, at most 2 s."""
-        # The reason for the end, which the caller reports as well, must not be lost.
+        """Publish why the node ends, and wait up to 2 s for the subscribers."""
+        # The caller must still report the reason for the end.
         with suppress(Exception):
             if self._publisher is None:
                 self.offer(node)
@@ -184,9 +184,9 @@ class LogThrottle:
 
 @contextmanager
 def dropping(log: LogThrottle, what: str) -> Iterator[None]:
-    """Log `what` with the reason if the context raises a `GridMapError` or a `MemoryError`.
+    """Log a `GridMapError` or `MemoryError` of the context as `what`, and continue.
 
-    A `NodeFailedError` and all other exceptions pass.
+    A `NodeFailedError` and all other exceptions propagate.
     """
     try:
         yield

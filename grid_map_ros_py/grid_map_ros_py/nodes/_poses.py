@@ -34,13 +34,13 @@ POSE_TYPES = {
 """Types of messages with poses of a robot, by their names in parameters."""
 
 POSE_QUEUE = 100
-"""Depth of a subscription to poses, which arrive faster than scans are fused."""
+"""Depth of subscriptions to poses, which arrive faster than scans are fused."""
 
 Covariance = npt.NDArray[np.float64]
 """(6, 6) covariance of x, y, z [m] and of the rotations about the axes x, y, z [rad]."""
 
 LONGEST_JITTER = NANOSECONDS
-"""Time [ns] by which a scan or a pose may be earlier than the one before without a reset."""
+"""Largest step back in time of scans or poses that is no reset [ns]."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ def has_tf() -> bool:
 
 
 def chosen_source(name: str, without_tf: str) -> str:
-    """Return the source of poses for a parameter: `auto` is tf, or another one without tf2."""
+    """Return the source of poses; `auto` selects tf, or `without_tf` if tf2 is missing."""
     if name == "auto":
         return "tf" if has_tf() else without_tf
     return name
@@ -272,7 +272,7 @@ def subscribe_to_poses(
 
 
 class TfPoses(Poses):
-    """Source of poses that looks them up in the tree of transforms.
+    """Poses from tf2.
 
     Args:
         node: node that subscribes to `/tf` and `/tf_static`.
@@ -342,5 +342,5 @@ class TfPoses(Poses):
             return None
 
     def go_back(self, _stamp: int) -> None:
-        # tf2 refuses transforms earlier than those it has; those of `/tf_static` stay.
+        # tf2 ignores older transforms until it is cleared; those of `/tf_static` stay.
         self._buffer.clear()

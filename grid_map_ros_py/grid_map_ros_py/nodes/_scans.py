@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans of sensors, each of which is fused as soon as its pose is known."""
+"""Queues of scans, each of which is fused as soon as its pose is known."""
 
 import math
 import time
@@ -35,7 +35,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Number of fused and dropped scans, of the points of the fused ones, and the time [s]."""
+    """Numbers of fused and dropped scans, points and time [s] of the fused ones."""
 
     fused: int = 0
     dropped: int = 0
@@ -74,8 +74,8 @@ class Cloud:
 class ScanQueue:
     """Scans of one sensor that wait for their poses.
 
-    If a scan is more than `LONGEST_JITTER` earlier than the one before, time was reset, for example
-    because a bag is played again: poses and scans of later times are forgotten.
+    If a scan is more than `LONGEST_JITTER` earlier than the one before, time was reset, as when a
+    bag starts again: later poses and scans are forgotten.
 
     Attributes:
         poses: source of the poses.

@@ -87,7 +87,7 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:
-    """Call back every `period` [s], also while a simulation, and the node's clock, is paused."""
+    """Call back every `period` [s], even while the clock of the node is paused."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
@@ -195,7 +195,7 @@ class _Life:
             pass
         finally:
             on_end(signal.SIG_IGN)
-            # In the garbage collector its parts may already be gone, which would print a traceback.
+            # The garbage collector could destroy its parts first, which prints a traceback.
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:
@@ -216,8 +216,7 @@ class _Life:
         if self._is_up:
             self._node.destroy_node()
         try_shutdown()
-        # Python collects garbage several times as it ends: half a second with numba, and far more
-        # on a busy machine, while signals are ignored.
+        # Python's last garbage collections would take half a second with numba.
         gc.freeze()
 
     def _is_made(self) -> bool:

@@ -55,7 +55,7 @@ def listen(
     what: str,
     depth: int = 1,
 ) -> None:
-    """Subscribe best effort; messages that the callback refuses are dropped and logged as `what`.
+    """Subscribe best effort; drop and log messages that the callback refuses.
 
     Unlike a `LatchedSubscription`, it does not count its messages in the `Health` of the node.
     """
@@ -191,8 +191,7 @@ class MapSubscription(LatchedSubscription):
 class MapPublisher:
     """Publishes maps, latched, while there are subscribers.
 
-    The current map is published again for a new subscriber, since the one that the middleware keeps
-    may be old.
+    A new subscriber gets the current map, since the one that the middleware keeps may be old.
 
     Args:
         node: the node that publishes.
