@@ -15,7 +15,7 @@ from grid_map_core_py.elevation import ElevationMapper
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_color_image, to_image, to_message, to_point_cloud
 from grid_map_ros_py._elevation_mapping.cameras import CameraImages, from_camera_info
-from grid_map_ros_py._elevation_mapping.fusion import ElevationFusion, Patch
+from grid_map_ros_py._elevation_mapping.fusion import ElevationFusion
 from grid_map_ros_py._elevation_mapping.sources import (
     InputSource,
     SourceSettings,
@@ -119,7 +119,7 @@ def _replace_cells(message: GridMapMessage) -> GridMap:
 
 def _flat() -> ElevationFusion:
     fusion = _fusion()
-    fusion.lay(Patch((0.7, 0.5), 0.0, 0.01), np.eye(4))
+    fusion.lay_patch(np.eye(4), (0.7, 0.5), 0.0, 0.01)
     return fusion
 
 

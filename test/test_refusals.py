@@ -138,53 +138,6 @@ def test_root_gets_python_where_there_is_none(workspace, tmp_path):
     assert log.read_text().startswith("update -qq\ninstall -qq -y --no-install-recommends python3 ")
 
 
-PYTHON_OF_VENV = """
-echo "$@" >>{log}
-case "$*" in
-    *" install "*) {install} ;;
-    *) echo {chromium} ;;
-esac
-"""
-INSTALL = "printf '#!/bin/sh\\nexit {code}\\n' >{chromium}; chmod +x {chromium}"
-
-
-@pytest.mark.parametrize(
-    ("programs", "install", "installs", "code"),
-    [
-        (["chromium"], "exit 1", False, 0),
-        ([], INSTALL.format(code=0, chromium="{chromium}"), True, 0),
-        ([], INSTALL.format(code=127, chromium="{chromium}"), True, 1),
-        ([], "exit 1", True, 1),
-    ],
-    ids=["there", "installed", "without libraries", "offline"],
-)
-def test_tests_find_or_install_chromium_or_refuse(
-    workspace, tmp_path, programs, install, installs, code
-):
-    log, chromium = tmp_path / "log", tmp_path / "chrome"
-    python = workspace / ".venv" / "bin" / "python"
-    python.parent.mkdir(parents=True)
-    script = PYTHON_OF_VENV.format(
-        log=log, install=install.format(chromium=chromium), chromium=chromium
-    )
-    fake(python, script)
-    path = bare_path(tmp_path / "bin", *programs)
-    fake(path / "chmod", f'exec {shutil.which("chmod")} "$@"')
-    code_of_tools = "import os, environment; environment.ensure_browser(os.environ)"
-    environ = {"PATH": str(path), "PYTHONPATH": f"{user(tmp_path, 1000)}:{workspace}/tools"}
-    start = (
-        "import steps, sys\ntry:\n    exec(sys.argv[1])\n"
-        "except steps.Refusal as refusal:\n    sys.exit(str(refusal))"
-    )
-    done = run(BASE_PYTHON, "-c", start, code_of_tools, environ=environ)
-    assert done.returncode == code, done.stderr
-    calls = log.read_text() if log.exists() else ""
-    assert ("-m playwright install chromium\n" in calls) == installs
-    assert ("need Chromium, which cannot be installed here: install it" in done.stderr) == bool(
-        code
-    )
-
-
 def test_a_machine_without_wheels(workspace):
     sentence = refusal(workspace, "setarch", "i686")
     assert "x86-64 Linux only" in sentence

@@ -7,7 +7,8 @@ fills the text on the pages, by default on all of `docs/`, between `<!-- paramet
 and `<!-- end -->`. NAME is
 
     an executable       one that starts a node by `grid_map_ros_py.nodes.run`. The node is created,
-                        and what it reads by `grid_map_ros_py.nodes` is listed.
+                        and what it reads with `grid_map_ros_py.nodes` is listed, except for
+                        the limits that every node has.
     a filter            `gridMapFilters/SlopeFilter`: fields of the class, and what its docstring
     a visualization     or `surface`: says of them under `Attributes:`.
     a sensor model      `laser`: the same.
@@ -59,6 +60,9 @@ GIVEN: dict[str, dict[str, object]] = {
     "web_viewer": {"port": 0},
 }
 """Parameters without which these nodes cannot be created; the tables show the other defaults."""
+
+LIMITS = {"max_cells", "max_bytes", "max_ratio"}
+"""Parameters of every node, which `docs/ros.md` explains."""
 
 TABLE = re.compile(r"(<!-- parameters: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -147,8 +151,8 @@ def create_and_destroy(create_node: Callable[[], Node]) -> int:
 
 
 # No executable has been imported yet.
-for room in (nodes, parameters):
-    room.read_parameter, room.read_parameter_tree = record, record_tree  # type: ignore[assignment]
+for module in (nodes, parameters, _spin):
+    module.read_parameter, module.read_parameter_tree = record, record_tree  # type: ignore[assignment]
 nodes.run = _spin.run = create_and_destroy  # type: ignore[assignment]
 
 
@@ -182,12 +186,16 @@ def table(name: str) -> str:
     """Return the table of an executable, a filter or a visualization."""
     cls = FILTERS.get(name) or VISUALIZATIONS.get(name) or MODELS.get(name)
     rows = rows_of_class(cls) if cls else rows_of_node(name)
+    end = ""
+    if {row.name for row in rows} >= LIMITS:
+        rows = [row for row in rows if row.name not in LIMITS]
+        end = "\nEvery node also has the limits `max_cells`, `max_bytes` and `max_ratio`.\n"
     if not rows:
-        return "No parameters.\n"
+        return end.lstrip() or "No parameters.\n"
     if nameless := [row.name for row in rows if not row.meaning]:
         raise SystemExit(f"{name}: nothing says what these mean: {', '.join(nameless)}")
     head = ["| parameter | type | default | meaning |", "|---|---|---|---|"]
-    return "\n".join([*head, *map(str, rows), ""])
+    return "\n".join([*head, *map(str, rows), end])
 
 
 def main() -> int:

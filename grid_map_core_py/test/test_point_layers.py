@@ -17,8 +17,8 @@ from grid_map_core_py import (
     color_value_to_vector,
     color_vector_to_value,
 )
+from grid_map_core_py._arrays._checks import as_points
 from grid_map_core_py.conversions import fitting_geometry, from_points, rasterize
-from grid_map_core_py.conversions._point_layers import as_points
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 ORACLES = {

@@ -15,7 +15,7 @@ from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py import MessageError
 from grid_map_ros_py._elevation_mapping.cameras import Picture
-from grid_map_ros_py._elevation_mapping.fusion import ElevationFusion, Patch
+from grid_map_ros_py._elevation_mapping.fusion import ElevationFusion
 from grid_map_ros_py.nodes._poses import Placement, from_xyz_rpy
 from grid_map_ros_py.nodes._scans import Cloud
 
@@ -126,7 +126,7 @@ def test_continuous_cleanup_keeps_the_last_scan_only() -> None:
 
 def test_patch_lies_under_the_robot() -> None:
     made = fusion()
-    made.lay(Patch((1.0, 2.0), -0.1, 0.004), from_xyz_rpy((3.0, 0.0, 0.6), (0, 0, 1.0)))
+    made.lay_patch(from_xyz_rpy((3.0, 0.0, 0.6), (0, 0, 1.0)), (1.0, 2.0), -0.1, 0.004)
     assert made.grid_map.position.tolist() == [3.0, 0.0]
     known = np.isfinite(made.grid_map["elevation"])
     assert known.sum() == 8
@@ -164,7 +164,7 @@ def test_fused_map_allows_for_horizontal_uncertainty_if_kept() -> None:
 
 def flat_map() -> ElevationFusion:
     made = fusion(image_fusions={"heat.*": "exponential"})
-    made.lay(Patch((2.0, 2.0), 0.0, 0.01), np.eye(4))
+    made.lay_patch(np.eye(4), (2.0, 2.0), 0.0, 0.01)
     return made
 
 

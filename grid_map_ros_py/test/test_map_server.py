@@ -11,7 +11,7 @@ from test_grid_map import sample_map
 from grid_map_core_py import GeometryError, GridMap, OutOfMapError
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py import load_from_bag, save_to_bag
-from grid_map_ros_py._serving.requests import part, place_below
+from grid_map_ros_py._serving import part, place_below
 from grid_map_ros_py.errors import RequestError
 
 # The sample has 3 x 4 cells of 0.5 m around (1, -2) in the frame odom, moved in its buffer.

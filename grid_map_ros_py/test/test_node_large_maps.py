@@ -5,17 +5,14 @@ import json
 import os
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import PointCloud2
 
 from conftest import NODES
 from grid_map_ros_py.nodes import use_profile
 from grid_map_ros_py.nodes._profile import PROFILE
-from grid_map_ros_py.testing import Peer, Process, peer, running, running_node, wait_until
+from grid_map_ros_py.testing import Process, running, running_node, wait_until
 
 NAMESPACE = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
 VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -28,38 +25,13 @@ def start(role: str, profile: str = "") -> Process:
 
 def test_no_large_map_is_lost() -> None:
     with running(start("receive")) as receiver, running(start("send")) as sender:
-        wait_until(lambda: len(receiver.lines) == 6, "all five maps")
+        wait_until(lambda: len(receiver.lines) == 5, "all five maps")
         wait_until(lambda: sender.lines, "the sender to say so")
-    *maps, pages = map(json.loads, receiver.lines)
-    assert maps == [[k, 9, 1000, 1000] for k in range(5)]
-    assert pages < 1000
+    assert [*map(json.loads, receiver.lines)] == [[k, 9, 1000, 1000] for k in range(5)]
     # The profile is applied, not ignored.
     size = ElementTree.parse(PROFILE).find(f".//{NAMESPACE}segment_size")
     assert size is not None
     assert json.loads(sender.lines[0])["largest segment"] >= int(str(size.text))
-
-
-def test_freed_memory_is_kept_on_request() -> None:
-    process = start("print pages")
-    assert process.wait() == 0
-    by_itself, kept = map(int, process.lines)
-    assert kept < 100
-    assert by_itself > 9000
-
-
-@pytest.fixture
-def listener() -> Iterator[Peer]:
-    with peer() as other:
-        yield other
-
-
-def test_clouds_of_best_effort_arrive(listener: Peer) -> None:
-    listener.listen("/points", PointCloud2, qos_profile_sensor_data)
-    with running(start("send clouds")) as sender:
-        wait_until(lambda: "sent" in sender.text, "the clouds", step=lambda: listener.spin(0.05))
-        listener.spin(1.0)
-    # Without the profile at most a third arrives; a busy machine loses some even so.
-    assert len(listener.received["/points"]) > 0.6 * int(sender.lines[0].split()[1])
 
 
 def test_lost_clouds_are_logged_once() -> None:

@@ -21,23 +21,6 @@ os.kill(os.getpid(), signal.SIGINT)
 import rclpy
 """
 
-RUN_ONCE = """
-import gc
-from rclpy.executors import Executor
-from rclpy.node import Node
-from rclpy.utilities import try_shutdown
-from grid_map_ros_py.nodes import run
-
-class Once(Node):
-    def __init__(self):
-        super().__init__("once")
-        self.create_timer(0.01, try_shutdown)
-
-gc.freeze = int  # so that get_objects lists all
-run(Once)
-print(sum(isinstance(living, Executor) for living in gc.get_objects()))
-"""
-
 RUN_WITH_FILES = """
 import sys
 from rclpy.node import Node
@@ -98,15 +81,6 @@ def test_interrupt_during_imports_leaves_no_traceback() -> None:
     process = Process([sys.executable, "-c", INTERRUPTED_IMPORT])
     assert process.wait() == -signal.SIGINT
     assert process.lines == []
-
-
-def test_executor_is_shut_down_before_collection() -> None:
-    process = Process([sys.executable, "-c", RUN_ONCE])
-    try:
-        assert process.wait() == 0
-    finally:
-        process.kill()
-    assert process.lines == ["0\n"]
 
 
 @pytest.mark.parametrize(

@@ -48,9 +48,6 @@ from grid_map_core_py._commands import main
 from grid_map_core_py.errors import MissingPackageError
 import grid_map_ros_py as ros
 from grid_map_ros_py import bags, errors, messages
-from grid_map_ros_py._serving import requests
-from grid_map_ros_py.nodes import _poses
-from grid_map_ros_py.nodes import LogThrottle
 
 grid_map = GridMap((1, 1), 0.25, layers={"elevation": 1.0}, frame_id="map", timestamp=3)
 grid_map.move((0.5, 0.25))

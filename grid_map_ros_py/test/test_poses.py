@@ -27,7 +27,6 @@ from grid_map_ros_py.nodes._poses import (
     Poses,
     between,
     carried,
-    from_covariance,
     from_xyz_rpy,
 )
 
@@ -241,28 +240,6 @@ def test_placement_has_the_covariance_of_the_sensor() -> None:
     # A pitch of 0.02 rad^2 at 2 m.
     assert covariance[2, 2] == pytest.approx(0.3 + 4 * 0.02)
     assert known.place("odom", SECOND).covariance is None
-
-
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, -0.5])
-def test_impossible_covariance_is_refused_only_if_used(wrong: float) -> None:
-    message = uncertain(1, 0.1, wrong, 0.1, 0.1, 0.1, 0.1)
-    with pytest.raises(MessageError, match=r"pose\.covariance: expected 36 numbers of a symm"):
-        history(message, with_covariances=True)
-    assert history(message).at(SECOND) is not None
-
-
-def test_covariance_with_rounding_errors_becomes_definite() -> None:
-    vector = np.arange(1.0, 7.0)
-    exact = np.outer(vector, vector)
-    exact[0, 1] += 1e-9
-    found = from_covariance(exact.ravel() - 1e-9 * np.eye(6).ravel())
-    np.testing.assert_array_equal(found, found.T)
-    assert np.linalg.eigvalsh(found)[0] > -1e-12
-    np.testing.assert_allclose(found, np.outer(vector, vector), atol=1e-7)
-    skew = np.zeros((6, 6))
-    skew[0, 1] = 1.0
-    with pytest.raises(MessageError, match="symmetric"):
-        from_covariance(skew.ravel())
 
 
 # --- tf -------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py.messages import to_stamp
 from grid_map_ros_py.nodes._poses import Placement, Poses
-from grid_map_ros_py.nodes._scans import ScanQueue, fuse_rolling, read_cloud
+from grid_map_ros_py.nodes._scans import Cloud, ScanQueue, read_cloud
 
 
 class Mapper(ScanQueue):
@@ -30,14 +30,18 @@ class Mapper(ScanQueue):
         self.reports: list[str] = []
         self.now = 0.0
         self.rolling_map = RollingMap(GridGeometry(np.array([8.0, 6.0]), 1.0), "odom")
-        limits = {name: options.pop(name) for name in ("min_range", "max_range") if name in options}
-        super().__init__(
-            poses,
-            partial(read_cloud, fields=fields),
-            partial(fuse_rolling, self.rolling_map, follow=options.pop("follow", True), **limits),
-            self.reports.append,
-            clock=lambda: self.now,
-            **options,
+        self.follow = options.pop("follow", True)
+        read = partial(read_cloud, fields=fields)
+        report, clock = self.reports.append, lambda: self.now
+        super().__init__(poses, read, self.fuse_rolling, report, clock=clock, **options)
+
+    def fuse_rolling(self, scan: Cloud, placement: Placement) -> None:
+        self.rolling_map.fuse(
+            scan.points,
+            scan.columns,
+            transform=placement.transform,
+            position=placement.center if self.follow else None,
+            timestamp=scan.stamp,
         )
 
     def height(self, x: float, y: float) -> float:
@@ -184,17 +188,6 @@ def test_robot_at_huge_position_changes_nothing() -> None:
     assert not made.add(cloud(2))
     assert_maps_equal(made.rolling_map.grid_map, before)
     assert "too far away" in made.reports[0]
-
-
-def test_points_out_of_range_of_the_sensor_are_left_out() -> None:
-    made = Mapper(history(pose(1, 100.0), pose(2)), min_range=1.0, max_range=3.0, fields=["n"])
-    points = [{"x": 0.5 + k, "y": 0.5, "z": 0.1, "n": k} for k in range(4)]
-    message = packed_cloud(points, [*xyz_fields(), ("n", 12, UINT32, 1)], frame_id="lidar")
-    message.header.stamp = to_stamp(SECOND)
-    made.add(message)
-    assert made.reports == []
-    found = made.rolling_map.grid_map["n"]
-    assert sorted(found[np.isfinite(found)]) == [1, 2]
 
 
 def test_fields_become_layers_if_they_are_asked_for() -> None:

@@ -13,8 +13,7 @@ from grid_map_core_py import GridMap, LimitError
 from grid_map_core_py.files import save_geotiff
 from grid_map_core_py.limits import changed_limits
 from grid_map_core_py.tiled import TiledMap, open_map
-from grid_map_ros_py._serving.latest_only import LatestOnly
-from grid_map_ros_py._serving.tiled_source import open_source, window
+from grid_map_ros_py._serving import LatestOnly, open_source, window
 
 pytestmark = pytest.mark.needs("xarray", "zarr")
 

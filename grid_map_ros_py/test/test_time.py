@@ -6,7 +6,7 @@ from hypothesis import given, strategies as st
 
 from grid_map_ros_py import MessageError
 from grid_map_ros_py.messages import from_stamp, to_stamp
-from grid_map_ros_py.messages._time import LATEST
+from grid_map_ros_py.messages._fields import LATEST
 
 
 @given(st.integers(0, LATEST))

@@ -36,6 +36,9 @@ Size: TypeAlias = tuple[int, int]
 Pair: TypeAlias = tuple[float, float]
 """x, y in meters, map frame, as plain numbers."""
 
+_ROTATION_TOLERANCE = 1e-3
+"""Tolerance of R^T R = I for a rotation R, so that rounded numbers pass."""
+
 _EXACT = 2**53  # integers up to this one are exact in float64
 
 _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
@@ -137,6 +140,39 @@ def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[A
     # Values beyond float32 become infinite, as with a cast in C++.
     with np.errstate(over="ignore"):
         return as_numbers(values, name).astype(dtype, copy=False)
+
+
+def as_floats(values: ArrayLike, name: str) -> NDArray[Any]:
+    """Return numbers as an array: float32 stays float32, all others become float64."""
+    numbers = as_numbers(values, name)
+    return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)
+
+
+def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
+    """Return points as a float32 or float64 array (N, 3) or wider; masked values become NaN."""
+    values = as_floats(points, name)
+    if values.ndim != 2 or values.shape[1] < 3:
+        raise GeometryError(f"{name}: expected x, y, z of shape (N, 3), got {values.shape}")
+    return values
+
+
+def as_rigid(transform: ArrayLike) -> Positions:
+    """Return a transform as (4, 4) float64 after checking that it keeps distances."""
+    matrix: Positions = as_array(transform, np.float64, "transform")
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise GeometryError(f"transform: expected (4, 4) finite numbers, got {short(transform)}")
+    if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
+        raise GeometryError(
+            f"transform: expected (0, 0, 0, 1) as the last row, got {tuple(matrix[3].tolist())}"
+        )
+    rotation = matrix[:3, :3]
+    error = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+        raise GeometryError(
+            f"transform: expected a rotation and a translation, but it scales, shears or mirrors: "
+            f"{rotation.tolist()}"
+        )
+    return matrix
 
 
 def as_size(values: ArrayLike, name: str) -> Size:

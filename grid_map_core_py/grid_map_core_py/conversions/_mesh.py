@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Integers, Positions, Size
+from .._arrays._checks import Integers, Positions, Size, as_points
 from .._arrays._pieces import expanded, slices
 from ..errors import GeometryError, GridMapError, short
 from ..limits import check_visits
 from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
-from ._point_layers import as_points, fitting_geometry
+from ._point_layers import fitting_geometry
 
 # Temporaries of so many triangles, and pairs of a triangle and a cell, fit into the cache.
 _TRIANGLES = _PAIRS = 1 << 13

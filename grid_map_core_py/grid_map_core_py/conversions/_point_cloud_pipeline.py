@@ -12,13 +12,13 @@ from typing import Any, Literal, TypeAlias, get_type_hints
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays._checks import Integers, Positions, as_array, as_number
+from .._arrays._checks import Integers, Positions, as_array, as_number, as_points
 from .._arrays._pieces import expanded, slices
 from .._parameters import build, check
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
-from ._point_layers import as_points, fitting_geometry
+from ._point_layers import fitting_geometry
 
 _POINTS = 1 << 16  # number of points in a chunk, which bounds memory; a cell is never divided
 _NEIGHBORS = 8  # number of nearest neighbors that clustering links each point to at first

@@ -22,7 +22,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Integers, Mask, Positions, as_finite, as_number, as_numbers, as_pair
+from .._arrays._checks import (
+    Mask,
+    Positions,
+    as_finite,
+    as_floats,
+    as_number,
+    as_numbers,
+    as_pair,
+    as_points,
+)
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
@@ -78,9 +87,9 @@ def rasterize(
     made = {}
     counted = _counted(cloud, min_height, max_height)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        flat, inside = flat_cells(cloud, geometry)
+        (places, columns), inside = geometry.cells_at(cloud[:, :2])
         counted &= inside
-        flat = flat[counted]
+        flat = (places + rows * columns)[counted]
         for name, (source, reduce) in sources.items():
             cells, values = flat, source[counted]
             # Heights that count are finite.
@@ -157,14 +166,6 @@ def from_points(
     )
 
 
-def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
-    """Return points as a float32 or float64 array (N, 3) or wider; masked values become NaN."""
-    values = _as_floats(points, name)
-    if values.ndim != 2 or values.shape[1] < 3:
-        raise GeometryError(f"{name}: expected x, y, z of shape (N, 3), got {values.shape}")
-    return values
-
-
 def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
     """Return packed colors without alpha.
 
@@ -175,7 +176,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
     given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
     if given.dtype.kind in "iu":
         return (given.astype(np.uint32) & _RGB).view(np.float32)
-    floats = np.ascontiguousarray(_as_floats(values, name), np.float32)
+    floats = np.ascontiguousarray(as_floats(values, name), np.float32)
     colors = floats.view(np.uint32) & _RGB
     # Opaque colors are NaN too, but with other bits.
     missing = np.isnan(floats) & (colors == _NO_COLOR)
@@ -242,12 +243,6 @@ def _counted(points: NDArray[Any], min_height: float, max_height: float) -> Mask
     return counted
 
 
-def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
-    """Return the numbers of the cells of points, and which points are on the map."""
-    (rows, columns), inside = geometry.cells_at(points[:, :2])
-    return rows + geometry.size[0] * columns, inside
-
-
 def _sources(
     cloud: NDArray[Any],
     layers: Mapping[str, str],
@@ -270,7 +265,7 @@ def _sources(
     sources = {name: (heights, _chosen(REDUCTIONS, name, kind)) for name, kind in layers.items()}
     for name, field in fields.items():
         is_color = name in COLOR_FIELDS
-        read, kinds = (as_colors, COLOR_REDUCTIONS) if is_color else (_as_floats, REDUCTIONS)
+        read, kinds = (as_colors, COLOR_REDUCTIONS) if is_color else (as_floats, REDUCTIONS)
         values = read(field, f"field {name!r}")
         if values.shape != heights.shape:
             raise GeometryError(
@@ -284,9 +279,3 @@ def _chosen(kinds: Mapping[str, Reduction], layer: str, reduction: str) -> Reduc
     known = isinstance(reduction, str) and reduction in kinds
     check(known, f"reduction of {layer}", f"one of {', '.join(kinds)}", reduction)
     return kinds[reduction]
-
-
-def _as_floats(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return numbers as an array: float32 stays float32, all others become float64."""
-    numbers = as_numbers(values, name)
-    return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)

@@ -10,15 +10,15 @@ has a `SensorModel` of its noise: `LaserModel`, `StructuredLightModel`, `StereoM
 """
 
 from ._mapper import ElevationMapper as ElevationMapper, UpdateReport as UpdateReport
-from ._parameters import Parameters as Parameters
-from ._rolling_map import RollingMap as RollingMap
-from ._sensors import (
+from ._parameters import (
     ConstantModel as ConstantModel,
     LaserModel as LaserModel,
+    Parameters as Parameters,
     PerfectModel as PerfectModel,
     SensorModel as SensorModel,
     StereoModel as StereoModel,
     StructuredLightModel as StructuredLightModel,
 )
+from ._rolling_map import RollingMap as RollingMap
 
 __all__ = [name for name in dir() if not name.startswith("_")]

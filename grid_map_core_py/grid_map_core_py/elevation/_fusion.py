@@ -17,6 +17,11 @@ cluster in the cell. A cluster agrees with a height if they differ by at most
 - `CONTRADICTED`: none of these; the height stays.
 
 `RAISED`, `LOWERED` and `CONTRADICTED` are conflicts, which add `multi_height_noise`.
+
+With drift compensation, the whole map first moves by a share of the offset between scan and map,
+and the scan is fused at the height of the moved map. Otherwise a map that is some centimeters too
+low would rise only a part of the way, and only in view. The map lags behind the odometry by
+`drift per scan / drift_compensation_alpha`.
 """
 
 from __future__ import annotations
@@ -28,13 +33,11 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays._checks import Integers, Mask
+from .._arrays._checks import Integers, Mask, Size
 from ..map._geometry import GridGeometry
 from ._clusters import NONE, Clusters
-from ._neighbors import highest_around
-from ._parameters import Parameters
-from ._sensors import Numbers
-from ._state import OVERHANG, State
+from ._parameters import Numbers, Parameters
+from ._state import OVERHANG, State, highest_around
 
 SIGHTINGS = 3
 """Number of scans in which a candidate is seen before it becomes the surface."""
@@ -44,6 +47,41 @@ TAIL = 0.1
 
 CANDIDATE_TIME = 500
 """Time within which these scans come [ms]."""
+
+LEVEL = 0.03
+"""Largest difference of heights [m] between a cell that votes and its eight neighbors."""
+
+
+def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
+    """Return the height of a scan above the map [m], or 0 if the cells do not agree on it.
+
+    A cell votes if its variance is small and its eight neighbors are known and level with it: near
+    steps and edges, points and map differ without drift. Its votes are the offsets of its clusters
+    within the gate and `max_drift`. The result is the mean, by inverse variances, of the votes
+    within the gate of the median. At least `min_drift_cells` and half of all votes must be among
+    them, and the result must not exceed `max_drift`.
+    """
+    heights, variances = state.heights, state.variances
+    cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
+    away, spread = clusters.means - heights[cells], variances[cells] + clusters.variances
+    votes = np.abs(away) <= given.max_drift + threshold * np.sqrt(spread)
+    votes &= variances[cells] <= given.drift_compensation_variance_inlier
+    unknown = np.isnan(heights)
+    highest = highest_around(np.where(unknown, np.inf, heights), size)
+    lowest = -highest_around(np.where(unknown, np.inf, -heights), size)
+    with np.errstate(invalid="ignore"):
+        level = np.maximum(highest - heights, heights - lowest) <= LEVEL
+    grid = level.reshape(size[::-1])
+    grid[[0, -1]] = grid[:, [0, -1]] = False
+    votes[votes] = level[cells[votes]]
+    away, spread = away[votes], spread[votes]
+    if len(away) < given.min_drift_cells:
+        return 0.0
+    agrees = np.abs(away - np.median(away)) <= threshold * np.sqrt(spread)
+    if agrees.sum() < max(given.min_drift_cells, 0.5 * len(away)):
+        return 0.0
+    mean = float(np.average(away[agrees], weights=1.0 / spread[agrees]))
+    return mean if abs(mean) <= given.max_drift else 0.0
 
 
 class Outcome(IntEnum):

@@ -16,30 +16,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import is_name
+from .._arrays._checks import as_points, as_rigid, is_name
 from .._parameters import build, check
 from ..errors import GridMapError, LayerNotFoundError, short
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from . import _drift as drift, _horizontal as horizontal
-from ._clusters import clusters_of, grow_clusters
-from ._fusion import Fusion, Outcome
-from ._motion import Covariance, as_covariance, of_motion
-from ._neighbors import at_centers
-from ._order import deal, sorted_by_cell
-from ._parameters import Parameters
+from . import _horizontal as horizontal
+from ._clusters import clusters_of, deal, grow_clusters, sorted_by_cell
+from ._fusion import Fusion, Outcome, drift
+from ._parameters import LaserModel, Parameters, SensorModel
 from ._points import (
     OUTSIDE,
+    Covariance,
     Scan,
     as_columns,
-    as_points,
-    as_rigid,
+    as_covariance,
     in_map_order,
     located,
+    of_motion,
 )
-from ._sensors import LaserModel, SensorModel
-from ._state import BOUNDS, HIDDEN, HORIZONTAL, OVERHANG, OWN, State, flat, shaped
+from ._state import BOUNDS, HIDDEN, HORIZONTAL, OVERHANG, OWN, State, at_centers, flat, shaped
 from ._values import Chosen, ValueFusion
 from ._visibility import cleared_cells, cover, entry_heights, trace
 
@@ -379,7 +376,7 @@ class ElevationMapper:
             clusters = clusters_of(points, common, geometry.resolution, given)
         if given.enable_drift_compensation:
             with clock.stage("drift"):
-                offset = drift.offset(clusters, state, geometry.size, given)
+                offset = drift(clusters, state, geometry.size, given)
                 state.lift(given.drift_compensation_alpha * offset)
                 rest = (1.0 - given.drift_compensation_alpha) * offset
                 scan, clusters = scan.lowered(rest), clusters.lowered(rest)

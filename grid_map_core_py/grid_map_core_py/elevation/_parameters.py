@@ -1,10 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters of elevation mapping."""
+"""Parameters of elevation mapping, and sensor models: how uncertain a measured height is.
+
+A model describes the covariance S (3, 3) of a point in the frame of the sensor. Only its share
+along the vertical of the map is needed, `axis @ S @ axis`, where `axis` (3,) is the third row of
+the rotation from the sensor to the map: the vertical as the sensor sees it.
+"""
+
+from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Protocol
 
-from ..plugins import check
+import numpy as np
+from numpy.typing import NDArray
+
+from .._parameters import cast, check
 
 _COUNTS = ("conflict_points", "min_drift_cells")
 _SHARES = ("drift_compensation_alpha", "exponential_alpha", "min_support")
@@ -17,38 +28,33 @@ class Parameters:
 
     Attributes:
         min_variance: smallest variance of a cell [m^2].
-        max_variance: largest variance [m^2], beyond which a cell becomes unknown; 0 or less is no
-            limit. The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: a point agrees with a height if they differ by at most this
-            many standard deviations.
-        multi_height_noise: variance that a cell gains by a scan that contradicts it [m^2].
-        time_variance: variance that each cell gains per second [m^2/s].
-        scanning_duration: time since the last confirmation [s] after which a cell may be cleared or
-            lowered.
-        conflict_points: number of points of one scan that must agree with each other to replace the
-            height of a cell.
-        min_support: share of the points of the densest cluster of a cell that a higher cluster
-            needs to be its surface at once; with fewer points it must be seen in three scans.
-        overhang_clearance: a cluster this much above another one of the same scan is an overhang
-            [m]: the ground stays, and the layer `overhang` has the height of its lower side; 0
-            takes the highest surface.
-        max_time_jump: difference between the times of two scans [s] above which the clock of the
-            map starts anew.
-        enable_visibility_cleanup: True to clear cells above beams that passed through them.
-        max_ray_length: length of beams [m] up to which they clear cells.
-        cleanup_min_angle: smallest angle between a beam and the surface [rad]; beams that graze the
-            surface clear nothing.
-        enable_drift_compensation: True to move the map up or down after the scans.
+        max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
+            The default for a `ConstantModel` is 100.
+        mahalanobis_distance_threshold: largest difference between a point and a height that agree
+            [standard deviations].
+        multi_height_noise: variance that a contradicting scan adds to a cell [m^2].
+        time_variance: growth of the variance of every cell [m^2/s].
+        scanning_duration: time without confirmation after which a cell may be cleared or lowered
+            [s].
+        conflict_points: number of points of one scan that must agree to replace a height.
+        min_support: share of the points of the densest cluster in a cell that a higher cluster
+            needs to become the surface at once; otherwise it must be seen in three scans.
+        overhang_clearance: gap above which a higher cluster is an overhang [m]: the ground stays,
+            and the layer `overhang` holds the lower side; 0 takes the highest surface.
+        max_time_jump: time between two scans above which the clock of the map restarts [s].
+        enable_visibility_cleanup: clear cells above beams that passed through them.
+        max_ray_length: length up to which beams clear cells [m].
+        cleanup_min_angle: smallest angle between a surface and the beams that clear it [rad].
+        enable_drift_compensation: move the map up or down to follow the scans.
         max_drift: largest offset between scan and map that is compensated [m].
-        drift_compensation_alpha: share of the offset by which the map moves in an update.
+        drift_compensation_alpha: share of the offset by which the map moves per update.
         drift_compensation_variance_inlier: largest variance of cells that measure the offset [m^2].
         min_drift_cells: number of cells that must agree on the offset.
-        ignore_points_above, ignore_points_below: points that are higher or lower, relative to the
-            sensor, are dropped [m].
-        min_range, max_range: points that are nearer or farther are dropped [m].
-        horizontal_variances: True to keep the layer `horizontal_variance`, which
+        ignore_points_above, ignore_points_below: limit of heights relative to the sensor [m].
+        min_range, max_range: limit of the distance from the sensor [m].
+        horizontal_variances: keep the layer `horizontal_variance`, which
             `ElevationMapper.fused_map` needs.
-        exponential_alpha: share of a scan in values that are fused by `exponential`.
+        exponential_alpha: share of the last scan in the fusion `exponential`.
     """
 
     min_variance: float = 9e-6
@@ -106,3 +112,182 @@ class Parameters:
     def largest_share(self) -> float:
         """Largest variance [m^2] by relief or pose, which alone shall make no cell unknown."""
         return 0.25 * self.largest_variance
+
+
+# Sensor models
+
+Numbers = NDArray[np.float64]
+"""(n,) one number per point."""
+
+
+class SensorModel(Protocol):
+    """A model of the noise of a range sensor, for models of your own."""
+
+    def vertical_variances(self, points: Numbers, distances: Numbers, axis: Numbers) -> Numbers:
+        """Return the variances (n,) of points along the vertical [m^2].
+
+        Args:
+            points: (3, n) x, y, z [m], sensor frame.
+            distances: (n,) distances from the sensor [m], more than 0.
+            axis: (3,) unit vector of the map's vertical, sensor frame.
+
+        Returns:
+            The variances; NaN for points that the sensor cannot measure, which are dropped.
+        """
+
+
+class _Model:
+    """Checks the parameters of a model: finite numbers, not negative unless listed."""
+
+    max_variance: ClassVar[float] = 0.01
+    """Default of this parameter for maps of the sensor [m^2]."""
+
+    _signed: tuple[str, ...] = ()
+    _positive: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field in fields(self):  # type: ignore[arg-type]
+            name, value = field.name, getattr(self, field.name)
+            value = cast(name, value, float)
+            object.__setattr__(self, name, value)
+            check(np.isfinite(value), name, "a finite number", value)
+            check(value >= 0 or name in self._signed, name, "no negative number", value)
+            check(value > 0 or name not in self._positive, name, "a positive number", value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaserModel(_Model):
+    """Lidar: noise along the beam, and a beam that widens with the distance.
+
+    Each point has the direction of its own beam, so the model also fits spinning lidars.
+
+    Attributes:
+        min_radius: standard deviation along the beam [m].
+        beam_constant: standard deviation across the beam at distance 0 [m].
+        beam_angle: growth of the standard deviation across the beam with the distance [rad].
+    """
+
+    min_radius: float = 0.018
+    beam_constant: float = 0.0015
+    beam_angle: float = 0.0006
+
+    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
+        # A product of matrices would round points differently at different places in the array.
+        x, y, z = map(float, axis)
+        slope = (points[0] * x + points[1] * y + points[2] * z) / distances
+        slope *= slope
+        across = self.beam_constant + self.beam_angle * distances
+        across *= across
+        return across * np.maximum(1.0 - slope, 0.0) + self.min_radius**2 * slope
+
+
+class _Camera(_Model):
+    """Noise along the optical axis, the z axis of the sensor, and beside it."""
+
+    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
+        del distances
+        depth = points[2]
+        share = min(float(axis[2]) ** 2, 1.0)
+        along, lateral = self._deviations(depth)
+        variances = along * along * share + lateral * lateral * (1.0 - share)
+        return np.where(self._is_measured(depth), variances, np.nan)
+
+    def _deviations(self, depth: Any) -> tuple[Any, Any]:
+        """Return the standard deviations [m] along and beside the optical axis."""
+        raise NotImplementedError
+
+    def _is_measured(self, depth: Any) -> Any:
+        return depth > 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class StructuredLightModel(_Camera):
+    """Depth camera with structured light; z of the sensor frame is the optical axis.
+
+    The standard deviation of the depth z is `normal_factor_a + normal_factor_b *
+    (z - normal_factor_c)^2 + normal_factor_d * z^normal_factor_e` [m] (Nguyen, Izadi and Lovell,
+    "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 2012).
+
+    Attributes:
+        cutoff_min_depth, cutoff_max_depth: points with another depth are dropped [m].
+        normal_factor_a: a in the standard deviation a + b (z - c)^2 + d z^e of the depth z [m].
+        normal_factor_b, normal_factor_c, normal_factor_d, normal_factor_e: see `normal_factor_a`.
+        lateral_factor: standard deviation beside the optical axis, per meter of depth.
+    """
+
+    cutoff_min_depth: float = 0.2
+    cutoff_max_depth: float = 3.25
+    normal_factor_a: float = 0.000611
+    normal_factor_b: float = 0.003587
+    normal_factor_c: float = 0.3515
+    normal_factor_d: float = 0.0
+    normal_factor_e: float = 1.0
+    lateral_factor: float = 0.01576
+
+    _signed = tuple(f"normal_factor_{letter}" for letter in "abcde")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        limits = self.cutoff_min_depth, self.cutoff_max_depth
+        check(limits[0] <= limits[1], "cutoff_min_depth", "at most cutoff_max_depth", limits[0])
+
+    def _deviations(self, depth: Any) -> tuple[Any, Any]:
+        offset = depth - self.normal_factor_c
+        along = self.normal_factor_a + self.normal_factor_b * offset * offset
+        if self.normal_factor_d:
+            along = along + self.normal_factor_d * np.maximum(depth, 0.0) ** self.normal_factor_e
+        return along, self.lateral_factor * depth
+
+    def _is_measured(self, depth: Any) -> Any:
+        return (depth >= self.cutoff_min_depth) & (depth <= self.cutoff_max_depth)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StereoModel(_Camera):
+    """Stereo camera; z of the sensor frame is the optical axis, and points behind it are dropped.
+
+    The standard deviation of the depth z is `z^2 / (focal_length * baseline) * disparity_std` [m].
+
+    Attributes:
+        focal_length: focal length [pixels].
+        baseline: distance between the cameras [m].
+        disparity_std: standard deviation of disparities [pixels].
+        lateral_factor: standard deviation beside the optical axis, per meter of depth.
+    """
+
+    focal_length: float = 640.0
+    baseline: float = 0.05
+    disparity_std: float = 0.1
+    lateral_factor: float = 0.001376
+
+    _positive = ("focal_length", "baseline")
+
+    def _deviations(self, depth: Any) -> tuple[Any, Any]:
+        per_pixel = self.disparity_std / (self.focal_length * self.baseline)
+        return depth * depth * per_pixel, self.lateral_factor * depth
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerfectModel(_Model):
+    """A sensor without noise, for simulations."""
+
+    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
+        del points, axis
+        return np.zeros_like(distances)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstantModel(_Model):
+    """The same vertical variance in all directions: `sensor_noise_factor` times distance squared.
+
+    Attributes:
+        sensor_noise_factor: vertical variance at a distance of 1 m [m^2].
+    """
+
+    max_variance = 100.0  # as in elevation_mapping_cupy
+
+    sensor_noise_factor: float = 0.05
+
+    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
+        del points, axis
+        return self.sensor_noise_factor * (distances * distances)

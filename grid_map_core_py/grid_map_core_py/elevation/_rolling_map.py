@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import GridGeometry, GridMap
-from .._arrays._checks import Layer
+from .._arrays._checks import Layer, as_points, as_rigid
 from ..conversions._point_layers import rasterize
 from ..plugins import check
 from ._points import (
     as_columns,
-    as_points,
-    as_rigid,
     distances_of,
     rotated,
 )

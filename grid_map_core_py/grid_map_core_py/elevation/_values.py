@@ -29,8 +29,8 @@ from ..conversions._point_layers import COLOR_FIELDS, as_colors
 from ..conversions._point_reductions import mean_color
 from ..errors import ConfigError
 from ..plugins import check
-from ._order import Sorted, in_one_order
-from ._sensors import Numbers
+from ._clusters import Sorted, in_one_order
+from ._parameters import Numbers
 
 FUSIONS = ("average", "latest", "exponential", "max", "color", "class_bayesian")
 

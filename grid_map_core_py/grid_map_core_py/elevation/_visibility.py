@@ -30,13 +30,10 @@ import numpy as np
 from .._arrays._checks import Integers, Size
 from .._loops import loop
 from ..map._geometry import GridGeometry
-from ._clusters import RELIEF
-from ._neighbors import highest_around
-from ._order import Sorted
-from ._parameters import Parameters
+from ._clusters import RELIEF, Sorted
+from ._parameters import Numbers, Parameters
 from ._points import Scan
-from ._sensors import Numbers
-from ._state import State
+from ._state import State, highest_around
 
 
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:

@@ -27,7 +27,7 @@ from .._arrays._checks import (
     as_positions,
     as_size,
 )
-from .._arrays._pieces import PIECE, slices
+from .._arrays._pieces import PIECE
 from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 from ._axis import Axis, both_axes
@@ -127,7 +127,8 @@ class GridGeometry:
         points = positions.reshape(-1, 2)
         inside = np.empty(len(points), dtype=np.bool_)
         with np.errstate(over="ignore"):
-            for part in slices(len(points), PIECE):
+            for begin in range(0, len(points), PIECE):
+                part = slice(begin, begin + PIECE)
                 x, y = points[part].T
                 np.logical_and(self._x.contains(x), self._y.contains(y), out=inside[part])
         return inside.reshape(positions.shape[:-1])
@@ -163,7 +164,8 @@ class GridGeometry:
         cells = np.empty((2, len(points)), dtype=np.int64)
         inside = np.ones(len(points), dtype=np.bool_)
         with np.errstate(over="ignore"):
-            for part in slices(len(points), PIECE):
+            for begin in range(0, len(points), PIECE):
+                part = slice(begin, begin + PIECE)
                 for number, axis in enumerate((self._x, self._y)):
                     coordinates, size = points[part, number], axis.size
                     steps = axis.steps(coordinates)

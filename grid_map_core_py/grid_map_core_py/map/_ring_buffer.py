@@ -60,15 +60,20 @@ def place(numbers: Integers, start: int, size: int) -> None:
         np.minimum(unsigned, unsigned - np.uint64(size), out=unsigned)
 
 
-def block(layer: Layer, start: Size, rows: slice, columns: slice) -> Layer:
+def block(
+    layer: Layer, start: Size, rows: slice, columns: slice, out: Layer | None = None
+) -> Layer:
     """Copy a block of map cells out of the buffer, in map order.
 
     Args:
         layer: (rows, cols) the whole buffer.
         start: start index of the circular buffer.
         rows, columns: the block, as cells of the map.
+        out: array for the block; None makes one.
     """
-    out: Layer = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
+    if out is None:
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        out = np.empty(shape, layer.dtype, "F")
     for source, target in copies(start, layer.shape, rows, columns):
         out[target] = layer[source]
     return out
@@ -86,10 +91,10 @@ def copies(
     ]
 
 
-def unwrapped(layer: Layer, start: Size) -> Layer:
+def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
     """Return a copy in map order of a layer that is stored from the index `start`."""
     rows, columns = layer.shape
-    return block(layer, start, slice(0, rows), slice(0, columns))
+    return block(layer, start, slice(0, rows), slice(0, columns), out)
 
 
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:

@@ -10,17 +10,13 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Positions, as_array, as_finite
+from .._arrays._checks import Positions, as_finite, as_rigid
 from .._arrays._pieces import slices
-from ..errors import GeometryError, short
 from ._axis import BORDER_TOLERANCE
 from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
     from ._grid_map import GridMap
-
-ROTATION_TOLERANCE = 1e-3
-"""Tolerance of R^T R = I for a rotation R, so that rounded numbers pass."""
 
 _BLOCK = 1 << 14  # number of cells transformed at a time, whose points fit into the cache
 
@@ -48,25 +44,6 @@ def transformed_map(
     result = grid_map._with(layers, geometry, (0, 0))
     result.frame_id = frame_id
     return result
-
-
-def as_rigid(transform: ArrayLike) -> Positions:
-    """Return a transform as (4, 4) float64 after checking that it keeps distances."""
-    matrix: Positions = as_array(transform, np.float64, "transform")
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise GeometryError(f"transform: expected (4, 4) finite numbers, got {short(transform)}")
-    if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
-        raise GeometryError(
-            f"transform: expected (0, 0, 0, 1) as the last row, got {tuple(matrix[3].tolist())}"
-        )
-    rotation = matrix[:3, :3]
-    error = np.abs(rotation.T @ rotation - np.eye(3)).max()
-    if error > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-        raise GeometryError(
-            f"transform: expected a rotation and a translation, but it scales, shears or mirrors: "
-            f"{rotation.tolist()}"
-        )
-    return matrix
 
 
 def _footprint(geometry: GridGeometry, matrix: Positions) -> GridGeometry:

@@ -6,11 +6,11 @@ column and row; its center has whole coordinates.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import Image
@@ -21,13 +21,14 @@ from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
 from ..messages._cdr import view
-from ..messages._checks import check_fields
+from ..messages._fields import Matrix, check_fields, from_stamp
 from ..messages._image import to_pixels
-from ..messages._pose import Matrix
-from ..messages._time import from_stamp
 from ..nodes._scans import Cloud
 
 Floats = npt.NDArray[np.float64]
+
+DISTORTIONS = {"plumb_bob": 8, "rational_polynomial": 8, "equidistant": 4, "fisheye": 4}
+"""Numbers of coefficients of distortion models, by their names in `CameraInfo`."""
 
 MILLIMETERS = {"16UC1", "mono16"}
 """Encodings of depths in millimeters (REP-118); other depths are floats in meters."""
@@ -64,10 +65,7 @@ class Camera:
     coefficients: tuple[float, ...] = ()
 
     def project(self, points: Floats) -> Floats:
-        """Return the pixels (N, 2) of points (N, 3) [m], camera frame; NaN where none shows them.
-
-        Formulas: OpenCV, "Camera Calibration and 3D Reconstruction".
-        """
+        """Return the pixels (N, 2) of points (N, 3) [m], camera frame; NaN if not shown."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             flat = points[:, :2] / points[:, 2:]
             pixels = self._pixels(flat)
@@ -93,27 +91,31 @@ class Camera:
 
     def _pixels(self, flat: Floats) -> Floats:
         """Return the pixels (N, 2) of points (N, 2) at depth 1."""
-        distorted = DISTORTIONS[self.model](flat, self.coefficients) if self._distorts else flat
-        pixels: Floats = distorted * self.focal + self.center
-        return pixels
+        if not (any(self.coefficients) and len(flat)):
+            return flat * self.focal + self.center
+        matrix = np.array([[*self.focal, 1.0]]) * np.eye(3)
+        matrix[:2, 2] = self.center
+        coefficients = np.zeros(DISTORTIONS[self.model])
+        given = self.coefficients[: len(coefficients)]
+        coefficients[: len(given)] = given
+        if len(coefficients) == 4:
+            return np.asarray(cv2.fisheye.distortPoints(flat[None], matrix, coefficients)[0])
+        points = np.pad(flat, ((0, 0), (0, 1)), constant_values=1.0)
+        found, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, coefficients)
+        return np.asarray(found[:, 0])
 
     def _flat(self, pixels: Floats) -> Floats:
         """Return the points (N, 2) at depth 1 that pixels show, by fixed-point iteration."""
         # Damaged messages have focal lengths near zero.
         with np.errstate(all="ignore"):
-            wanted: Floats = (pixels - self.center) / self.focal
-            if not self._distorts:
-                return wanted
-            flat = wanted.copy()
+            flat: Floats = (pixels - self.center) / self.focal
+            if not any(self.coefficients):
+                return flat
             for _ in range(ROUNDS):
-                flat += wanted - DISTORTIONS[self.model](flat, self.coefficients)
+                flat += (pixels - self._pixels(flat)) / self.focal
             residue = np.abs(self._pixels(flat) - pixels).max(axis=1)
         flat[~(residue < LARGEST_RESIDUE)] = np.nan
         return flat
-
-    @property
-    def _distorts(self) -> bool:
-        return any(self.coefficients)
 
     @cached_property
     def _reach(self) -> float:
@@ -125,44 +127,6 @@ class Camera:
         border = np.concatenate([np.stack(edge, axis=1) for edge in edges])
         distances = np.linalg.norm(self._flat(border), axis=1)
         return float(np.max(distances, initial=0.0, where=np.isfinite(distances)))
-
-
-def _polynomial(flat: Floats, coefficients: tuple[float, ...]) -> Floats:
-    """Apply the distortion `plumb_bob` (5 coefficients) or `rational_polynomial` (8)."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *(0.0,) * 8)[:8]
-    x, y = flat.T
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    xy = 2 * x * y
-    return np.stack(
-        [
-            x * radial + p1 * xy + p2 * (r2 + 2 * x * x),
-            y * radial + p2 * xy + p1 * (r2 + 2 * y * y),
-        ],
-        axis=1,
-    )
-
-
-def _equidistant(flat: Floats, coefficients: tuple[float, ...]) -> Floats:
-    """Apply the distortion of a fisheye lens (4 coefficients); Kannala and Brandt, 2006."""
-    k1, k2, k3, k4 = (*coefficients, *(0.0,) * 4)[:4]
-    r = np.linalg.norm(flat, axis=1)
-    theta = np.arctan(r)
-    square = theta * theta
-    bent = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
-    scale = np.divide(bent, r, out=np.ones_like(r), where=r > 0)
-    result: Floats = flat * scale[:, None]
-    return result
-
-
-DISTORTIONS: dict[str, Callable[[Floats, tuple[float, ...]], Floats]] = {
-    "plumb_bob": _polynomial,
-    "rational_polynomial": _polynomial,
-    "equidistant": _equidistant,
-    "fisheye": _equidistant,
-}
-"""Distortion models by their names in `CameraInfo`; each distorts points (N, 2) at depth 1."""
 
 
 def from_camera_info(message: Any) -> Camera:

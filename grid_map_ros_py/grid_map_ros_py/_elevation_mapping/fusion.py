@@ -16,7 +16,7 @@ from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import check
 
 from ..errors import MessageError
-from ..messages._pose import Matrix
+from ..messages._fields import Matrix
 from ..nodes._poses import Placement
 from ..nodes._scans import Cloud
 from .cameras import Picture, seen_cells
@@ -30,23 +30,6 @@ FORGETTING = 0.05
 
 MEAN = 0.5
 """Share of a new pixel in a layer that is fused by `exponential`, as in elevation_mapping_cupy."""
-
-
-@dataclass(frozen=True)
-class Patch:
-    """A flat patch under the robot, with which a map begins.
-
-    Attributes:
-        length: (2,) side lengths along x and y [m].
-        height_offset: height above the origin of its frame [m].
-        variance: variance of its heights [m^2].
-        frame: the frame.
-    """
-
-    length: tuple[float, float]
-    height_offset: float
-    variance: float
-    frame: str = ""
 
 
 @dataclass
@@ -160,13 +143,22 @@ class ElevationFusion:
             grid_map[name][cells] = new
         self._note({"image": 1e3 * (time.perf_counter() - begin)})
 
-    def lay(self, patch: Patch, frame: Matrix) -> None:
-        """Begin the map with a flat patch around a frame (4, 4), given in the frame of the map."""
+    def lay_patch(
+        self, frame: Matrix, length: tuple[float, float], height_offset: float, variance: float
+    ) -> None:
+        """Begin the map with a flat patch around a frame (4, 4), given in the frame of the map.
+
+        Args:
+            frame: the frame.
+            length: (2,) side lengths of the patch along x and y [m].
+            height_offset: its height above the origin of the frame [m].
+            variance: variance of its heights [m^2].
+        """
         x, y, z = frame[:3, 3]
         if self.follow:
             self.mapper.move((x, y))
-        geometry = GridGeometry(np.array(patch.length), self.grid_map.resolution, np.array((x, y)))
-        layers = {"elevation": z + patch.height_offset, "variance": patch.variance}
+        geometry = GridGeometry(np.array(length), self.grid_map.resolution, np.array((x, y)))
+        layers = {"elevation": z + height_offset, "variance": variance}
         flat = GridMap.from_geometry(geometry, frame_id=self.grid_map.frame_id)
         for name, value in layers.items():
             flat.add(name, value)

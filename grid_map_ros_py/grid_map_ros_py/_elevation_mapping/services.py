@@ -6,7 +6,7 @@ from typing import Any
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
 
-from .._serving.requests import part, place_below
+from .._serving import part, place_below
 from ..bags import BagWriter, bag_topics, load_from_bag
 from ..errors import RequestError
 from ..messages import from_message, to_message

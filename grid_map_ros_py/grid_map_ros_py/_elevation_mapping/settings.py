@@ -2,7 +2,7 @@
 """Parameters of the node `elevation_mapping`."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,7 @@ from grid_map_core_py.plugins import check
 
 from ..nodes import ConfiguredNode, read_parameter, read_parameter_tree
 from ..nodes._parameters import names_below, read_fields
-from .fusion import ElevationFusion, Patch
+from .fusion import ElevationFusion
 from .outputs import Chain, make_chain
 from .sources import (
     UNUSED_PARAMETERS,
@@ -43,14 +43,13 @@ class Settings:
     """Parameters of the node that are neither those of sources nor those of the mapper.
 
     Attributes:
-        map_frame_id: frame of the map; it must not jump, so use that of odometry.
+        map_frame_id: frame of the map, usually that of the odometry; it must not jump.
         robot_base_frame_id: frame of the robot.
-        track_point_frame_id: with tf, frame of the point that the map follows; empty means that of
-            the robot.
+        track_point_frame_id: with tf, frame of the track point; empty means that of the robot.
         track_point_x, track_point_y, track_point_z: the point that the map follows [m].
         pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `topic`.
-        robot_pose_with_covariance_topic: topic of the poses of the robot in the map frame; tf uses
-            only their covariances, and no topic means exact poses.
+        robot_pose_with_covariance_topic: topic of the poses of the robot; tf uses only their
+            covariances, and without a topic poses are exact.
         pose_type: messages of that topic.
         robot_pose_cache_size: number of poses that are kept.
         pose_timeout: maximum time a scan waits for its pose [s].
@@ -58,19 +57,18 @@ class Settings:
         position_x, position_y: initial center of the map [m].
         resolution: side of a cell [m].
         visibility_cleanup_rate: 0 disables the visibility cleanup.
-        enable_continuous_cleanup: whether every scan begins a new map.
-        initialize_elevation_map: whether the map begins with a flat patch around the robot.
+        enable_continuous_cleanup: start a new map with every scan.
+        initialize_elevation_map: begin with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
         target_frame_init_submap: with tf, frame of the patch; empty means that of the robot.
-        masked_replace_service_mask_layer_name: layer in requests of `masked_replace` that is NaN
-            where cells keep their values.
-        directory: directory below which requests load and save maps; empty refuses them.
+        masked_replace_service_mask_layer_name: mask of `masked_replace`: NaN keeps the cell.
+        directory: directory for maps that requests load and save; empty refuses them.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
-        fused_map_publishing_rate: rate at which the filtered map is published [Hz]; 0 means after
-            `trigger_fusion` only, `.inf` together with the raw map.
+        fused_map_publishing_rate: rate of the filtered map [Hz]; 0 publishes it only on
+            `trigger_fusion`, `.inf` together with the raw map.
     """
 
     map_frame_id: str = "map"
@@ -122,25 +120,13 @@ class Settings:
         """The point that the map follows [m], in its frame."""
         return self.track_point_x, self.track_point_y, self.track_point_z
 
-    @property
-    def patch(self) -> Patch | None:
-        """The patch with which the map begins; None without a patch."""
-        if not self.initialize_elevation_map or self.pose_source == "none":
-            return None
-        return Patch(
-            (self.length_in_x_init_submap, self.length_in_y_init_submap),
-            self.init_submap_height_offset,
-            self.init_submap_variance,
-            frame_name(self.target_frame_init_submap or self.robot_base_frame_id),
-        )
-
 
 def read_sources(node: ConfiguredNode) -> list[InputSource]:
     """Return the sources of scans and images."""
-    about = "sensor model of sources without one of their own: `type` and its parameters"
+    about = "default sensor model: `type` and its parameters"
     default = read_parameter_tree(node, "sensor_processor", description=about)
     names = names_below(node, "input_sources")
-    about = "topic of clouds if there are no `input_sources`; deprecated"
+    about = "deprecated: topic of clouds without `input_sources`"
     topic = node.read("point_cloud_topic", "/points", about)
     defaults = {}
     if not names and not node.has_parameter("input_sources"):
@@ -148,7 +134,7 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
     sources = []
     for name in names:
         place = f"input_sources.{name}"
-        about = "sensor model of the source: `type` and its parameters"
+        about = "sensor model: `type` and its parameters"
         processor = read_parameter_tree(node, f"{place}.sensor_processor", description=about)
         settings = read_fields(node, SourceSettings, f"{place}.", defaults=defaults)
         try:
@@ -173,8 +159,8 @@ def read_mapper_parameters(
 
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
-) -> Callable[[], ElevationFusion]:
-    """Return a function that makes the fusion, which may compile for some seconds."""
+) -> ElevationFusion:
+    """Return the fusion; the first one on a machine may compile for some seconds."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
@@ -188,12 +174,12 @@ def read_fusion(
     about = "`covariance_scale`: factor of covariances"
     motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
     scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)
-    about = "how fields of clouds become layers, by their names or regular expressions"
+    about = "fusion of fields of clouds, by name or regular expression"
     fields = read_parameter_tree(node, "pointcloud_channel_fusions", description=about)
-    about = "the same for channels of images: `color`, `latest` or `exponential`"
+    about = "fusion of channels of images: `color`, `latest` or `exponential`"
     channels = read_parameter_tree(node, "image_channel_fusions", description=about)
     frame, fusions = frame_name(settings.map_frame_id), channel_fusions(fields)
-    return lambda: ElevationFusion(
+    return ElevationFusion(
         ElevationMapper(geometry, frame, value_fusions=fusions, **parameters),
         follow=settings.pose_source != "none",
         covariance_scale=scale,
@@ -204,11 +190,11 @@ def read_fusion(
 
 def read_chain(node: ConfiguredNode) -> Chain | None:
     """Return the filters of the filtered map; None without filters."""
-    about = "name of the parameter with the filter chain of `~/elevation_map`"
+    about = "parameter that holds the filter chain of `~/elevation_map`"
     name = node.read("postprocessor_pipeline_name", "postprocessor_pipeline", about)
-    about = "the chain: `filter1`, `filter2`, ... with `name`, `type` and `params`"
+    about = "filters `filter1`, `filter2`, ... with `name`, `type` and `params`"
     config = read_parameter_tree(node, name, description=about)
-    about = "number of threads that the filters may use"
+    about = "number of threads for the filters"
     threads = node.read("postprocessor_num_threads", 1, about)
     return make_chain(config, threads) if config else None
 

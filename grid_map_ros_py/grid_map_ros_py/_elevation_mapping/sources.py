@@ -125,16 +125,14 @@ class SourceSettings:
     Attributes:
         type: messages of the topic.
         topic: topic of the clouds or images.
-        camera_info_topic: `sensor_msgs/CameraInfo` of images; empty means `camera_info` beside
-            `topic`.
+        camera_info_topic: `sensor_msgs/CameraInfo`; empty means `camera_info` beside `topic`.
         queue_size: maximum number of waiting messages.
-        publish_on_update: whether the raw map is published after each scan.
-        channels: fields of clouds, or names for the channels of images, that become layers.
-        min_range: points nearer to the sensor are dropped [m].
-        max_range: points farther from the sensor are dropped [m].
-        stride: for depth images: every n-th row and column is used.
-        sensor_xyz: position of the sensor in the frame of the robot [m], without tf.
-        sensor_rpy: roll, pitch and yaw of the sensor in that frame [rad], without tf.
+        publish_on_update: publish the raw map after each scan.
+        channels: fields of clouds, or names of image channels, that become layers.
+        min_range, max_range: limit of the distance from the sensor [m].
+        stride: use every n-th row and column of depth images.
+        sensor_xyz: without tf, position of the sensor on the robot [m].
+        sensor_rpy: without tf, roll, pitch and yaw of the sensor on the robot [rad].
         reliability: `best_effort` receives from every publisher; `reliable` requests lost messages
             again.
     """

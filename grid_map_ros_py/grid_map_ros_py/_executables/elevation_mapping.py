@@ -45,13 +45,15 @@ from ..nodes import (
     offer_service,
 )
 from ..nodes._parameters import read_fields
-from ..nodes._pose_sources import (
+from ..nodes._poses import (
     POSE_QUEUE,
     POSE_TYPES,
+    PoseHistory,
+    Poses,
     chosen_source,
+    from_xyz_rpy,
     subscribe_to_poses,
 )
-from ..nodes._poses import PoseHistory, Poses, from_xyz_rpy
 from ..nodes._scans import ScanInputs, ScanQueue, read_cloud
 from ..nodes._topics import listen
 
@@ -69,13 +71,13 @@ class ElevationMappingNode(ConfiguredNode):
         health.inputs, health.details = "scans", self._details
         sources = read_sources(self)
         self._settings = settings = read_fields(self, Settings)
-        make_fusion = read_fusion(self, settings, sources)
+        if ElevationMapper.must_compile():
+            self.get_logger().info("compiles for some seconds, this first time only")
+        self._fusion = read_fusion(self, settings, sources)
+        self._is_begun = not settings.initialize_elevation_map or settings.pose_source == "none"
         if unused := read_unused(self, sources):
             self.get_logger().warning(f"parameters without effect: {'; '.join(unused)}")
         chain = read_chain(self)
-        if ElevationMapper.must_compile():
-            self.get_logger().info("compiles for some seconds, this first time only")
-        self._fusion, self._patch = make_fusion(), settings.patch
         self._outputs = MapOutputs(
             self,
             self._fusion,
@@ -84,7 +86,7 @@ class ElevationMappingNode(ConfiguredNode):
             raw_rate=settings.min_update_rate,
             filtered_rate=settings.fused_map_publishing_rate,
         )
-        self._inputs = ScanInputs(self, self._log, self._lay_patch)
+        self._inputs = ScanInputs(self, self._log, None if self._is_begun else self._lay_patch)
         self._poses = self._make_poses()
         self._queues = {source.name: self._subscribe(source) for source in sources}
         services = MapServices(self, settings, self._fusion, self._outputs, self._inputs)
@@ -166,13 +168,20 @@ class ElevationMappingNode(ConfiguredNode):
         return queue
 
     def _lay_patch(self) -> None:
-        if self._patch is None:
+        if self._is_begun:
             return
         with dropping(self._log, "initialize_elevation_map"):
-            frame = self._poses.frame_at(self._patch.frame, 0)
+            given = self._settings
+            name = given.target_frame_init_submap or given.robot_base_frame_id
+            frame = self._poses.frame_at(frame_name(name), 0)
             if frame is not None:
-                self._fusion.lay(self._patch, frame)
-                self._patch = None
+                self._fusion.lay_patch(
+                    frame,
+                    (given.length_in_x_init_submap, given.length_in_y_init_submap),
+                    given.init_submap_height_offset,
+                    given.init_submap_variance,
+                )
+                self._is_begun = True
                 self._outputs.publish_raw()
 
     def _details(self) -> dict[str, str]:

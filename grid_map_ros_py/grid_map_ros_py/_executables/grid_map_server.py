@@ -26,8 +26,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 
 from .. import from_message, load_from_bag, save_to_bag, to_message, to_serialized_message
-from .._serving.requests import part, place_below
-from .._serving.tiled_source import read_source
+from .._serving import part, place_below, read_source
 from ..bags._bag import STORAGES
 from ..errors import RequestError
 from ..messages._grid_map import to_info

@@ -22,8 +22,7 @@ from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import select_layers
 
 from .. import ReceivedMap, to_serialized_message
-from .._serving.latest_only import LatestOnly
-from .._serving.tiled_source import read_source, window
+from .._serving import LatestOnly, read_source, window
 from ..errors import MessageError, reason
 from ..nodes import (
     ConfiguredNode,
@@ -36,8 +35,7 @@ from ..nodes import (
     read_parameter,
     steady_timer,
 )
-from ..nodes._pose_sources import POSE_TYPES, chosen_source, subscribe_to_poses
-from ..nodes._poses import PoseHistory
+from ..nodes._poses import POSE_TYPES, PoseHistory, chosen_source, subscribe_to_poses
 
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 
@@ -61,7 +59,7 @@ class GridMapWindowNode(ConfiguredNode):
             self, "layers", list[str], [], description="layers of the window; empty means all"
         )
         length = self.read_positive("length", 20.0, "side of the window [m]")
-        about = "way of the robot after which a new window is published [m]"
+        about = "distance that the robot moves before the next window [m]"
         self._step = self.read_number("step", 0.5, 0.0, 1e9, about)
         self._period = 1 / self.read_positive("rate", 10.0, "largest rate of windows [Hz]")
         about = (
@@ -74,7 +72,7 @@ class GridMapWindowNode(ConfiguredNode):
         pose_topic = self.read_topic("pose_topic", "/odom", about)
         robot_frame = self.read("robot_frame", "base_link", "frame of the robot, with tf")
         topic = self.read_topic("output_topic", "/grid_map", "topic of the window")
-        about = "whether maps of `write_topic` are merged into the source, a Zarr store"
+        about = "merge maps of `write_topic` into the source, a Zarr store"
         writes = self.read("write_back", False, about)
         write_topic = self.read_topic("write_topic", "/elevation_map", "topic of maps to merge")
 

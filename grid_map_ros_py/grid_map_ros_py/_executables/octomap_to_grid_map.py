@@ -41,7 +41,7 @@ class OctomapToGridMapNode(ConfiguredNode):
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
         """Return the bounds at one end of the three axes; NaN means no bound."""
-        about = f"voxels whose center has {beyond} {{}} are left out [m]; `.nan` means no bound"
+        about = f"leave out voxels with {beyond} {{}} [m]; `.nan` means no bound"
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
     def _listen(self) -> str:

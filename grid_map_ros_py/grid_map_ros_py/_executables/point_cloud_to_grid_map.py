@@ -24,14 +24,17 @@ from ..nodes import (
     steady_timer,
 )
 from ..nodes._parameters import read_fields
-from ..nodes._pose_sources import (
+from ..nodes._poses import (
     POSE_QUEUE,
     POSE_TYPES,
+    Placement,
+    PoseHistory,
+    Poses,
     chosen_source,
+    from_xyz_rpy,
     subscribe_to_poses,
 )
-from ..nodes._poses import PoseHistory, Poses, from_xyz_rpy
-from ..nodes._scans import ScanInputs, ScanQueue, fuse_rolling, read_cloud
+from ..nodes._scans import Cloud, ScanInputs, ScanQueue, read_cloud
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +46,7 @@ class Settings:
         output_topic: topic of the map.
         pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `odometry`.
         map_frame: frame of the map.
-        robot_centric: whether the map moves with the robot.
+        robot_centric: move the map with the robot.
         length: side lengths of the map along x and y [m].
         resolution: side of a cell [m].
         position: initial center of the map [m].
@@ -51,18 +54,16 @@ class Settings:
         fusion: how clouds are combined: `max`, `min`, `mean` or `last`.
         reduction: height of one cloud in a cell: `max`, `min`, `mean`, `median`, `first` or `last`;
             not used with the fusion `mean`.
-        max_count: for the fusion `mean`: largest weight of the past, in points; 0 means no limit.
-        min_height: lower points are left out [m], map frame.
-        max_height: higher points are left out [m], map frame.
+        max_count: largest weight of earlier clouds in the fusion `mean` [points]; 0 means no limit.
+        min_height, max_height: limit of the heights of points [m], map frame.
         fields: additional fields of the clouds that become layers.
-        min_range: points nearer to the sensor, the origin of their frame, are left out [m].
-        max_range: points farther from the sensor are left out [m].
+        min_range, max_range: limit of the distance from the sensor [m].
         pose_timeout: maximum time a cloud waits for its pose [s].
-        queue_size: maximum number of clouds that wait for the node or for a pose.
-        pose_topic: topic of the poses of the robot in the map frame; not used with tf.
-        robot_frame: frame that the map follows, with tf; empty means the frame of the cloud.
-        sensor_xyz: position of the sensor in the frame of the robot [m], without tf.
-        sensor_rpy: roll, pitch and yaw of the sensor in that frame [rad], without tf.
+        queue_size: maximum number of waiting clouds.
+        pose_topic: without tf, topic of the poses of the robot in the map frame.
+        robot_frame: with tf, frame that the map follows; empty means that of the cloud.
+        sensor_xyz: without tf, position of the sensor on the robot [m].
+        sensor_rpy: without tf, roll, pitch and yaw of the sensor on the robot [rad].
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.
         statistics_period: time between two lines of statistics in the log [s]; 0 means none.
         input_reliability: `best_effort` receives from every publisher; `reliable` requests lost
@@ -141,13 +142,18 @@ class PointCloudToGridMapNode(ConfiguredNode):
             poses = PoseHistory(settings.map_frame, mount)
             kind, topic = POSE_TYPES[source], settings.pose_topic
             subscribe_to_poses(self, kind, topic, poses, inputs.work, log, POSE_QUEUE)
-        fuse = partial(
-            fuse_rolling,
-            rolling_map,
-            follow=settings.robot_centric,
-            min_range=settings.min_range,
-            max_range=settings.max_range,
-        )
+
+        def fuse(scan: Cloud, placement: Placement) -> None:
+            rolling_map.fuse(
+                scan.points,
+                scan.columns,
+                transform=placement.transform,
+                min_range=settings.min_range,
+                max_range=settings.max_range,
+                position=placement.center if settings.robot_centric else None,
+                timestamp=scan.stamp,
+            )
+
         clouds = ScanQueue(
             poses,
             partial(read_cloud, fields=settings.fields),

@@ -19,8 +19,8 @@ from grid_map_core_py.files import new_folder
 from grid_map_core_py.limits import check_bytes
 
 from ..errors import BagError, MessageError
+from ..messages._fields import check_nanoseconds
 from ..messages._grid_map import from_serialized_message, to_serialized_message
-from ..messages._time import check_nanoseconds
 from . import _mcap as bag_mcap, _sqlite as bag_sqlite, _storage as bag_storage
 from ._mcap import COMPRESSIONS, McapFile, McapWriter, package
 from ._sqlite import SqliteFile, SqliteWriter

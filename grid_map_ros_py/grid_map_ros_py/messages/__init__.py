@@ -13,6 +13,15 @@ from ._costmap import (
     from_costmap as from_costmap,
     to_costmap as to_costmap,
 )
+from ._fields import (
+    from_pose as from_pose,
+    from_stamp as from_stamp,
+    from_transform as from_transform,
+    to_header as to_header,
+    to_pose as to_pose,
+    to_stamp as to_stamp,
+    to_transform as to_transform,
+)
 from ._grid_cells import (
     from_grid_cells as from_grid_cells,
     to_grid_cells as to_grid_cells,
@@ -58,12 +67,5 @@ from ._polygon import (
     to_polygon as to_polygon,
     to_triangle_list_marker as to_triangle_list_marker,
 )
-from ._pose import (
-    from_pose as from_pose,
-    from_transform as from_transform,
-    to_pose as to_pose,
-    to_transform as to_transform,
-)
-from ._time import from_stamp as from_stamp, to_header as to_header, to_stamp as to_stamp
 
 __all__ = [name for name in dir() if not name.startswith("_")]

@@ -15,9 +15,16 @@ import numpy as np
 from grid_map_core_py import GridMap, conversions as costs
 from grid_map_core_py.conversions import FREE, LETHAL, CostCodec, CostRange, CostTable
 
-from ._checks import as_float32, as_written, check_fields, check_grid, check_positive
+from ._fields import (
+    as_float32,
+    as_written,
+    check_fields,
+    check_grid,
+    check_positive,
+    from_stamp,
+    to_header,
+)
 from ._packages import messages_of
-from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
     from nav2_msgs.msg import Costmap

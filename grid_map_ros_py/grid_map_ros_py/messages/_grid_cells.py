@@ -13,9 +13,16 @@ from grid_map_core_py.conversions import fitting_geometry
 
 from ..errors import MessageError
 from ._cdr import serialize
-from ._checks import as_float32, as_written, check_fields, check_finite, check_positive
+from ._fields import (
+    as_float32,
+    as_written,
+    check_fields,
+    check_finite,
+    check_positive,
+    from_stamp,
+    to_header,
+)
 from ._packages import messages_of
-from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
     from nav_msgs.msg import GridCells

@@ -16,16 +16,18 @@ from grid_map_core_py.map import is_name, select_layers, unwrapped
 
 from ..errors import MessageError
 from ._cdr import Buffer, Reordered, serialize, view
-from ._checks import (
+from ._definition import GRID_MAP
+from ._fields import (
+    NANOSECONDS,
     check_fields,
+    check_nanoseconds,
     check_position,
     check_positive,
     check_unique,
     check_unrotated,
+    from_stamp,
 )
-from ._definition import GRID_MAP
 from ._packages import messages_of, set_array
-from ._time import NANOSECONDS, check_nanoseconds, from_stamp
 
 if TYPE_CHECKING:
     from std_msgs.msg import Float32MultiArray

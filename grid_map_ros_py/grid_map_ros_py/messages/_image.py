@@ -17,9 +17,8 @@ from grid_map_core_py.conversions import COLOR_LAYER, Order
 from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
-from ._checks import check_fields
+from ._fields import check_fields, from_stamp, to_header
 from ._packages import messages_of, set_array
-from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import Image

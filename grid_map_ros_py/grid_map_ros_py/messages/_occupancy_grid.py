@@ -11,9 +11,8 @@ from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import as_number, slices
 
 from ..errors import MessageError
-from ._checks import as_float32, check_fields, check_grid
+from ._fields import as_float32, check_fields, check_grid, from_stamp, to_header
 from ._packages import messages_of, set_array
-from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
     from nav_msgs.msg import OccupancyGrid

@@ -31,7 +31,7 @@ from grid_map_core_py.map import select_layers
 from grid_map_core_py.regions import BORDER_TOLERANCE
 
 from ..errors import MessageError
-from ._checks import check_fields
+from ._fields import check_fields, from_stamp
 from ._octree import (
     NODE_TYPES,
     VOXELS,
@@ -43,7 +43,6 @@ from ._octree import (
     read_binary,
     read_full,
 )
-from ._time import from_stamp
 
 if TYPE_CHECKING:
     from octomap_msgs.msg import Octomap

@@ -21,9 +21,8 @@ from grid_map_core_py.map import select_layers
 from grid_map_core_py.plugins import check
 
 from ..errors import MessageError
-from ._checks import check_fields, check_unique
+from ._fields import check_fields, check_unique, from_stamp, to_header
 from ._packages import messages_of, set_array
-from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2, PointField

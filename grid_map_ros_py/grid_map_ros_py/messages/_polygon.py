@@ -12,9 +12,8 @@ from grid_map_core_py._arrays import as_array, as_number
 from grid_map_core_py.errors import short
 
 from ..errors import MessageError
-from ._checks import check_fields, check_finite
+from ._fields import check_fields, check_finite, from_stamp, to_stamp
 from ._packages import messages_of
-from ._time import from_stamp, to_stamp
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import PolygonStamped

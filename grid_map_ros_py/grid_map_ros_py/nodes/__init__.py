@@ -23,8 +23,8 @@ A complete node, which receives maps from all reliable publishers and publishes 
     if __name__ == "__main__":
         raise SystemExit(run(Scaler))
 
-`run` ends the node on Ctrl-C and returns the exit code. All names are loaded on first use, since
-rclpy takes long to import.
+`run` ends the node on Ctrl-C and returns the exit code. Names are loaded on first use, since
+rclpy is slow to import.
 """
 
 import importlib
@@ -33,22 +33,23 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from grid_map_core_py._arrays import (
-        keep_memory as keep_memory,
-    )
+    from grid_map_core_py._arrays import keep_memory as keep_memory
 
-    from ._configured import ConfiguredNode as ConfiguredNode
-    from ._health import Health as Health, health_of as health_of
-    from ._logs import LogThrottle as LogThrottle, dropping as dropping
+    from ._health import (
+        Health as Health,
+        LogThrottle as LogThrottle,
+        dropping as dropping,
+        health_of as health_of,
+    )
     from ._parameters import (
         check_topic as check_topic,
         read_limits as read_limits,
         read_parameter as read_parameter,
         read_parameter_tree as read_parameter_tree,
     )
-    from ._pose_sources import TfPoses as TfPoses, has_tf as has_tf
+    from ._poses import TfPoses as TfPoses, has_tf as has_tf
     from ._profile import use_profile as use_profile
-    from ._spin import run as run, steady_timer as steady_timer
+    from ._spin import ConfiguredNode as ConfiguredNode, run as run, steady_timer as steady_timer
     from ._topics import (
         LatchedSubscription as LatchedSubscription,
         MapPublisher as MapPublisher,
@@ -59,13 +60,11 @@ if TYPE_CHECKING:
 
 _OFFERED = {
     "grid_map_core_py._arrays": "keep_memory",
-    "._configured": "ConfiguredNode",
-    "._health": "Health health_of",
-    "._logs": "LogThrottle dropping",
+    "._health": "Health LogThrottle dropping health_of",
     "._parameters": "check_topic read_limits read_parameter read_parameter_tree",
-    "._pose_sources": "TfPoses has_tf",
+    "._poses": "TfPoses has_tf",
     "._profile": "use_profile",
-    "._spin": "run steady_timer",
+    "._spin": "ConfiguredNode run steady_timer",
     "._topics": "LatchedSubscription MapPublisher MapSubscription map_qos offer_service",
 }
 _MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
@@ -77,8 +76,8 @@ __all__ = sorted(["quiet_start", *_MODULE_OF])
 def quiet_start() -> None:
     """Let Ctrl-C end an executable at once, without a traceback, until `run` handles it.
 
-    Call it where a package of executables begins, before rclpy is imported: importing takes most of
-    the time in which an executable starts. It does nothing in a program that imports the package.
+    Call it at the top of a package of executables, before rclpy is imported, which takes most of
+    the start. It does nothing in a program that imports the package.
     """
     # Executables are started with Ctrl-C blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""State of a node, which `run` reports on `/diagnostics`."""
+"""State of a node for its log, which is throttled, and for `/diagnostics`."""
 
 import math
 import time
@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from grid_map_core_py.errors import cut
 
-from ..errors import reason
+from ..errors import DROPPED, NodeFailedError, reason
 
 TOPIC = "/diagnostics"
 
@@ -22,7 +22,7 @@ PERIOD = 1.0
 """Time between two reports of a node [s]."""
 
 PATIENCE = 1.0
-"""Time after which a publisher has found its subscribers, and in which they acknowledge [s]."""
+"""Time for a publisher to find its subscribers, and for them to acknowledge [s]."""
 
 
 @dataclass
@@ -31,7 +31,7 @@ class Health:
 
     Attributes:
         inputs: name of the inputs, such as "maps".
-        received, used, dropped: number of inputs that came, were processed, could not be used.
+        received, used, dropped: number of received, processed and unusable inputs.
         last_error: reason for the last dropped input; empty if there is none.
         problem: the last problem that did not cause a drop; empty if there is none.
         details: returns further values by name.
@@ -61,12 +61,12 @@ class Health:
         self.use()
 
     def receive(self) -> None:
-        """Count an input that has come."""
+        """Count a received input."""
         self.received += 1
         self._last_time = time.monotonic()
 
     def use(self, count: int = 1) -> None:
-        """Count inputs that have been processed."""
+        """Count processed inputs."""
         self.used += count
         self._last_was_dropped = False
 
@@ -76,7 +76,7 @@ class Health:
         self._last_was_dropped, self.last_error = True, why
 
     def drop_used(self, why: str) -> None:
-        """Count the last used input as dropped, as it turned out later that it cannot be used."""
+        """Recount the last used input as dropped, after it turned out to be unusable."""
         self.used -= 1
         self.drop(why)
 
@@ -94,8 +94,8 @@ class Health:
             self._publish(node, level, f"{text}; {self.problem}" if self.problem else text)
 
     def report_failure(self, node: Node, reason: str) -> None:
-        """Publish that the node ends, and wait until subscribers have it, at most 2 s."""
-        # The reason for the end, which the caller reports as well, must not be lost.
+        """Publish why the node ends, and wait up to 2 s for the subscribers."""
+        # The caller must still report the reason for the end.
         with suppress(Exception):
             if self._publisher is None:
                 self.offer(node)
@@ -129,3 +129,68 @@ def health_of(node: Node) -> Health:
     """Return the state of a node."""
     health: Health = vars(node).setdefault("_grid_map_health", Health())
     return health
+
+
+class LogThrottle:
+    """Logs similar texts at most once per period, with the number of those held back.
+
+    Texts are similar if they are equal up to their second colon, such as "get_grid_map: frame_id:
+    expected ...". At most `LIMIT` different texts are logged per period. (rclpy throttles per line
+    of code, and so drops the second of two problems that one line logs.)
+
+    Args:
+        logger: logger of the node.
+        period: time between two similar texts [s].
+        clock: returns the time [s]; the default runs on while a simulation is paused.
+    """
+
+    LIMIT = 20
+
+    def __init__(
+        self, logger: Any, period: float = 1.0, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._logger, self._period, self._clock = logger, period, clock
+        self._recent: dict[tuple[str, ...], tuple[float, int]] = {}
+
+    def error(self, text: str) -> None:
+        """Log an error, unless a similar one was logged recently."""
+        if line := self._line(text, "error"):
+            self._logger.error(line)
+
+    def warning(self, text: str) -> None:
+        """Log a warning, unless a similar one was logged recently."""
+        if line := self._line(text, "warning"):
+            self._logger.warning(line)
+
+    def info(self, text: str) -> None:
+        """Log a change, unless a similar one was logged recently."""
+        if line := self._line(text, "info"):
+            self._logger.info(line)
+
+    def _line(self, text: str, level: str) -> str:
+        """Return the line to log now, or an empty text; count what is held back."""
+        text, now = cut(text), self._clock()
+        key = level, *text.split(": ")[:2]
+        logged, held_back = self._recent.get(key, (-math.inf, 0))
+        if now - logged < self._period:
+            self._recent[key] = logged, held_back + 1
+            return ""
+        self._recent = {k: v for k, v in self._recent.items() if now - v[0] < self._period}
+        if len(self._recent) == self.LIMIT:
+            return ""
+        self._recent[key] = now, 0
+        return text + (f" (and {held_back} more before)" if held_back else "")
+
+
+@contextmanager
+def dropping(log: LogThrottle, what: str) -> Iterator[None]:
+    """Log a `GridMapError` or `MemoryError` of the context as `what`, and continue.
+
+    A `NodeFailedError` and all other exceptions propagate.
+    """
+    try:
+        yield
+    except NodeFailedError:
+        raise
+    except DROPPED as error:
+        log.error(f"{what}: {reason(error)}")

@@ -1,29 +1,46 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Poses of a robot and its sensors at the times of scans."""
+"""Poses of a robot and its sensors at the times of scans, from a topic or from tf2."""
 
 import copy
+import importlib
+import importlib.util
 from bisect import bisect_left, bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.time import Time
 from scipy.spatial.transform import Rotation, Slerp
 
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, MissingPackageError
 
 from ..errors import MessageError
-from ..messages._pose import Matrix, as_matrix, from_pose
-from ..messages._time import NANOSECONDS, from_stamp
+from ..messages._fields import NANOSECONDS, Matrix, as_matrix, from_pose, from_stamp, from_transform
+from ._health import LogThrottle
+from ._topics import listen
+
+PACKAGE = "tf2_ros"
+
+POSE_TYPES = {
+    "odometry": Odometry,
+    "pose": PoseStamped,
+    "pose_with_covariance": PoseWithCovarianceStamped,
+}
+"""Types of messages with poses of a robot, by their names in parameters."""
+
+POSE_QUEUE = 100
+"""Depth of subscriptions to poses, which arrive faster than scans are fused."""
 
 Covariance = npt.NDArray[np.float64]
 """(6, 6) covariance of x, y, z [m] and of the rotations about the axes x, y, z [rad]."""
 
 LONGEST_JITTER = NANOSECONDS
-"""Time [ns] by which a scan or a pose may be earlier than the one before without a reset."""
-
-INDEFINITE = 1e-6
-"""Largest deviation of a covariance from a symmetric, positive semi-definite one, relative."""
+"""Largest step back in time of scans or poses that is no reset [ns]."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +145,7 @@ class PoseHistory(Poses):
         stamp = from_stamp(message.header.stamp)
         matrix = from_pose(message)
         given = getattr(message.pose, "covariance", None) if self._with_covariances else None
-        covariance = None if given is None else from_covariance(given)
+        covariance = None if given is None else np.reshape(given, (6, 6))
         self.go_back(stamp)
         place = bisect_right(self._stamps, stamp)
         self._stamps.insert(place, stamp)
@@ -194,29 +211,6 @@ class PoseHistory(Poses):
         return after - 1, after, (stamp - begin) / (end - begin)
 
 
-def from_covariance(values: npt.ArrayLike) -> Covariance:
-    """Return the covariance (36,) of a message as a matrix (6, 6).
-
-    Rounding errors of the sender, up to `INDEFINITE`, are mended.
-    """
-    matrix = np.asarray(values, np.float64).reshape(6, 6)
-    with np.errstate(over="ignore", invalid="ignore"):
-        largest = float(np.abs(matrix).max())
-        is_symmetric = np.abs(matrix - matrix.T).max() <= INDEFINITE * largest
-    least = 0.0
-    if np.isfinite(largest) and is_symmetric and largest > 0.0:
-        matrix = 0.5 * (matrix + matrix.T)
-        eigenvalues, vectors = np.linalg.eigh(matrix / largest)
-        least = eigenvalues[0]
-        if least < 0.0:
-            matrix = largest * ((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
-            matrix = 0.5 * (matrix + matrix.T)
-    if not (np.isfinite(largest) and is_symmetric and least >= -INDEFINITE):
-        expected = "36 numbers of a symmetric, positive semi-definite matrix"
-        raise MessageError("pose.covariance", expected, np.ravel(values).tolist())
-    return matrix
-
-
 def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance | None:
     """Return the covariance of a sensor's pose from that of the robot's.
 
@@ -245,3 +239,108 @@ def between(begin: Matrix, end: Matrix, share: float) -> Matrix:
 
 def _seconds(stamp: int) -> str:
     return f"{stamp / NANOSECONDS:.3f} s"
+
+
+def has_tf() -> bool:
+    """Return whether tf2 can be imported."""
+    return importlib.util.find_spec(PACKAGE) is not None
+
+
+def chosen_source(name: str, without_tf: str) -> str:
+    """Return the source of poses; `auto` selects tf, or `without_tf` if tf2 is missing."""
+    if name == "auto":
+        return "tf" if has_tf() else without_tf
+    return name
+
+
+def subscribe_to_poses(
+    node: Node,
+    message_type: type,
+    topic: str,
+    history: PoseHistory,
+    then: Callable[[], object],
+    log: LogThrottle,
+    depth: int = 1,
+) -> None:
+    """Add the poses of a topic to a history, and call `then` after each of them."""
+
+    def add(message: Any) -> None:
+        history.add(message)
+        then()
+
+    listen(node, message_type, topic, add, log, "a pose", depth)
+
+
+class TfPoses(Poses):
+    """Poses from tf2.
+
+    Args:
+        node: node that subscribes to `/tf` and `/tf_static`.
+        map_frame: frame of the map.
+        robot_frame: frame of the robot; empty for the frame of the scan.
+        track_frame: frame of the track point; empty for that of the robot.
+        track_point: (3,) point that the map follows [m], in that frame.
+        covariances: poses of the robot whose covariances are used; None for none.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        map_frame: str,
+        robot_frame: str = "",
+        *,
+        track_frame: str = "",
+        track_point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        covariances: PoseHistory | None = None,
+    ) -> None:
+        if not has_tf():
+            remedy = "install tf2_ros_py of your ROS distribution, or take another pose_source"
+            raise MissingPackageError(PACKAGE, "pose_source 'tf'", remedy)
+        super().__init__(map_frame)
+        self._tf: Any = importlib.import_module(PACKAGE)
+        self._robot_frame, self._track_frame = robot_frame, track_frame
+        self._track_point = np.append(np.asarray(track_point, np.float64), 1.0)
+        self._covariances = covariances
+        self._buffer = self._tf.Buffer()
+        self._listener = self._tf.TransformListener(self._buffer, node)
+        self.waits_for = "transforms"
+
+    def place(self, frame_id: str, stamp: int) -> Placement | None:
+        robot_frame = self._robot_frame or frame_id
+        found = []
+        for frame in (frame_id, robot_frame, self._track_frame or robot_frame):
+            matrix = self.frame_at(frame, stamp)
+            if matrix is None:
+                return None
+            found.append(matrix)
+        transform, robot, tracked = found
+        center, covariance = (tracked @ self._track_point)[:2], None
+        if self._covariances is not None:
+            covariance = self._covariances.covariance_at(stamp)
+            if covariance is None:
+                self.waits_for = self._covariances.waits_for
+                return None
+            covariance = carried(covariance, transform[:3, 3] - robot[:3, 3])
+        return Placement(transform, robot, center, covariance)
+
+    def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
+        found = self._look_up(frame_id, stamp)
+        return None if found is None else from_transform(found)
+
+    def latest(self) -> tuple[Matrix, int] | None:
+        """Return the latest pose of the robot and its time [ns], 0 if it is static."""
+        found = self._look_up(self._robot_frame, 0)
+        return None if found is None else (from_transform(found), from_stamp(found.header.stamp))
+
+    def _look_up(self, frame_id: str, stamp: int) -> Any:
+        time = Time(nanoseconds=stamp)
+        try:
+            return self._buffer.lookup_transform(self._map_frame, frame_id, time)
+        except self._tf.TransformException as error:
+            # tf2 cannot tell whether the transform will become available.
+            self.waits_for = str(error)
+            return None
+
+    def go_back(self, _stamp: int) -> None:
+        # tf2 ignores older transforms until it is cleared; those of `/tf_static` stay.
+        self._buffer.clear()

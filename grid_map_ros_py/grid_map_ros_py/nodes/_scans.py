@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans of sensors, each of which is fused as soon as its pose is known."""
+"""Queues of scans, each of which is fused as soon as its pose is known."""
 
 import math
 import time
@@ -15,15 +15,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
-from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.plugins import check
 
 from ..errors import DROPPED, reason
 from ..messages._cdr import view
+from ..messages._fields import NANOSECONDS, from_stamp
 from ..messages._point_cloud import read_columns
-from ..messages._time import NANOSECONDS, from_stamp
-from ._health import health_of
-from ._logs import LogThrottle
+from ._health import LogThrottle, health_of
 from ._poses import LONGEST_JITTER, Placement, Poses
 from ._spin import steady_timer
 from ._topics import warn_of_gaps
@@ -37,7 +35,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Number of fused and dropped scans, of the points of the fused ones, and the time [s]."""
+    """Numbers of fused and dropped scans, points and time [s] of the fused ones."""
 
     fused: int = 0
     dropped: int = 0
@@ -76,8 +74,8 @@ class Cloud:
 class ScanQueue:
     """Scans of one sensor that wait for their poses.
 
-    If a scan is more than `LONGEST_JITTER` earlier than the one before, time was reset, for example
-    because a bag is played again: poses and scans of later times are forgotten.
+    If a scan is more than `LONGEST_JITTER` earlier than the one before, time was reset, as when a
+    bag starts again: later poses and scans are forgotten.
 
     Attributes:
         poses: source of the poses.
@@ -170,27 +168,6 @@ def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
     return Cloud(message.header.frame_id, stamp, *read_columns(message, fields))
 
 
-def fuse_rolling(
-    rolling_map: RollingMap,
-    scan: Cloud,
-    placement: Placement,
-    *,
-    follow: bool,
-    min_range: float = 0.0,
-    max_range: float = math.inf,
-) -> None:
-    """Fuse a cloud into a `RollingMap`, which moves with the robot if `follow` is true."""
-    rolling_map.fuse(
-        scan.points,
-        scan.columns,
-        transform=placement.transform,
-        min_range=min_range,
-        max_range=max_range,
-        position=placement.center if follow else None,
-        timestamp=scan.stamp,
-    )
-
-
 class ScanInputs:
     """Subscriptions of a node to scans.
 
@@ -204,7 +181,7 @@ class ScanInputs:
     """
 
     def __init__(
-        self, node: Node, log: LogThrottle, prepare: Callable[[], object] = lambda: None
+        self, node: Node, log: LogThrottle, prepare: Callable[[], object] | None = None
     ) -> None:
         self._node, self._log, self._prepare = node, log, prepare
         self._health = health_of(node)
@@ -244,7 +221,8 @@ class ScanInputs:
 
     def work(self) -> None:
         """Fuse the scans whose poses are known, and warn of silent sensors."""
-        self._prepare()
+        if self._prepare:
+            self._prepare()
         now = time.monotonic()
         for sensor in self._sensors:
             self._count(sensor, sensor.queue.work())

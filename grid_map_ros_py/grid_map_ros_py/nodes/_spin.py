@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Run a node as an executable, from its arguments to its exit code; timers of nodes."""
+"""Nodes as executables, from their arguments to the exit code; timers of nodes."""
 
 import gc
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 from rclpy.clock import Clock
@@ -24,10 +24,17 @@ from rclpy.utilities import ok, try_shutdown
 
 from grid_map_core_py._commands import on_end
 from grid_map_core_py.errors import GridMapError, cut
+from grid_map_core_py.plugins import check
 
 from ..errors import NodeFailedError
 from ._health import PERIOD, health_of
-from ._parameters import unknown_parameters, unmatched_files
+from ._parameters import (
+    check_topic,
+    read_limits,
+    read_parameter,
+    unknown_parameters,
+    unmatched_files,
+)
 from ._profile import use_profile
 
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
@@ -35,6 +42,12 @@ _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownR
 _MIGRATION = (
     "https://github.com/grid-map-py/grid_map_py/blob/main/docs/migration_ros1.md#parameters"
 )
+
+T = TypeVar("T")
+N = TypeVar("N", int, float)
+
+EXTREMES = (1e-9, 1e9)
+"""Smallest and largest positive parameter: the period of such a rate still fits a ROS timer."""
 
 _WAKE_PERIOD = 0.1
 """Time between two checks for signals while a node waits for messages [s]."""
@@ -74,8 +87,53 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:
-    """Call back every `period` [s], also while a simulation, and the node's clock, is paused."""
+    """Call back every `period` [s], even while the clock of the node is paused."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+class ConfiguredNode(Node):
+    """A node that reads its parameters in `__init__`, and has those of `read_limits`.
+
+    Use `main` as the entry point of the executable.
+    """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, **options)
+        read_limits(self)
+
+    @classmethod
+    def main(cls) -> int:
+        """Run the node until an interrupt or a shutdown; return the exit code."""
+        return run(cls)
+
+    def read(self, name: str, default: T, description: str) -> T:
+        """Return a parameter that has the type of its default."""
+        return read_parameter(self, name, type(default), default, description=description)
+
+    def read_number(self, name: str, default: N, low: float, high: float, description: str) -> N:
+        """Return a parameter that is a number from `low` to `high`."""
+        value = self.read(name, default, description)
+        check(low <= value <= high, name, f"a number from {low:g} to {high:g}", value)
+        return value
+
+    def read_positive(self, name: str, default: float, description: str) -> float:
+        """Return a parameter that is a positive number, such as a rate or a time."""
+        value, (low, high) = self.read(name, default, description), EXTREMES
+        check(low <= value <= high, name, f"a positive number from {low:g} to {high:g}", value)
+        return value
+
+    def read_choice(
+        self, name: str, choices: Collection[str], default: str, description: str
+    ) -> str:
+        """Return a parameter that is one of the choices."""
+        value = self.read(name, default, description)
+        check(value in choices, name, f"one of {', '.join(choices)}", value)
+        return value
+
+    def read_topic(self, name: str, default: str, description: str) -> str:
+        """Return a parameter that names a topic or a service; empty only if its default is."""
+        topic = self.read(name, default, description)
+        return check_topic(self, name, topic) if topic or default else ""
 
 
 class _Life:
@@ -137,7 +195,7 @@ class _Life:
             pass
         finally:
             on_end(signal.SIG_IGN)
-            # In the garbage collector its parts may already be gone, which would print a traceback.
+            # The garbage collector could destroy its parts first, which prints a traceback.
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:
@@ -158,8 +216,7 @@ class _Life:
         if self._is_up:
             self._node.destroy_node()
         try_shutdown()
-        # Python collects garbage several times as it ends: half a second with numba, and far more
-        # on a busy machine, while signals are ignored.
+        # Python's last garbage collections would take half a second with numba.
         gc.freeze()
 
     def _is_made(self) -> bool:

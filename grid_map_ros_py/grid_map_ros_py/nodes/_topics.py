@@ -14,8 +14,7 @@ from grid_map_core_py._arrays import LARGEST_BLOCK, keep_memory
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..messages._grid_map import ReceivedMap
-from ._health import health_of
-from ._logs import LogThrottle, dropping
+from ._health import LogThrottle, dropping, health_of
 
 WEAKER: dict[QoSPolicyKind, Any] = {
     QoSPolicyKind.DURABILITY: DurabilityPolicy.VOLATILE,
@@ -56,7 +55,7 @@ def listen(
     what: str,
     depth: int = 1,
 ) -> None:
-    """Subscribe best effort; messages that the callback refuses are dropped and logged as `what`.
+    """Subscribe best effort; drop and log messages that the callback refuses.
 
     Unlike a `LatchedSubscription`, it does not count its messages in the `Health` of the node.
     """
@@ -192,8 +191,7 @@ class MapSubscription(LatchedSubscription):
 class MapPublisher:
     """Publishes maps, latched, while there are subscribers.
 
-    The current map is published again for a new subscriber, since the one that the middleware keeps
-    may be old.
+    A new subscriber gets the current map, since the one that the middleware keeps may be old.
 
     Args:
         node: the node that publishes.

@@ -4,7 +4,6 @@
 import array
 import json
 import re
-import resource
 import sys
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.nodes import (
     MapSubscription,
-    keep_memory,
     map_qos,
     run,
 )
@@ -82,24 +80,6 @@ class Receiver(Node):
         layer = received.decode(LAYERS[-1:])[LAYERS[-1]]
         assert (layer == received.timestamp).all()
         print(json.dumps([received.timestamp, len(received.layers), *layer.shape]), flush=True)
-        if received.timestamp == COUNT - 1:
-            new_pages()
-            print(json.dumps(new_pages()), flush=True)
-
-
-def new_pages() -> int:
-    """Return how many pages the system makes for a block of 40 MB, which is freed again."""
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-    assert len(b"x" * 40_000_000) == 40_000_000
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-
-
-def print_pages() -> None:
-    """Print the new pages of a block before and after `keep_memory`."""
-    for change in (int, keep_memory):
-        change()
-        new_pages()
-        print(new_pages())
 
 
 def largest_segment() -> int:
@@ -110,6 +90,4 @@ def largest_segment() -> int:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "print pages":
-        sys.exit(print_pages())
     sys.exit(run({"send": Sender, "send clouds": CloudSender, "receive": Receiver}[sys.argv[1]]))

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parts of nodes that serve maps: requests for parts and files, maps of any size, a worker."""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grid_map_core_py import GridMap
+from grid_map_core_py._arrays import Size
+from grid_map_core_py.errors import GridMapError, short
+from grid_map_core_py.limits import check_cells
+from grid_map_core_py.plugins import check
+from grid_map_core_py.tiled import TiledMap, open_map
+
+from .errors import RequestError
+from .nodes import ConfiguredNode, read_parameter
+
+T = TypeVar("T")
+
+
+@contextmanager
+def place_below(directory: str, path: str) -> Iterator[Path]:
+    """Yield the path of a bag below a directory; errors of its use name the path of the request.
+
+    Args:
+        directory: the directory; an empty name refuses all paths.
+        path: path from a request, absolute or relative to the directory. Links may not lead out of
+            the directory.
+    """
+    if not directory:
+        raise RequestError("files are refused: the parameter 'directory' is not set")
+    if not path.isprintable():
+        raise RequestError(f"file_path {short(path)}: expected no control characters")
+    root = place = Path(directory).resolve()
+    try:
+        place = (root / path).resolve()
+        if root not in place.parents:
+            raise RequestError(f"expected a path below {str(root)!r}")
+        yield place
+    except (GridMapError, OSError, ValueError, RuntimeError) as error:
+        text = error.strerror if isinstance(error, OSError) else error
+        text = str(text).replace(f"{place}: ", "")
+        raise RequestError(f"file_path {short(path)}: {text}") from error
+
+
+def part(
+    grid_map: GridMap | TiledMap,
+    frame_id: str,
+    position: Sequence[float],
+    length: Sequence[float],
+    layers: Sequence[str] | None = None,
+) -> GridMap:
+    """Return the cells of a map that overlap a rectangle.
+
+    Args:
+        grid_map: the map.
+        frame_id: frame of the position; empty means the frame of the map.
+        position: (2,) center of the rectangle [m].
+        length: (2,) side lengths of the rectangle along x and y [m]; zeros select the whole map.
+        layers: names of the layers to read from a tiled map; None reads all layers. Parts of other
+            maps have all layers.
+    """
+    if frame_id not in ("", grid_map.frame_id):
+        raise RequestError(
+            f"frame_id: expected {grid_map.frame_id!r}, that of the map, got {frame_id!r}"
+        )
+    if isinstance(grid_map, TiledMap):
+        is_part = any(length)
+        return grid_map.submap(position, length, layers) if is_part else grid_map.to_map(layers)
+    return grid_map.get_submap(position, length) if any(length) else grid_map
+
+
+def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
+    """Return a function that opens the map in the parameter `source`; None without a source."""
+    kind: Any = str | list[str]
+    about = "map of any size: a Zarr store, a GeoTIFF file or a list of them; empty means none"
+    source = read_parameter(node, "source", kind, "", description=about)
+    about = "frame of the source; empty means as stored"
+    frame_id = node.read("frame_id", "", about)
+    about = (
+        "latitude and longitude [deg, WGS 84] of the origin of the frame, for a georeferenced "
+        "source; empty means that of the source"
+    )
+    origin = read_parameter(node, "origin", list[float], [], description=about)
+    fits = len(origin) in (0, 2) and bool(np.isfinite(origin).all())
+    check(fits, "origin", "a latitude and a longitude, or nothing", origin)
+    return partial(open_source, source, frame_id, origin) if source else None
+
+
+def open_source(
+    source: str | list[str], frame_id: str = "", origin: Sequence[float] = ()
+) -> TiledMap:
+    """Return a map of any size, of which only the description is read.
+
+    Args:
+        source: path of a Zarr store or of a raster, or paths of rasters.
+        frame_id: frame of the map; empty means as stored.
+        origin: latitude and longitude [deg] of the origin of the frame; empty means that of the
+            reference system of the source.
+    """
+    tiled_map = open_map(source)
+    if origin:
+        tiled_map = tiled_map.with_origin(*origin)
+    return replace(tiled_map, frame_id=frame_id) if frame_id else tiled_map
+
+
+def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequence[str]) -> GridMap:
+    """Return a part of a map with a constant size, centered as near to a position as possible.
+
+    Its cells are cells of the map; those off the map are NaN.
+
+    Args:
+        tiled_map: the map.
+        position: (2,) x, y [m], on the map or off it.
+        size: rows and columns of the window.
+        layers: names of the layers to read.
+    """
+    check_cells("window", size, len(layers))
+    first = tiled_map.geometry.cropped(*(slice(0, count) for count in size))
+    shift = first.index_shift(position)
+    stored, kept = [], []
+    for start, count, cells in zip(shift, size, tiled_map.size, strict=True):
+        stored.append(slice(max(start, 0), min(start + count, cells)))
+        kept.append(slice(stored[-1].start - start, stored[-1].stop - start))
+    grid_map = GridMap.from_geometry(first.shifted(shift), frame_id=tiled_map.frame_id)
+    grid_map = grid_map.with_layers(
+        {name: np.full(size, np.nan, np.float32, order="F") for name in layers}
+    )
+    grid_map.basic_layers = [name for name in tiled_map.basic_layers if name in layers]
+    if all(part.start < part.stop for part in stored):
+        block = tiled_map.block(stored[0], stored[1], layers)
+        for name in layers:
+            grid_map[name][kept[0], kept[1]] = block[name]
+    return grid_map
+
+
+class LatestOnly(Generic[T]):
+    """Calls a function in a thread with the newest of the things that wait for it.
+
+    Args:
+        function: called with one thing at a time.
+    """
+
+    def __init__(self, function: Callable[[T], object]) -> None:
+        self._function = function
+        self._change = threading.Condition()
+        self._waiting: T | None = None
+        self._is_closed = False
+        self._outcomes: deque[Exception | None] = deque(maxlen=100)
+        # A daemon, so that a disk that hangs cannot keep the program from ending.
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def put(self, thing: T) -> None:
+        """Replace the waiting thing."""
+        with self._change:
+            self._waiting = thing
+            self._change.notify()
+
+    def outcomes(self) -> Iterator[Exception | None]:
+        """Yield for each finished call its error, or None."""
+        while self._outcomes:
+            yield self._outcomes.popleft()
+
+    def close(self, timeout: float) -> bool:
+        """Finish the waiting thing, and stop; return whether that took at most `timeout` [s]."""
+        with self._change:
+            self._is_closed = True
+            self._change.notify()
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while True:
+            with self._change:
+                self._change.wait_for(lambda: self._waiting is not None or self._is_closed)
+                thing, self._waiting = self._waiting, None
+            if thing is None:
+                return
+            try:
+                self._function(thing)
+            except Exception as error:  # for the thread that asks for outcomes
+                self._outcomes.append(error)
+            else:
+                self._outcomes.append(None)

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Fields that many messages share: times, poses and their checks.
+
+Each check raises one `MessageError` that names the field. For poses, `matrix @ (x, y, z, 1)`
+transforms a point from the frame of the pose (the child frame of a transform) to the frame of the
+message.
+"""
+
+import math
+import operator
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GeometryError, GridGeometry, GridMap
+from grid_map_core_py._arrays import as_array
+from grid_map_core_py.limits import check_cells
+from grid_map_core_py.map import is_name
+
+from ..errors import MessageError
+from ._packages import messages_of
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
+    from geometry_msgs.msg import Point, Pose, Quaternion, Transform
+    from scipy.spatial.transform import Rotation
+    from std_msgs.msg import Header
+
+Matrix: TypeAlias = npt.NDArray[np.float64]
+"""(4, 4) rotation and translation [m]."""
+
+NORM_TOLERANCE = 1e-2
+"""Largest deviation of a quaternion's norm from 1; rounding errors are much smaller."""
+
+NANOSECONDS = 1_000_000_000
+LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
+"""The last nanosecond whose seconds fit the message's int32."""
+
+ROTATION_TOLERANCE = 1e-6
+"""Largest x, y or z of a quaternion, relative to w, that counts as no rotation."""
+
+
+# --- times ----------------------------------------------------------------------------------------
+
+
+def to_stamp(nanoseconds: int) -> "Time":
+    """Return nanoseconds since the epoch as a message."""
+    seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
+    return messages_of("builtin_interfaces").Time(sec=seconds, nanosec=rest)
+
+
+def check_nanoseconds(nanoseconds: int) -> int:
+    """Return nanoseconds since the epoch as an integer that a message can hold."""
+    try:
+        exact = operator.index(nanoseconds)
+    except TypeError:
+        raise MessageError("stamp", "an integer number of nanoseconds", nanoseconds) from None
+    if not 0 <= exact <= LATEST:
+        raise MessageError("stamp", f"nanoseconds from 0 to {LATEST}", exact)
+    return exact
+
+
+def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
+    """Return the time of a message in nanoseconds since the epoch."""
+    if stamp.sec < 0:
+        raise MessageError(f"{field}.sec", "no negative number", stamp.sec)
+    if stamp.nanosec >= NANOSECONDS:
+        raise MessageError(f"{field}.nanosec", f"0 to {NANOSECONDS - 1}", stamp.nanosec)
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
+
+
+def to_header(grid_map: GridMap) -> "Header":
+    """Return frame and time of a map as `std_msgs/Header`."""
+    return messages_of("std_msgs").Header(
+        stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id
+    )
+
+
+# --- checks ---------------------------------------------------------------------------------------
+
+
+def check_fields(message: object, kind: str, *paths: str) -> None:
+    """Raise if an object is no message of a kind, which has `paths`, or its frame is invalid."""
+    try:
+        operator.attrgetter(*paths)(message)
+    except AttributeError:
+        package = type(message).__module__.partition(".")[0]
+        found = f"{package}.{type(message).__name__}"
+        raise MessageError("message", f"a {kind}", found) from None
+    frame_id = getattr(getattr(message, "header", None), "frame_id", "")
+    if frame_id != "" and not is_name(frame_id):
+        raise MessageError("header.frame_id", "a text without control characters", frame_id)
+
+
+def check_unique(field: str, names: Iterable[str]) -> None:
+    """Raise if a name comes twice."""
+    if repeated := sorted(name for name, times in Counter(names).items() if times > 1):
+        raise MessageError(field, "every name once", repeated)
+
+
+def check_positive(field: str, value: float) -> float:
+    """Return `value` if it is positive, finite and not subnormal."""
+    if not sys.float_info.min <= value < math.inf:
+        raise MessageError(field, "a positive finite number", value)
+    return value
+
+
+def check_position(field: str, position: "Point") -> tuple[float, float]:
+    """Return x and y of a position whose coordinates are all finite."""
+    for axis in ("x", "y", "z"):
+        if not math.isfinite(value := getattr(position, axis)):
+            raise MessageError(f"{field}.{axis}", "a finite number", value)
+    return position.x, position.y
+
+
+def check_finite(
+    field: str,
+    rows: npt.NDArray[np.floating[Any]],
+    expected: str = "finite coordinates",
+    found: npt.NDArray[np.float64] | None = None,
+) -> Any:
+    """Return (N, k) rows if all are finite; the error shows the row of `found`, else of `rows`."""
+    finite = np.isfinite(rows).all(axis=1)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        shown = rows if found is None else found
+        raise MessageError(f"{field}[{index}]", expected, tuple(shown[index].tolist()))
+    return rows
+
+
+def check_unrotated(field: str, orientation: "Quaternion") -> None:
+    """Raise if a grid is rotated; the rows of a map run along x.
+
+    Zeros count as unrotated: publishers that never set the orientation send them.
+    """
+    *axis, w = found = (orientation.x, orientation.y, orientation.z, orientation.w)
+    rotated = max(map(abs, axis)) > ROTATION_TOLERANCE * abs(w)
+    if rotated or not all(map(math.isfinite, found)):
+        raise MessageError(field, "the identity (0.0, 0.0, 0.0, 1.0)", found)
+
+
+def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
+    """Return the grid of a message whose cells begin at the smallest x and y.
+
+    Args:
+        field: path of `info`.
+        info: description of the grid: numbers of cells, `resolution` and `origin`.
+        cells: names of the numbers of cells along x and y.
+        values: number of values in the message, which must be the number of cells.
+    """
+    size = (getattr(info, cells[0]), getattr(info, cells[1]))
+    for name, count in zip(cells, size, strict=True):
+        if count < 1:
+            raise MessageError(f"{field}.{name}", "at least one cell", count)
+    resolution = as_written(check_positive(f"{field}.resolution", info.resolution))
+    origin = check_position(f"{field}.origin.position", info.origin.position)
+    check_unrotated(f"{field}.origin.orientation", info.origin.orientation)
+    try:
+        length = np.multiply(size, resolution)
+        geometry = GridGeometry(length, resolution, origin + 0.5 * length)
+    except GeometryError as error:
+        raise MessageError(field, "a grid of finite size and place", str(error)) from error
+    if values != math.prod(size):
+        expected = f"{math.prod(size)} values ({size[0]} x {size[1]} cells)"
+        raise MessageError("data", expected, values)
+    check_cells(field, geometry.size)
+    return geometry
+
+
+def as_float32(field: str, value: float) -> float:
+    """Return a positive number rounded to float32, whose range it must fit."""
+    with np.errstate(over="ignore"):
+        held = float(np.float32(value))
+    if not 0 < held < math.inf:
+        raise MessageError(field, "a positive number that float32 can hold", value)
+    return held
+
+
+def as_written(value: float) -> float:
+    """Return the float64 with the same shortest decimal form as a float32, such as 0.1.
+
+    Values outside the float32 range, which only unsent messages can hold, become 0 or infinity.
+    """
+    with np.errstate(over="ignore"):
+        return float(str(np.float32(value)))
+
+
+# --- poses ----------------------------------------------------------------------------------------
+
+
+def from_pose(message: Any) -> Matrix:
+    """Return a pose as a (4, 4) matrix that transforms points [m] to the frame of the message.
+
+    Args:
+        message: a `Pose`, or a message with one as `pose`, such as `PoseStamped`,
+            `PoseWithCovarianceStamped` and `Odometry`.
+
+    Raises:
+        MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
+    """
+    kind = "geometry_msgs/Pose, or one with a pose"
+    return _from(message, "pose", kind, "position", "orientation")
+
+
+def from_transform(message: Any) -> Matrix:
+    """Return a `Transform` or `TransformStamped` as a (4, 4) matrix.
+
+    It transforms points [m] from the child frame. Errors: see `from_pose`.
+    """
+    return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
+
+
+def to_pose(matrix: npt.ArrayLike) -> "Pose":
+    """Return a (4, 4) matrix as a pose.
+
+    Raises:
+        MessageError: it is not a rotation and a translation.
+    """
+    return _filled(messages_of("geometry_msgs").Pose(), "position", "orientation", matrix)
+
+
+def to_transform(matrix: npt.ArrayLike) -> "Transform":
+    """Return a (4, 4) matrix as a transform; errors: see `to_pose`."""
+    return _filled(messages_of("geometry_msgs").Transform(), "translation", "rotation", matrix)
+
+
+def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
+    """Return a rotation and a translation (3,) as a (4, 4) matrix."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation.as_matrix()
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
+    """Return the matrix of the innermost message that messages hold under the name `inner`."""
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    path = ""
+    while hasattr(message, inner):
+        message, path = getattr(message, inner), f"{path}{inner}."
+    check_fields(message, kind, place, turn)
+    position, orientation = getattr(message, place), getattr(message, turn)
+    check_position(f"{path}{place}", position)
+    quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
+    if not abs(math.hypot(*quaternion) - 1.0) <= NORM_TOLERANCE:
+        raise MessageError(f"{path}{turn}", "a quaternion of norm 1", quaternion)
+    return as_matrix(Rotation.from_quat(quaternion), (position.x, position.y, position.z))
+
+
+def _filled(message: Any, place: str, turn: str, matrix: npt.ArrayLike) -> Any:
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    values = as_array(matrix, np.float64, "matrix")
+    if values.shape != (4, 4) or not np.isfinite(values).all():
+        raise MessageError("matrix", "4 x 4 finite numbers", matrix)
+    turned = values[:3, :3]
+    is_rotation = np.allclose(turned @ turned.T, np.eye(3), atol=NORM_TOLERANCE)
+    if not (is_rotation and np.linalg.det(turned) > 0 and (values[3] == (0, 0, 0, 1)).all()):
+        raise MessageError("matrix", "a rotation and a translation over (0, 0, 0, 1)", matrix)
+    position, orientation = getattr(message, place), getattr(message, turn)
+    position.x, position.y, position.z = values[:3, 3].tolist()
+    quaternion = Rotation.from_matrix(turned).as_quat().tolist()
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion
+    return message
