@@ -141,7 +141,9 @@ def test_submap_around_a_place_on_the_earth(command):
     latitude, longitude = site.latitude_longitude_of((8.0, -2.0))
     words = f"submap site.zarr patch.npz --lat {latitude} --lon {longitude} --length 3 2"
     assert command(words)[0] == 0
-    assert_maps_equal(load("patch.npz"), site.submap(site.position_of(latitude, longitude), (3, 2)))
+    assert_maps_equal(
+        load("patch.npz"), site.get_submap(site.position_of(latitude, longitude), (3, 2))
+    )
 
 
 def test_submap_is_that_of_the_map(command):

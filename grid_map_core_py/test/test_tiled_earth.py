@@ -143,8 +143,8 @@ def test_frame_survives_stores():
     assert_maps_equal(back.to_map(), site.to_map())
     for dataset in (back.to_xarray(), back.to_xarray().compute()):
         assert dataset.grid_map.to_map() == back.to_map()
-        found = dataset.grid_map.submap(back.position, (5.0, 5.0)).grid_map.to_map()
-        assert_maps_equal(found, back.submap(back.position, (5.0, 5.0)))
+        found = dataset.grid_map.get_submap(back.position, (5.0, 5.0)).grid_map.to_map()
+        assert_maps_equal(found, back.get_submap(back.position, (5.0, 5.0)))
         # Other programs find the map where it was.
         np.testing.assert_allclose(dataset.x, open_map("a.tif").to_xarray().x, atol=1e-6)
     # A store can get another origin, too.

@@ -131,8 +131,8 @@ def test_submap_has_cells_of_submap_in_memory():
     whole = load_geotiff("a.tif")
     position = site.position + [13.1, -20.7]
     expected = whole.get_submap(position, (31.0, 44.5))
-    assert_maps_equal(site.submap(position, (31.0, 44.5)), expected)
-    part = site.submap(position, (31.0, 44.5), ["band_2"])
+    assert_maps_equal(site.get_submap(position, (31.0, 44.5)), expected)
+    part = site.get_submap(position, (31.0, 44.5), ["band_2"])
     assert_maps_equal(part, expected.without_layers(["band_1"]))
 
 
@@ -156,7 +156,7 @@ def test_rasters_of_any_size_are_opened(grid_map_command):
     site = open_map("a.tif")
     assert site.size == (100_000, 100_000)
     # Pixel 70,003 of line 30,002 is row 99,999 - 70,003.
-    found = site.block(slice(29_990, 30_010), slice(29_999, 30_020))["elevation"]
+    found = site.get_block(slice(29_990, 30_010), slice(29_999, 30_020))["elevation"]
     np.testing.assert_array_equal(found[6, 3], heights(10, 20)[0, 2, 3])
     assert np.isfinite(found).sum() == np.isfinite(heights(10, 20)[0, :, :10]).sum()
     with pytest.raises(LimitError, match="max_cells"):
@@ -390,7 +390,7 @@ def test_turned_raster_is_straightened():
     write("a.tif", (line + 100.0 * pixel)[None].astype(np.float32), transform=turned)
     site = open_map("a.tif", crs=UTM)
     x, y = turned.c + 2 * 30.5 + 0.5 * 20.5, turned.f + 0.5 * 30.5 - 2 * 20.5
-    assert site.submap((x, y), (1e-3, 1e-3))["elevation"].mean() == pytest.approx(3020, abs=150)
+    assert site.get_submap((x, y), (1e-3, 1e-3))["elevation"].mean() == pytest.approx(3020, abs=150)
 
 
 def test_degrees_warn_and_say_what_projects_them():

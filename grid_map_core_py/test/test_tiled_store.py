@@ -62,7 +62,9 @@ def test_resolution_and_place_are_those_of_the_map(store: Path) -> None:
 
     site = pickle.loads(pickle.dumps(open_map(store)))
     assert_maps_equal(site.to_map(), a_map())
-    assert site.submap((10.0, -4.0), (0.35, 0.75)) == a_map().get_submap((10.0, -4.0), (0.35, 0.75))
+    assert site.get_submap((10.0, -4.0), (0.35, 0.75)) == a_map().get_submap(
+        (10.0, -4.0), (0.35, 0.75)
+    )
 
 
 @pytest.mark.needs("fsspec")
@@ -122,11 +124,11 @@ def test_window_of_a_billion_cells_reads_four_chunks(tmp_path: Path) -> None:
     site.write(GridMap((100, 100), 0.1, center, {"elevation": values, "variance": 1.0}))
 
     site = open_map(tmp_path / "a.zarr")
-    window = site.submap(center, (20.0, 20.0))
+    window = site.get_submap(center, (20.0, 20.0))
     np.testing.assert_array_equal(window["elevation"], values[400:600, 400:600].astype("f4"))
     opened: list[str] = []
     sys.addaudithook(lambda event, about: opened.append(str(about[0])) if event == "open" else None)
-    site.submap(center, (20.0, 20.0))
+    site.get_submap(center, (20.0, 20.0))
     chunks = [name for name in opened if str(tmp_path) in name]
     opened.clear()
     assert len({*chunks}) == len(chunks) == 2 * 4

@@ -381,9 +381,9 @@ def test_values_at_positions_are_those_of_the_whole_map(grid_map, data):
     points = points[grid_map.is_inside(points)]
     for method in Interpolation:
         expected = grid_map.at_position("elevation", points, method)
-        np.testing.assert_array_equal(site.at(points, "elevation", method), expected)
+        np.testing.assert_array_equal(site.at_position("elevation", points, method), expected)
     for point in points[:2]:
-        one = site.at(point, "elevation", "linear")
+        one = site.at_position("elevation", point, "linear")
         assert isinstance(one, float)
         np.testing.assert_equal(one, grid_map.at_position("elevation", point, "linear"))
 
@@ -392,14 +392,14 @@ def test_values_at_positions_are_those_of_the_whole_map(grid_map, data):
 def test_only_cells_around_the_positions_are_read():
     site, grid_map = tiled(terrain((100, 90)), (20, 15))
     near, far = grid_map.get_position((50, 40)), grid_map.get_position((99, 0))
-    site.at([near, near + 0.6, far], "variance", "cubic")
+    site.at_position("variance", [near, near + 0.6, far], "cubic")
     assert len(site.source.windows) == 2
     read = sum(np.prod([w.stop - w.start for w in window]) for window, _ in site.source.windows)
     assert read < 120
     assert {names for _, names in site.source.windows} == {("variance",)}
     site.source.windows.clear()
-    assert site.at(np.empty((0, 2)), "variance").shape == (0,)
-    assert site.at(np.tile(near, (2, 3, 1)), "variance").shape == (2, 3)
+    assert site.at_position("variance", np.empty((0, 2))).shape == (0,)
+    assert site.at_position("variance", np.tile(near, (2, 3, 1))).shape == (2, 3)
     assert len(site.source.windows) == 1
 
 
@@ -441,7 +441,7 @@ class Summed:
         from grid_map_core_py.tiled._source import widened, within
 
         around = widened(window, 1, self.site.size)
-        result = self.chain(self.site.block(*around))
+        result = self.chain(self.site.get_block(*around))
         return [result[name][within(window, around)].copy("F") for name in names]
 
 
@@ -491,22 +491,22 @@ def test_accessor_cuts_and_samples_as_a_map(dataset):
     grid_map = GridMap.from_xarray(dataset)
     assert dataset.grid_map.to_map() == grid_map
     assert dataset.grid_map.to_map(["variance"]).layers == ("variance",)
-    part = dataset.grid_map.submap((3.0, -2.0), (2.2, 1.1))
+    part = dataset.grid_map.get_submap((3.0, -2.0), (2.2, 1.1))
     assert part["elevation"].dims == ("y", "x")
     assert bool(part["elevation"].chunks) == bool(dataset["elevation"].chunks)
     assert_maps_equal(part.grid_map.to_map(), grid_map.get_submap((3.0, -2.0), (2.2, 1.1)))
     points = [(3.1, -2.2), (0.2, -0.5)]
-    values = dataset.grid_map.at(points, "elevation", "cubic")
+    values = dataset.grid_map.at_position("elevation", points, "cubic")
     np.testing.assert_array_equal(values, grid_map.at_position("elevation", points, "cubic"))
     with pytest.raises(OutOfMapError, match="does not overlap the map"):
-        dataset.grid_map.submap((50.0, 0.0), (1.0, 1.0))
+        dataset.grid_map.get_submap((50.0, 0.0), (1.0, 1.0))
 
 
 def test_arrays_have_the_accessor():
     array = terrain().to_xarray()["variance"]
     assert array.grid_map.to_map().layers == ("variance",)
     bands = raster(np.arange(12.0).reshape(2, 2, 3))
-    assert list(bands.grid_map.submap((1.5, 8.5), (0.1, 0.1)).sizes.values()) == [1, 1]
+    assert list(bands.grid_map.get_submap((1.5, 8.5), (0.1, 0.1)).sizes.values()) == [1, 1]
 
 
 @pytest.mark.parametrize("first", ["xarray", "grid_map_core_py.xarray"])

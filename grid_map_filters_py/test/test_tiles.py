@@ -363,7 +363,7 @@ def test_holes_across_tiles_equal_those_of_the_whole_map(size, share, side, seed
     grid_map = ground(heights_with_holes(size, share, seed))
     site = tiled(grid_map, side)
     find = FindHoles("elevation", site.geometry, 0)
-    found = merged([find(site.block(*window)) for window in site.tiles], site.tiles.counts)
+    found = merged([find(site.get_block(*window)) for window in site.tiles], site.tiles.counts)
     _, expected = find_holes(np.isnan(grid_map["elevation"]))
     assert by_place(found) == by_place(expected)
 

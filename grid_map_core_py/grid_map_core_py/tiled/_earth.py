@@ -39,13 +39,15 @@ def latitude_longitude_of(crs: str, positions: ArrayLike) -> Positions:
     return _finite((latitude, longitude))
 
 
-def moved_map(site: M, origin: ArrayLike) -> M:
+def moved_map(tiled_map: M, origin: ArrayLike) -> M:
     """Return a map in the frame whose origin is at a position in its present frame [m]."""
     x, y = np.asarray(origin, np.float64).tolist()
     if not (math.isfinite(x) and math.isfinite(y)):
         raise ConfigError("origin: expected a place with coordinates in the reference system")
-    geometry = site.geometry.at(site.position - np.array([x, y]))
-    return replace(site, geometry=geometry, origin=(site.origin[0] + x, site.origin[1] + y))
+    geometry = tiled_map.geometry.at(tiled_map.position - np.array([x, y]))
+    return replace(
+        tiled_map, geometry=geometry, origin=(tiled_map.origin[0] + x, tiled_map.origin[1] + y)
+    )
 
 
 def _finite(coordinates: tuple[ArrayLike, ArrayLike]) -> Positions:

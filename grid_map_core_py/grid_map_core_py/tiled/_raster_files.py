@@ -25,7 +25,7 @@ _BLOCK = 512
 
 
 def to_geotiff(
-    site: TiledData,
+    tiled_map: TiledData,
     path: str | PathLike[str],
     names: Sequence[str],
     progress: Progress | None,
@@ -43,34 +43,39 @@ def to_geotiff(
             raise GridMapError("the map has no layers")
         if target.exists() and not overwrite:
             raise GridMapError("exists already; 'overwrite' replaces it")
-        site.source.prepare()
+        tiled_map.source.prepare()
         with new_file(target) as file:
             if not cog:
-                _write_windows(site, file, names, progress, compress=compress)
+                _write_windows(tiled_map, file, names, progress, compress=compress)
             else:
                 with unfinished(file.with_name(f"{file.name}.tiles")) as tiles:
-                    _write_windows(site, tiles, names, progress, compress=False)
+                    _write_windows(tiled_map, tiles, names, progress, compress=False)
                     _check_complete(tiles)
                     _copy_as_cog(tiles, file, compress=compress)
             _check_complete(file)
 
 
 def _write_windows(
-    site: TiledData, file: Path, names: Sequence[str], progress: Progress | None, *, compress: bool
+    tiled_map: TiledData,
+    file: Path,
+    names: Sequence[str],
+    progress: Progress | None,
+    *,
+    compress: bool,
 ) -> None:
     """Write the layers into a file of blocks."""
-    crs, origin = site.crs, site.origin
-    geometry = site.geometry.at(site.position + origin)
+    crs, origin = tiled_map.crs, tiled_map.origin
+    geometry = tiled_map.geometry.at(tiled_map.position + origin)
     profile = raster_profile(geometry, len(names), crs, compress=compress)
     profile |= {"tiled": True, "blockxsize": _BLOCK, "blockysize": _BLOCK, "interleave": "band"}
     facts = {
-        "frame_id": site.frame_id,
-        "timestamp": site.timestamp,
-        "basic_layers": [name for name in site.basic_layers if name in names],
+        "frame_id": tiled_map.frame_id,
+        "timestamp": tiled_map.timestamp,
+        "basic_layers": [name for name in tiled_map.basic_layers if name in names],
     }
     # Whole blocks, which are packed only once.
-    width, height = (-(-side // _BLOCK) * _BLOCK for side in site.tile)
-    windows = Tiles((site.size[1], site.size[0]), (height, width))
+    width, height = (-(-side // _BLOCK) * _BLOCK for side in tiled_map.tile)
+    windows = Tiles((tiled_map.size[1], tiled_map.size[0]), (height, width))
     rectangle = import_module("rasterio.windows").Window.from_slices
     with import_module("rasterio").open(file, "w", **profile) as raster:
         describe_raster(
@@ -78,18 +83,18 @@ def _write_windows(
         )
         if progress is not None:
             progress(0, len(windows))
-        parts = in_any_order(partial(_compute, site, names), windows)
+        parts = in_any_order(partial(_compute, tiled_map, names), windows)
         for done, (window, layers) in enumerate(parts, 1):
             raster.write(np.stack([*map(to_north_up, layers)]), window=rectangle(*window))
             if progress is not None:
                 progress(done, len(windows))
 
 
-def _compute(site: TiledData, names: Sequence[str], window: Window) -> list[Layer]:
+def _compute(tiled_map: TiledData, names: Sequence[str], window: Window) -> list[Layer]:
     """Return the layers of a window of raster lines and pixels."""
     lines, pixels = window
-    rows = slice(site.size[0] - pixels.stop, site.size[0] - pixels.start)
-    return site.source.read((rows, lines), names)
+    rows = slice(tiled_map.size[0] - pixels.stop, tiled_map.size[0] - pixels.start)
+    return tiled_map.source.read((rows, lines), names)
 
 
 def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:

@@ -199,7 +199,7 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
         # Processes of a cluster may have another working directory.
         file = f"{Path(header.path).absolute()}" if header.stamp else header.path
         parts.append(_Part(file, place, header.stamp, cells))
-    site = TiledData(
+    tiled_map = TiledData(
         RasterSource(tuple(parts), tuple(first.stored.layers), crs),
         GridGeometry.from_size(
             (east - west, south - north), step, first.geometry.position + offset
@@ -210,35 +210,35 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
         basic_layers=tuple(first.stored.basic_layers),
         crs=first.crs,
     )
-    return moved_map(site, first.origin) if first.origin else site
+    return moved_map(tiled_map, first.origin) if first.origin else tiled_map
 
 
-def overview_of(site: "TiledMap", step: int) -> tuple["TiledMap", int]:
+def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
     """Return the smallest overview of a raster whose cells are at most `step` times as large.
 
     Returns:
-        overview: its map, accurate to half a cell; `site` itself if it is a mosaic, is
+        overview: its map, accurate to half a cell; `tiled_map` itself if it is a mosaic, is
             projected, or has no such overview.
-        factor: side of its cells [cells of `site`].
+        factor: side of its cells [cells of `tiled_map`].
     """
-    source = site.source
+    source = tiled_map.source
     if not isinstance(source, RasterSource) or len(source.parts) > 1 or source.parts[0].transform:
-        return site, 1
+        return tiled_map, 1
     part = source.parts[0]
     with storage_errors(Path(part.path), "read"), gdal(part.path):
         factors = _opened(part, "").overviews(1)
         fitting = [(factor, level) for level, factor in enumerate(factors) if factor <= step]
         if not fitting:
-            return site, 1
+            return tiled_map, 1
         factor, level = max(fitting)
         coarse = part._replace(overview=level)
         columns, rows = _opened(coarse, "").shape
     place = slice(0, rows), slice(0, columns)
     source = replace(source, parts=(coarse._replace(place=place),))
     # GDAL takes an overview for the whole raster: its cells are not quite square.
-    resolution = factor * site.resolution
-    geometry = GridGeometry.from_size((rows, columns), resolution, site.position)
-    return replace(site, source=source, geometry=geometry), factor
+    resolution = factor * tiled_map.resolution
+    geometry = GridGeometry.from_size((rows, columns), resolution, tiled_map.position)
+    return replace(tiled_map, source=source, geometry=geometry), factor
 
 
 # --- headers --------------------------------------------------------------------------------------

@@ -106,7 +106,9 @@ class TiledMap(TiledData):
         empty = cls(no_source, geometry, (chunks, chunks), frame_id, timestamp, basic, crs)
         return cls(**vars(open_store(str(create_store(path, empty, names)), chunks)))
 
-    def block(self, rows: slice, columns: slice, layers: Iterable[str] | None = None) -> GridMap:
+    def get_block(
+        self, rows: slice, columns: slice, layers: Iterable[str] | None = None
+    ) -> GridMap:
         """Return a rectangle of cells as a map in memory.
 
         Args:
@@ -134,7 +136,7 @@ class TiledMap(TiledData):
         grid_map.basic_layers = [name for name in self.basic_layers if name in names]
         return grid_map
 
-    def submap(
+    def get_submap(
         self, position: ArrayLike, length: ArrayLike, layers: Iterable[str] | None = None
     ) -> GridMap:
         """Return the map of a rectangle; only the chunks under it are read.
@@ -149,17 +151,17 @@ class TiledMap(TiledData):
         Raises:
             OutOfMapError: the rectangle does not overlap the map.
         """
-        return self.block(*self.geometry.overlapped(position, length), layers)
+        return self.get_block(*self.geometry.overlapped(position, length), layers)
 
     def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
-        """Return the whole map, if the limits allow its size; see `block`."""
+        """Return the whole map, if the limits allow its size; see `get_block`."""
         rows, columns = self.size
-        return self.block(slice(0, rows), slice(0, columns), layers)
+        return self.get_block(slice(0, rows), slice(0, columns), layers)
 
-    def at(
+    def at_position(
         self,
-        positions: ArrayLike,
         layer: str,
+        positions: ArrayLike,
         interpolation: Interpolation | str = Interpolation.NEAREST,
     ) -> float | Positions:
         """Return the values of a layer at positions; only cells around them are read.
@@ -168,8 +170,8 @@ class TiledMap(TiledData):
         scheduler of the program reads the tiles.
 
         Args:
-            positions: (2,) or (N, 2) x, y [m].
             layer: name of the layer.
+            positions: (2,) or (N, 2) x, y [m].
             interpolation: the method, or its value as a string such as "linear".
 
         Returns:
@@ -256,7 +258,7 @@ class TiledMap(TiledData):
         tiles = self.tiles
 
         def of_tile(number: int) -> T:
-            return function(self.block(*tiles[number], names))
+            return function(self.get_block(*tiles[number], names))
 
         results = dict(in_any_order(of_tile, range(len(tiles))))
         return [results[number] for number in range(len(tiles))]
@@ -473,22 +475,22 @@ class GridMapAccessor:
             remember(filtered, tiled_map)
         return filtered
 
-    def submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
-        """Return the cells that a rectangle overlaps without a copy; see `TiledMap.submap`."""
+    def get_submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
+        """Return the cells that a rectangle overlaps without a copy; see `TiledMap.get_submap`."""
         geometry, ascends = geometry_of(self._dataset)
         window = geometry.overlapped(position, length)
         stored = zip(DIMENSIONS, mirrored(window, geometry.size, ascends), strict=True)
         part = self._dataset.isel(dict(stored))
         return part.assign_attrs(position=geometry.cropped(*window).position.tolist())
 
-    def at(
+    def at_position(
         self,
-        positions: ArrayLike,
         layer: str,
+        positions: ArrayLike,
         interpolation: Interpolation | str = Interpolation.NEAREST,
     ) -> float | Positions:
-        """Return the values of a layer at positions; see `TiledMap.at`."""
-        return self._opened.at(positions, layer, interpolation)
+        """Return the values of a layer at positions; see `TiledMap.at_position`."""
+        return self._opened.at_position(layer, positions, interpolation)
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
         """Draw the map with Matplotlib, and return the axes; see `GridMap.plot`."""

@@ -90,21 +90,8 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
             square of their number [cells^2].
         count: number of points.
     """
-    known, heights = disc.padded(layer, offset)
-    # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
-    # towards -y: with negative heights all signs are right.
-    heights *= -1.0 / disc.resolution
-    sum_z, xz = _moments(disc, heights, 1, (0, 1))
-    (yz,) = _moments(disc, heights, 1, (0,), along=True)
-    (zz,) = _moments(disc, heights * heights, 1, (0,))
-    count, sum_x, sum_y, xx, xy, yy = _point_moments(disc, known)
-    sums, known = (sum_x, sum_y, sum_z), known[disc.inner]
+    covariances, count, known = _covariances(layer, offset, disc)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        pairs = [(i, j) for i in range(3) for j in range(i, 3)]
-        covariances = tuple(
-            moment * count - sums[i] * sums[j]
-            for moment, (i, j) in zip((xx, xy, xz, yy, yz, zz), pairs, strict=True)
-        )
         *normals, is_exact = _smallest_eigenvectors(*covariances)
         xx, xy, _, yy, _, _ = covariances
         spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
@@ -126,6 +113,28 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
         normal[count < 3] = upright
         normal[~known] = np.nan
     return tuple(normals), covariances, count
+
+
+def _covariances(
+    layer: Layer, offset: float, disc: Disc
+) -> tuple[Fields, Field, npt.NDArray[np.bool_]]:
+    """Return the covariances and the numbers of points of `_planes`, and the finite cells."""
+    known, heights = disc.padded(layer, offset)
+    # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
+    # towards -y: with negative heights all signs are right.
+    heights *= -1.0 / disc.resolution
+    sum_z, xz = _moments(disc, heights, 1, (0, 1))
+    (yz,) = _moments(disc, heights, 1, (0,), along=True)
+    (zz,) = _moments(disc, heights * heights, 1, (0,))
+    count, sum_x, sum_y, xx, xy, yy = _point_moments(disc, known)
+    sums = sum_x, sum_y, sum_z
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    with np.errstate(invalid="ignore", over="ignore"):
+        covariances = tuple(
+            moment * count - sums[i] * sums[j]
+            for moment, (i, j) in zip((xx, xy, xz, yy, yz, zz), pairs, strict=True)
+        )
+    return covariances, count, known[disc.inner]
 
 
 def _point_moments(disc: Disc, known: npt.NDArray[np.bool_]) -> Fields:

@@ -35,7 +35,7 @@ def part(
         )
     if isinstance(grid_map, TiledMap):
         is_part = any(length)
-        return grid_map.submap(position, length, layers) if is_part else grid_map.to_map(layers)
+        return grid_map.get_submap(position, length, layers) if is_part else grid_map.to_map(layers)
     return grid_map.get_submap(position, length) if any(length) else grid_map
 
 
