@@ -174,7 +174,10 @@ def test_style_checks_can_fail():
 LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py"]
 """Packages that are imported; the demos are executables."""
 
-SHARED = {f"grid_map_core_py.{name}" for name in ("_arrays", "_commands", "_loops", "_parameters")}
+SHARED = {
+    f"grid_map_core_py.{name}"
+    for name in ("_arrays", "_commands", "_files", "_loops", "_parameters")
+}
 """Private subpackages that the packages of the suite share."""
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from grid_map_core_py.files import new_file, new_folder
+from grid_map_core_py._files import new_file, new_folder
 
 
 def save_file(path: Path, text: str) -> None:

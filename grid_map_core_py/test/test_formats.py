@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError, MissingPackageError
-from grid_map_core_py.files import Format, _formats, find_format, formats, load, save
+from grid_map_core_py._files import find_format
+from grid_map_core_py.files import Format, _formats, formats, load, save
 from grid_map_core_py.testing import assert_maps_equal
 
 

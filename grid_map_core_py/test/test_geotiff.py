@@ -10,7 +10,8 @@ import pytest
 from command_line import a_map
 
 from grid_map_core_py import GridMap, GridMapError
-from grid_map_core_py.files import load, load_geotiff, map_facts, save, save_geotiff
+from grid_map_core_py._files import map_facts
+from grid_map_core_py.files import load, load_geotiff, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff
 from grid_map_core_py.testing import assert_maps_equal
 

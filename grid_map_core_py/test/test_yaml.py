@@ -3,8 +3,9 @@
 
 import pytest
 
+from grid_map_core_py._files import parse_yaml
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import load_yaml, parse_yaml
+from grid_map_core_py.files import load_yaml
 
 WRONG = {
     "date": ("when: 2024-13-45", "month must be"),

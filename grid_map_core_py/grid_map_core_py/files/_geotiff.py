@@ -26,9 +26,8 @@ from .._arrays._checks import Layer
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ._atomic import new_file
 from ._image_files import to_north_up
-from ._shared import StoredMap, check_ending, package_for, storage_errors
+from ._shared import StoredMap, check_ending, new_file, package_for, storage_errors
 
 _TAG = "GRID_MAP"
 

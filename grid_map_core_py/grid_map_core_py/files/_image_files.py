@@ -24,8 +24,7 @@ from ..conversions._image_arrays import Image, from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
 from ..limits import check_cells
 from ..map._grid_map import GridMap
-from ._atomic import new_file
-from ._shared import naming, storage_errors
+from ._shared import naming, new_file, storage_errors
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 """Endings of height maps that are written."""

@@ -32,10 +32,8 @@ from ..conversions._image_arrays import Image
 from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
-from ._shared import check_ending, storage_errors
-from ._yaml import load_yaml
+from ._shared import check_ending, load_yaml, new_file, storage_errors
 
 Mode: TypeAlias = Literal["trinary", "scale", "raw"]
 

@@ -18,8 +18,7 @@ import numpy as np
 from .._arrays._checks import Layer
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ._atomic import new_file
-from ._shared import StoredMap, check_ending, storage_errors
+from ._shared import StoredMap, check_ending, new_file, storage_errors
 
 FORMAT = "grid_map"
 VERSION = 1

@@ -5,15 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays._checks import Layer, Positions, as_names, as_positions, select_layers
-from ..errors import required
+from .._arrays._checks import Layer, Positions, as_array, as_names, as_positions, select_layers
+from ..errors import ConfigError, GeometryError, GridMapError, required, short
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
@@ -27,13 +27,15 @@ from ._datasets import (
     layers_of,
     mirrored,
     open_dataset,
+    origin_of,
+    remember,
     to_dataset,
+    to_lazy_dataset,
     turned,
 )
 from ._engine import in_any_order
-from ._lazy import origin_of, remember, to_lazy_dataset
 from ._source import Progress, TiledData, widened
-from ._zarr_run import create_store, to_zarr
+from ._zarr_files import create_store, to_zarr
 from ._zarr_source import merge, open_store
 
 if TYPE_CHECKING:
@@ -361,7 +363,7 @@ class TiledMap(TiledData):
         Raises:
             GridMapError: a window cannot be read, computed or written, or the file exists.
         """
-        from ._raster_files import to_geotiff
+        from ._rasters import to_geotiff
 
         names, options = select_layers(self.layers, layers), {"cog": cog, "compress": compress}
         to_geotiff(self, path, names, progress, overwrite=overwrite, **options)
@@ -378,9 +380,16 @@ class TiledMap(TiledData):
         Raises:
             GridMapError: the map has no reference system.
         """
-        from ._earth import position_of
-
-        return position_of(self.crs, latitude, longitude) - self.origin
+        angles = (
+            as_array(longitude, np.float64, "longitude"),
+            as_array(latitude, np.float64, "latitude"),
+        )
+        if angles[0].shape != angles[1].shape or angles[0].ndim > 1:
+            found = f"{short(latitude)} and {short(longitude)}"
+            raise GeometryError(
+                f"latitude, longitude: expected two numbers or two (N,), got {found}"
+            )
+        return _pairs(*_transformer(self.crs).transform(*angles)) - self.origin
 
     def latitude_longitude_of(self, positions: ArrayLike) -> Positions:
         """Return the places on the earth of positions; the inverse of `position_of`.
@@ -391,9 +400,9 @@ class TiledMap(TiledData):
         Returns:
             (2,) or (N, 2) latitude and longitude [deg, WGS 84].
         """
-        from ._earth import latitude_longitude_of
-
-        return latitude_longitude_of(self.crs, as_positions(positions) + self.origin)
+        x, y = np.moveaxis(as_positions(positions) + self.origin, -1, 0)
+        longitude, latitude = _transformer(self.crs).transform(x, y, direction="INVERSE")
+        return _pairs(latitude, longitude)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
         """Return the map in a frame whose origin is a place on the earth.
@@ -409,9 +418,31 @@ class TiledMap(TiledData):
         Raises:
             GridMapError: the map has no reference system, or the place has no coordinates in it.
         """
-        from ._earth import moved_map
+        origin = self.position_of(latitude, longitude)
+        if not np.isfinite(origin).all():
+            expected = "a place with coordinates in the reference system"
+            raise ConfigError(f"origin: expected {expected}, got {latitude}, {longitude}")
+        return self._in_frame_at(origin.tolist())
 
-        return moved_map(self, self.position_of(latitude, longitude))
+
+def _pairs(*coordinates: ArrayLike) -> Positions:
+    """Return pairs (2,) or (N, 2); those outside the reference system are NaN."""
+    pairs = np.stack([np.asarray(one, np.float64) for one in coordinates], axis=-1)
+    pairs[~np.isfinite(pairs).all(axis=-1)] = np.nan
+    return pairs
+
+
+@lru_cache(maxsize=16)
+def _transformer(crs: str) -> Any:
+    """Return the PROJ transformer from longitude and latitude into a reference system."""
+    if not crs:
+        raise GridMapError(
+            "the map has no reference system, so its place on the earth is not known; a GeoTIFF "
+            "file or a store says it, or 'dataclasses.replace(tiled_map, crs=...)'"
+        )
+    remedy = "pip install 'grid_map_core_py[geo]'"
+    proj = required("pyproj", "latitude and longitude", remedy)
+    return proj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
 
 
 # --- datasets -------------------------------------------------------------------------------------

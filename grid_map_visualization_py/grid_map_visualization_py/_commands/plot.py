@@ -186,7 +186,7 @@ def _options_of(
 @contextmanager
 def _telling(picture: Path) -> Iterator[None]:
     """Turn the error of a picture that cannot be written into one that names it."""
-    from grid_map_core_py.files import storage_errors
+    from grid_map_core_py._files import storage_errors
 
     try:
         yield
