@@ -79,15 +79,8 @@ RASTERS = {
     "float32, no data": lambda: write(
         "a.tif", np.nan_to_num(heights(83, 71), nan=-9999), nodata=-9999
     ),
-    "float32, largest": lambda: write(
-        "a.tif",
-        np.nan_to_num(heights(83, 71), nan=-3.4028234663852886e38),
-        nodata=-3.4028234663852886e38,
-    ),
     "int16": lambda: write("a.tif", integers("int16") - 50, nodata=-9, scale=(0.1, 20.0)),
-    "uint8": lambda: write("a.tif", integers("uint8", 3), nodata=7),
     "uint8, alpha": lambda: write("a.tif", integers("uint8", 4), photometric="RGB", alpha="YES"),
-    "int32": lambda: write("a.tif", integers("int32") * 10_000_019, nodata=10_000_019),
     "float64": lambda: write("a.tif", integers("float64") / 3, nodata=1.0, compress="deflate"),
     "a mask": lambda: write("a.tif", integers("uint16"), mask=RANDOM.random((83, 71)) > 0.2),
     "bands": lambda: write(
@@ -97,7 +90,6 @@ RASTERS = {
         "a.tif", heights(83, 71), tiled=False, blockysize=5, compress="deflate"
     ),
     "one cell": lambda: write("a.tif", heights(1, 1)),
-    "no value": lambda: write("a.tif", np.full((1, 40, 50), np.nan, np.float32)),
 }
 
 
@@ -124,16 +116,6 @@ def test_windows_equal_reading_of_rasterio(kind):
             assert (layer.dtype, layer.base) == (np.float32, None)
             # Rows of a map run to -x, and its columns to -y.
             np.testing.assert_array_equal(layer, band[:, ::-1].T[window])
-
-
-def test_submap_has_cells_of_submap_in_memory():
-    site = open_map(write("a.tif", heights(83, 71, 2)))
-    whole = load_geotiff("a.tif")
-    position = site.position + [13.1, -20.7]
-    expected = whole.get_submap(position, (31.0, 44.5))
-    assert_maps_equal(site.get_submap(position, (31.0, 44.5)), expected)
-    part = site.get_submap(position, (31.0, 44.5), ["band_2"])
-    assert_maps_equal(part, expected.without_layers(["band_1"]))
 
 
 # --- large, damaged and changed rasters -----------------------------------------------------------
@@ -472,7 +454,7 @@ def test_overviews_are_means_of_finite_cells():
 
 
 @pytest.mark.parametrize("cog", [True, False])
-@pytest.mark.parametrize("size", [(1, 1), (513, 30), (40, 1025)])
+@pytest.mark.parametrize("size", [(1, 1), (513, 1025)])
 def test_map_round_trips(size, cog):
     site = open_map(write("in.tif", heights(*size, 2)), chunks=200)
     site = TiledMap(
@@ -515,7 +497,7 @@ def test_existing_file_is_replaced_only_on_request():
 
 
 @pytest.mark.parametrize("cog", [True, False])
-@pytest.mark.parametrize("share", [0.001, 0.5, 0.99])
+@pytest.mark.parametrize("share", [0.001, 0.99])
 def test_full_disk_is_one_error_and_leaves_nothing(share, cog, full_disk):
     values = RANDOM.random((1, 1000, 1100), np.float32)
     site = open_map(write("in.tif", values))

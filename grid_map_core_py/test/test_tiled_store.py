@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import GridMapError, LimitError
+from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.testing import assert_maps_equal
 
@@ -103,15 +103,6 @@ def test_stores_of_xarray_of_both_formats(tmp_path: Path, form: int) -> None:
     expected = a_map()
     expected["variance"][0, 0] = 9.0
     assert_maps_equal(open_map(tmp_path / "a.zarr").to_map(), expected)
-
-
-def test_limits_hold_for_whole_maps(tmp_path: Path) -> None:
-    from grid_map_core_py.tiled import TiledMap
-
-    geometry = GridGeometry.from_size((100_000, 90_000), 1.0)
-    site = TiledMap.create(tmp_path / "a.zarr", geometry, ["elevation"])
-    with pytest.raises(LimitError, match="100000 x 90000"):
-        site.to_map()
 
 
 def test_window_of_a_billion_cells_reads_four_chunks(tmp_path: Path) -> None:

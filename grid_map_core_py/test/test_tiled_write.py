@@ -110,14 +110,6 @@ def added(whole: GridMap, part: GridMap) -> GridMap:
     return whole
 
 
-def test_write_takes_another_position(store: Path) -> None:
-    site, part = opened(store), patch(position=(100.0, 100.0))
-    expected = site.to_map()
-    site.write(part, (2.0, 0.5))
-    part.position = (2.0, 0.5)
-    assert_maps_equal(site.to_map(), added(expected, part))
-
-
 def test_write_touches_only_chunks_under_the_map(store: Path) -> None:
     site = opened(store)
     site.write(patch((23, 17), CENTER))

@@ -113,12 +113,6 @@ def test_part_of_a_dataset_is_the_submap(grid_map, data):
     assert_maps_equal(GridMap.from_xarray(part), grid_map.get_block(*window))
 
 
-def test_map_without_layers_and_selected_layers_survive():
-    assert GridMap.from_xarray(GridMap((2.0, 1.0), 0.5).to_xarray()).layers == ()
-    chosen = GridMap.from_xarray(terrain().to_xarray(), ["variance"])
-    assert (chosen.layers, chosen.basic_layers) == (("variance",), ())
-
-
 def test_attributes_that_are_outdated_give_way_to_the_coordinates():
     coarse = terrain((12, 8)).to_xarray().coarsen(x=2, y=2).mean(keep_attrs=True)
     found = GridMap.from_xarray(coarse)
@@ -189,14 +183,6 @@ def test_rioxarray_finds_the_reference_system():
     assert "spatial_ref" not in terrain().to_xarray().coords
     with pytest.raises(ConfigError, match=r"crs: expected WKT, a code .*, got 'EPSG:nothing'"):
         terrain().to_xarray(crs="EPSG:nothing")
-
-
-def test_wkt_needs_no_pyproj(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyproj", None)
-    wkt = 'LOCAL_CS["site",UNIT["metre",1]]'
-    assert terrain().to_xarray(crs=wkt)["spatial_ref"].attrs["crs_wkt"] == wkt
-    with pytest.raises(MissingPackageError, match=r"'EPSG:1' needs .*grid_map_core_py\[geo\]"):
-        terrain().to_xarray(crs="EPSG:1")
 
 
 def test_degrees_are_taken_for_meters_with_a_warning():
@@ -353,15 +339,6 @@ def test_tile_is_computed_once_for_all_its_layers(scheduler):
     selected = site.to_xarray(["variance"])
     reads(selected)
     assert {names for _, names in site.source.windows} == {("variance",)}
-
-
-@needs_dask
-def test_layers_that_are_only_read_are_read_alone():
-    site, grid_map = tiled(terrain(), (5, 3))
-    object.__setattr__(site.source, "reads_layers_alone", True)
-    values = site.to_xarray()["variance"].compute(scheduler="synchronous")
-    np.testing.assert_array_equal(values, grid_map["variance"])
-    assert [names for _, names in site.source.windows] == [("variance",)] * len(site.tiles)
 
 
 # --- values at positions --------------------------------------------------------------------------

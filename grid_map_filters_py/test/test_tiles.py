@@ -12,7 +12,6 @@ from filter_strategies import EXTREMES, PARAMETERS, assert_same_bits, maps
 from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError
 from grid_map_filters_py import FilterChain, FilterError, FilterWarning, Step, StepConfig
 from grid_map_filters_py.parts._holes import FindHoles, find_holes, merged
 
@@ -273,15 +272,6 @@ def test_filters_of_other_packages_run_on_tiles(function):
     assert_near(*both_ways(mine(function).steps, grid_map, 4))
 
 
-def test_a_filter_that_changes_the_grid_is_refused():
-    def crop(grid_map):
-        return grid_map.get_block(slice(0, 1), slice(0, 1))
-
-    crop.reach = lambda _resolution: 0
-    with pytest.raises(FilterError, match=r"'mine'.*changes the grid"):
-        tiled(ground(np.eye(9)), 4).filter(mine(crop))
-
-
 @pytest.mark.parametrize(
     ("expression", "place"),
     [
@@ -394,13 +384,6 @@ def test_too_long_hole_is_refused_before_the_first_tile():
         site.filter(inpaint(radius=0.1), max_hole=20).source.prepare()
     found = in_tiles(site.filter(inpaint(radius=0.1), max_hole=21))
     assert_same_bits(found, inpaint(radius=0.1)(grid_map))
-
-
-@pytest.mark.parametrize("options", [{"max_hole": 0}, {"large_holes": "fill"}])
-def test_wrong_options_are_refused(options):
-    (name,) = options
-    with pytest.raises(ConfigError, match=f"'{name}': expected"):
-        tiled(terrain(elevation=1.0), 4).filter(inpaint(radius=0.1), **options)
 
 
 @pytest.mark.parametrize("side", [5, 8, 21, 64])
