@@ -243,16 +243,6 @@ def test_mesh_too_large_for_a_map_is_named(write):
         load_cloud(path, resolution=0.1)
 
 
-def test_points_without_faces_are_no_mesh(write):
-    for path in (
-        write("p.ply", ply_header("ascii"), PLY_VERTICES),
-        write("p.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\n"),
-    ):
-        assert len(load_points(path)[0])
-        with pytest.raises(GridMapError, match=f"{path.name}: holds no faces"):
-            load_mesh(path)
-
-
 def test_mixed_faces_of_a_binary_ply_file_are_refused(write):
     faces = struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B4i", 4, 0, 1, 2, 3)
     path = write("mixed.ply", ply_header(ORDERS["<"], 2), PLY_BINARY["<"], faces)

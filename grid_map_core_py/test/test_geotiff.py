@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import a_map
 
-from grid_map_core_py import GridMap, GridMapError
+from grid_map_core_py import GridMapError
 from grid_map_core_py._files import map_facts
 from grid_map_core_py.files import load, load_geotiff, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff
@@ -127,15 +127,6 @@ def test_rasters_without_map_are_refused(rasterio):
     write(rasterio, pixels=PIXELS.astype(np.complex64))
     with pytest.raises(GridMapError, match="expected real numbers, got complex64"):
         load("dem.tif")
-
-
-@pytest.mark.usefixtures("rasterio")
-def test_a_failed_write_leaves_nothing():
-    with pytest.raises(GridMapError, match="has no layers"):
-        save(GridMap((1, 1), 0.5), "x.tif")
-    with pytest.raises(GridMapError, match=r"x\.tif: cannot be written"):
-        save(a_map(), "x.tif", crs="EPSG:nothing")
-    assert not list(Path().glob("*x.tif*"))
 
 
 @pytest.mark.parametrize(

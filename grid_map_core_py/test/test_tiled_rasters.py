@@ -364,17 +364,6 @@ def test_projected_rasters_make_a_mosaic():
     np.testing.assert_allclose(one[both], other[both], atol=0.5)
 
 
-def test_turned_raster_is_straightened():
-    from rasterio import Affine
-
-    turned = Affine(2, 0.5, 691_000, 0.5, -2, 5_335_000)
-    line, pixel = np.mgrid[:50, :60]
-    write("a.tif", (line + 100.0 * pixel)[None].astype(np.float32), transform=turned)
-    site = open_map("a.tif", crs=UTM)
-    x, y = turned.c + 2 * 30.5 + 0.5 * 20.5, turned.f + 0.5 * 30.5 - 2 * 20.5
-    assert site.get_submap((x, y), (1e-3, 1e-3))["elevation"].mean() == pytest.approx(3020, abs=150)
-
-
 def test_degrees_warn_and_say_what_projects_them():
     from rasterio import Affine
 

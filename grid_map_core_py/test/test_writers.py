@@ -61,15 +61,6 @@ def test_full_disk_keeps_the_old_file(tmp_path, capfd, full_disk, name, limit):
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_missing_folder_is_named(tmp_path, name):
-    folder = tmp_path / "none" / "of them"
-    expected = rf"{folder}/{name.split('/')[0]}\S*: cannot be written: there is no folder {folder}$"
-    with pytest.raises(GridMapError, match=expected):
-        save(noise(1), folder / name, **OPTIONS[name])
-    assert not [*tmp_path.iterdir()]
-
-
-@pytest.mark.parametrize("name", WRITERS)
 def test_folder_without_permission_is_named(tmp_path, name):
     folder = tmp_path / "theirs"
     folder.mkdir(mode=0o500)

@@ -12,6 +12,7 @@ from filter_strategies import EXTREMES, PARAMETERS, assert_same_bits, maps
 from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.tiled import open_map
 from grid_map_filters_py import FilterChain, FilterError, FilterWarning, Step, StepConfig
 from grid_map_filters_py.parts._holes import FindHoles, find_holes, merged
 
@@ -25,10 +26,7 @@ SIDES = st.tuples(st.integers(3, 17), st.integers(3, 17))
 
 def tiled(grid_map, side):
     """Return a map as a tiled one; `side` is that of a tile, or both."""
-    from grid_map_core_py.tiled import open_map
-    from grid_map_core_py.tiled._datasets import to_dataset
-
-    return replace(open_map(to_dataset(grid_map)), tile=np.broadcast_to(side, 2).tolist())
+    return replace(open_map(grid_map.to_xarray()), tile=np.broadcast_to(side, 2).tolist())
 
 
 def in_tiles(site) -> GridMap:
@@ -295,11 +293,8 @@ def test_expressions_of_whole_layers_are_refused(expression, place):
 REDUCTIONS = {
     "min(a)": 0,
     "max(a - minOfFinites(b))": 0,
-    "minOfFinites(a .* b)": 0,
     "maxOfFinites(a) + size(b, 0) * size(b, 1)": 0,
     "numberOfFinites(a ./ b)": 0,
-    "meanOfFinites(a)": 1e-6,
-    "sumOfFinites(b)": 1e-6,
     "sum(b - meanOfFinites(a))": 1e-6,
     "max(sumOfFinites(a)) + norm(3)": 1e-6,
 }
@@ -395,15 +390,6 @@ def test_long_holes_are_left_as_they_are_in_all_tiles(side):
     expected = inpaint(radius=0.1)(grid_map)["out"]
     expected[10:12, 5:26] = np.nan
     np.testing.assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize("limit", [{"enclosed_holes_only": True}, {"max_hole_area": 0.39}])
-def test_long_holes_that_stay_are_no_error(limit):
-    grid_map = with_hole(slice(0, 2), slice(5, 26))
-    grid_map["elevation"][30:33, 8:30:7] = np.nan
-    site = tiled(grid_map, 8)
-    chain = inpaint(radius=0.1, **limit)
-    assert_same_bits(in_tiles(site.filter(chain)), chain(grid_map))
 
 
 # --- warnings -------------------------------------------------------------------------------------
