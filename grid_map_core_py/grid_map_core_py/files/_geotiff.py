@@ -51,10 +51,6 @@ def save_geotiff(
         crs: coordinate reference system of the frame, as rasterio reads it, such as "EPSG:25832",
             WKT or a string of PROJ; empty for none.
         compress: make the file smaller.
-
-    Raises:
-        GridMapError: the map has no layers, the file cannot be written or its name ends like
-            another kind of file, the reference system is unknown, or rasterio is not installed.
     """
     check_ending(path, ".tif", ".tiff")
     rasterio = package_for(path, "GeoTIFF", "rasterio")

@@ -63,11 +63,6 @@ def load_height_image(
         height_layer: name of the layer.
         position: (2,) center of the map [m].
         frame_id: frame of the map.
-
-    Raises:
-        LayerNotFoundError: `layers` asks for another layer.
-        GridMapError: the file cannot be read or is no image, `resolution` is missing, or a bound
-            is invalid.
     """
     file = Path(path)
     with storage_errors(file, "read"):
@@ -115,10 +110,6 @@ def save_height_image(
         bits: 8 or 16; 32 writes float32, for TIFF only. None means 16 for PNG and 32 for TIFF.
         lower, upper: heights of black and of white [m]; None means the smallest and the largest
             finite value. An image of float32 holds the heights themselves and takes neither.
-
-    Raises:
-        LayerNotFoundError: the map lacks the layer.
-        GridMapError: an option is invalid, or the file cannot be written.
     """
     file = Path(path)
     ending = file.suffix.lower()

@@ -114,10 +114,6 @@ def save_map_server(
         occupied_thresh, free_thresh: bounds of occupied and of free, 0 to 1. None means 0.65 and
             0.196, or 1 and 0 in mode `scale`. Scaled values come back exactly if the thresholds are
             at least 0.4 apart.
-
-    Raises:
-        LayerNotFoundError: the map lacks the layer.
-        GridMapError: an option is invalid, or a file cannot be written.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")

@@ -37,9 +37,6 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
         grid_map: the map.
         path: the file; no ending is appended.
         compress: compress the file, which takes several times longer.
-
-    Raises:
-        GridMapError: the file cannot be written, or its name ends like another kind of file.
     """
     check_ending(path, ".npz")
     arrays = {_LAYERS + name: grid_map.unwrapped(name) for name in grid_map}
@@ -73,10 +70,6 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
     Args:
         path: the file.
         layers: names of the layers to read; None means all.
-
-    Raises:
-        GridMapError: the file is missing, damaged, or not of this format.
-        LayerNotFoundError: it lacks a layer.
     """
     with _opened(path) as stored:
         return stored.load(layers)

@@ -123,11 +123,7 @@ class StoredMap:
 
 @contextmanager
 def new_file(path: str | PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary name; on success the file written there replaces the one at `path`.
-
-    Raises:
-        OSError: the folder is missing or cannot be written to; it names `path`.
-    """
+    """Yield a temporary name; on success the file written there replaces the one at `path`."""
     with _beside(path) as (temporary, target):
         yield temporary
         _sync(temporary)
@@ -226,9 +222,6 @@ def load_yaml(path: str | PathLike[str]) -> Any:
     """Return the content of a YAML file.
 
     Numbers such as `1e-3` are read as ROS reads them, and keys are unique.
-
-    Raises:
-        GridMapError: the file cannot be read, or see `parse_yaml`.
     """
     try:
         text = Path(path).read_bytes()

@@ -327,10 +327,6 @@ def open_dataset(
         data: see `GridMap.from_xarray`; values are read, or computed, window by window.
         tile: rows and columns of a tile; None means the chunks of Dask, otherwise 1024 cells.
         name: name of the dataset in errors.
-
-    Raises:
-        GeometryError: coordinates are missing or no grid of squares.
-        GridMapError: an attribute is wrong, or a layer has other dimensions or no numbers.
     """
     dataset = as_dataset(data)
     geometry, ascends = geometry_of(dataset)

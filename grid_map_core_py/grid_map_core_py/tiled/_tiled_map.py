@@ -97,9 +97,6 @@ class TiledMap(TiledData):
             chunks: side of a chunk [cells].
             basic_layers, frame_id, timestamp: see `GridMap`.
             crs: see `TiledMap`.
-
-        Raises:
-            GridMapError: the path exists, a name is not allowed, or the store cannot be written.
         """
         check(chunks >= 1, "chunks", "a number of cells", chunks)
         names = as_names(layers)
@@ -359,9 +356,6 @@ class TiledMap(TiledData):
             compress: pack the values with deflate.
             overwrite: replace an existing file.
             progress: called after each window.
-
-        Raises:
-            GridMapError: a window cannot be read, computed or written, or the file exists.
         """
         from ._rasters import to_geotiff
 

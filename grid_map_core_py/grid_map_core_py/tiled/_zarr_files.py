@@ -262,12 +262,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
 
 
 def metadata_file(store: Path) -> Path:
-    """Return the file that every store has, and that does not change while data is written.
-
-    Raises:
-        FileNotFoundError: there is no such folder.
-        GridMapError: the folder is no store.
-    """
+    """Return the file that every store has, and that does not change while data is written."""
     if not store.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(store))
     # Of formats 2 and 3.
@@ -279,12 +274,7 @@ def metadata_file(store: Path) -> Path:
 
 @contextmanager
 def locked(store: Path) -> Iterator[None]:
-    """Let one thread of one process at a time write into a store; others wait.
-
-    Raises:
-        GridMapError: there is no store.
-        OSError: the store cannot be written to.
-    """
+    """Let one thread of one process at a time write into a store; others wait."""
     with metadata_file(store).open("r+") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
         yield
