@@ -233,8 +233,8 @@ class LocalShift(Shift):
 class ShiftByMean(Shift):
     """A filter of another package: subtracts the mean of the layer."""
 
-    def for_tiles_of(self, site, _options):
-        means = site.over_tiles(lambda tile: (tile["elevation"].sum(), tile["elevation"].size))
+    def for_tiles_of(self, tiled_map, _options):
+        means = tiled_map.over_tiles(lambda tile: (tile["elevation"].sum(), tile["elevation"].size))
         return Subtract(np.divide(*np.sum(means, axis=0)))
 
     def __call__(self, grid_map):
