@@ -73,7 +73,7 @@ def terrain(folder: Path, cells: int) -> Path:
 
 def seconds_in_memory(chain: FilterChain, site: TiledMap) -> float:
     """Return the smallest time per cell of a map in memory [ns]."""
-    grid_map = site.block(slice(0, STANDARD), slice(0, STANDARD))
+    grid_map = site.get_block(slice(0, STANDARD), slice(0, STANDARD))
     chain(grid_map)  # compiles
     times, end = [], time.monotonic() + SECONDS
     while time.monotonic() < end:

@@ -7,7 +7,7 @@
 `--simulate` computes that number of tiles that do nothing, in threads of this process and on a
 cluster of processes of this machine, and prints the time per tile and the peak memory of the
 client. `--windows` makes a store of 31,623 x 31,623 cells with data in the middle, and prints the
-median and the largest time of `submap` of 200 x 200 cells on four chunks, after the first one.
+median and the largest time of `get_submap` of 200 x 200 cells on four chunks, after the first one.
 """
 
 import argparse
@@ -124,7 +124,7 @@ def print_windows(count: int) -> None:
         times = []
         for number in itertools.count():
             begin = time.perf_counter()
-            window = open_map(path).submap(center, length)
+            window = open_map(path).get_submap(center, length)
             times.append(1e3 * (time.perf_counter() - begin))
             assert np.isfinite(window["elevation"]).all()
             if number == count:

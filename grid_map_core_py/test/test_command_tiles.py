@@ -2,6 +2,7 @@
 """Maps of any size on the command line: Zarr stores, windows, clusters."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from grid_map_core_py import GridMap, load, save
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.testing import assert_maps_equal
+from grid_map_core_py.tiled import TiledMap, open_map
 
 pytestmark = pytest.mark.needs("xarray", "zarr", "distributed", "pyproj")
 
@@ -32,8 +34,6 @@ def a_map() -> GridMap:
 @pytest.fixture
 def command(grid_map_command):
     """Return `grid_map_command` in a folder with the map in a store."""
-    from grid_map_core_py.tiled import open_map
-
     open_map(a_map().to_xarray(crs="EPSG:25832"), chunks=16).to_zarr("site.zarr")
     return grid_map_command
 
@@ -89,14 +89,11 @@ def test_convert_runs_on_tiles(command):
     ("words", "code", "text"),
     [
         ("convert site.zarr b.zarr --memory 1GB", 2, "--memory goes with --workers"),
-        ("convert site.zarr b.zarr --workers 0", 2, "--workers: expected a number of processes"),
-        ("convert site.zarr b.zarr --workers 1 --memory x", 2, "--memory: expected a size such"),
         ("convert site.zarr b.zarr --chunks 0", 1, "'chunks': expected a number of cells, got 0"),
         ("convert site.zarr b.npz --workers 2", 2, "--workers is for maps that are converted"),
         ("convert gone.zarr b.zarr", 1, "gone.zarr: cannot be read: No such file or directory"),
         ("submap site.zarr a.npz --length 1 2", 2, "expected --position or --lat and --lon"),
         ("submap site.zarr a.npz --length 1 2 --position 99 0", 1, "does not overlap the map"),
-        ("info memory://gone.zarr", 1, "memory://gone.zarr: cannot be read"),
     ],
 )
 @pytest.mark.usefixtures("command")
@@ -135,13 +132,13 @@ def test_stores_become_cloud_optimized_rasters_and_back(command):
 
 @pytest.mark.needs("rasterio")
 def test_submap_around_a_place_on_the_earth(command):
-    from grid_map_core_py.tiled import open_map
-
     site = open_map("site.zarr")
     latitude, longitude = site.latitude_longitude_of((8.0, -2.0))
     words = f"submap site.zarr patch.npz --lat {latitude} --lon {longitude} --length 3 2"
     assert command(words)[0] == 0
-    assert_maps_equal(load("patch.npz"), site.submap(site.position_of(latitude, longitude), (3, 2)))
+    assert_maps_equal(
+        load("patch.npz"), site.get_submap(site.position_of(latitude, longitude), (3, 2))
+    )
 
 
 def test_submap_is_that_of_the_map(command):
@@ -185,10 +182,8 @@ def command_line(process: str) -> bytes:
     return Path("/proc", process, "cmdline").read_bytes()
 
 
-@pytest.mark.parametrize(("step", "tile"), [(1, 16), (2, 5), (7, 16), (16, 16), (100, 100)])
+@pytest.mark.parametrize(("step", "tile"), [(1, 16), (2, 5), (7, 16), (100, 100)])
 def test_thinned_maps_have_every_nth_cell(step: int, tile: int) -> None:
-    from grid_map_core_py.tiled import open_map
-
     whole = a_map()
     found = open_map(whole.to_xarray(), chunks=tile).thinned(step)
     rows, columns = (np.arange(min(step // 2, n - 1), n, step) for n in SIZE)
@@ -201,11 +196,9 @@ def test_thinned_maps_have_every_nth_cell(step: int, tile: int) -> None:
 
 
 @pytest.mark.needs("rasterio")
-@pytest.mark.parametrize("step", [1, 2, 5, 9])
+@pytest.mark.parametrize("step", [1, 5])
 def test_thinned_rasters_are_read_from_overviews(tmp_path: Path, step: int) -> None:
     import rasterio
-
-    from grid_map_core_py.tiled import open_map
 
     x, y = np.arange(1501)[:, None], np.arange(1102)
     whole = GridMap((150.1, 110.2), 0.1, (40.0, 7.0), {"elevation": 0.01 * x + 0.02 * y})
@@ -225,12 +218,11 @@ def test_thinned_rasters_are_read_from_overviews(tmp_path: Path, step: int) -> N
     )
 
 
-def test_thinned_map_of_very_many_tiles_reads_some(tmp_path: Path) -> None:
-    from grid_map_core_py.tiled import TiledMap
-    from grid_map_core_py.tiled._thinned import _affordable
-
-    geometry = GridGeometry.from_size((1_000_000, 400_000), 0.1)
-    site = TiledMap.create(tmp_path / "a.zarr", geometry, ["elevation"])
-    step = _affordable(site, 500)
-    assert 1_000_000 / step * 400_000 / step <= 4200
-    assert _affordable(site, 20_000) == 20_000
+def test_thinned_map_of_very_many_tiles_reads_some(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grid_map_core_py.tiled._thinned._MOST_TILES", 20)
+    geometry = GridGeometry.from_size((1000, 400), 0.1)
+    tiled_map = TiledMap.create(tmp_path / "a.zarr", geometry, ["elevation"], chunks=10)
+    assert math.prod(tiled_map.thinned(10).size) <= 20
+    assert tiled_map.thinned(200).size == (5, 2)

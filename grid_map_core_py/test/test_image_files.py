@@ -7,12 +7,7 @@ import pytest
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import (
-    load,
-    load_height_image,
-    save,
-    save_height_image,
-)
+from grid_map_core_py.files import load, load_height_image, save, save_height_image
 from grid_map_core_py.testing import moved_in_buffer
 
 

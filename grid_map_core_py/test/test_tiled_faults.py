@@ -15,8 +15,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tiled_sources import waves
 
 from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.tiled import open_map
+from grid_map_core_py.tiled._engine import in_any_order
 
 pytestmark = [
     pytest.mark.needs("xarray", "zarr", "distributed"),
@@ -25,19 +28,6 @@ pytestmark = [
 
 SCRIPT = Path(__file__).with_name("tiled_sources.py")
 TILES = 7 * 5
-
-
-def waves(folder: Path, **options: Any):
-    # The module needs the optional packages.
-    from tiled_sources import waves
-
-    return waves(folder, **options)
-
-
-def opened(path: Path, **options: Any):
-    from grid_map_core_py.tiled import open_map
-
-    return open_map(path, **options)
 
 
 def files(store: Path) -> dict[str, bytes]:
@@ -66,7 +56,7 @@ def test_store_holds_the_map(tmp_path: Path, target: Path) -> None:
     rows, columns = np.arange(100)[:, None], np.arange(70)
     wanted = np.sin(0.1 * rows) * np.cos(0.07 * columns)
     wanted[wanted > 0.9] = np.nan
-    result = opened(target)
+    result = open_map(target)
     assert result.tile == (16, 16)
     np.testing.assert_array_equal(result.to_map()["variance"], (2 * wanted).astype(np.float32))
     assert counts == [(done, TILES) for done in range(TILES + 1)]
@@ -127,24 +117,6 @@ def test_lost_scheduler_ends_the_run(
         lost.result()
     client.close(timeout=1)
     waves(tmp_path).to_zarr(target, resume=True)
-
-
-def test_error_on_a_cluster_is_raised_once(
-    cluster: Any, tmp_path: Path, target: Path, expected: dict[str, bytes]
-) -> None:
-    site = waves(tmp_path)
-    (tmp_path / "fail").write_text("16 16")
-    with cluster.as_current(), pytest.raises(GridMapError) as error:
-        site.to_zarr(target)
-    assert str(error.value) == f"{target}: cells [16:32, 16:32]: there are no waves"
-    (tmp_path / "fail").unlink()
-    finished = tiles_of(target.with_name("out.zarr.part"))
-    site.source.computed()
-    with cluster.as_current():
-        site.to_zarr(target, resume=True)
-    # Workers may have ended tiles that they had begun before the error.
-    assert computed_tiles(site).isdisjoint(finished)
-    assert files(target) == expected
 
 
 def tiles_of(part: Path) -> set[tuple[int, ...]]:
@@ -237,14 +209,6 @@ def test_full_disk_then_resume(
     assert files(target) == expected
 
 
-def test_full_disk_at_the_begin_leaves_nothing(
-    tmp_path: Path, target: Path, full_disk: Callable[[int], AbstractContextManager[None]]
-) -> None:
-    with full_disk(50), pytest.raises(GridMapError, match=r"out.zarr: cannot be written: File too"):
-        waves(tmp_path).to_zarr(target)
-    assert [*target.parent.iterdir()] == []
-
-
 @pytest.mark.parametrize(
     ("path", "text"),
     [
@@ -282,10 +246,10 @@ def test_overwrite_replaces_stores_only(
 
 def test_store_may_replace_its_own_source(tmp_path: Path, target: Path) -> None:
     waves(tmp_path).to_zarr(target)
-    before = opened(target).to_map()
-    opened(target, chunks=32).to_zarr(target, overwrite=True)
-    assert opened(target).tile == (32, 32)
-    assert opened(target).to_map() == before
+    before = open_map(target).to_map()
+    open_map(target, chunks=32).to_zarr(target, overwrite=True)
+    assert open_map(target).tile == (32, 32)
+    assert open_map(target).to_map() == before
 
 
 def test_damaged_chunk_of_the_source(tmp_path: Path, target: Path) -> None:
@@ -293,25 +257,13 @@ def test_damaged_chunk_of_the_source(tmp_path: Path, target: Path) -> None:
     waves(tmp_path).to_zarr(source)
     (source / "variance" / "1.2").write_bytes(b"nothing")
     with pytest.raises(GridMapError) as error:
-        opened(source).to_zarr(target)
+        open_map(source).to_zarr(target)
     text = f"{target}: cells [16:32, 32:48]: {source}/variance: cannot be read: "
     assert str(error.value).startswith(text)
 
 
-def test_source_without_a_file_of_metadata(tmp_path: Path, target: Path) -> None:
-    waves(tmp_path).to_zarr(target)
-    before = opened(target).to_map()
-    (target / ".zmetadata").unlink()
-    assert opened(target).to_map() == before
-    (target / ".zgroup").unlink()
-    with pytest.raises(GridMapError, match=rf"^{target}: expected a Zarr store, .*\.zgroup"):
-        opened(target)
-
-
 def test_threads_stop_at_the_first_error() -> None:
     from dask import config
-
-    from grid_map_core_py.tiled._engine import in_any_order
 
     calls: list[int] = []
 

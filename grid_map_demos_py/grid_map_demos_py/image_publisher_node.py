@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from sensor_msgs.msg import Image
 
+from grid_map_core_py._files import read_image, storage_errors
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import read_image, storage_errors
 from grid_map_ros_py.messages import ENCODINGS, from_pixels
 from grid_map_ros_py.nodes import LogThrottle, map_qos
 

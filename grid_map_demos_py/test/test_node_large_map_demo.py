@@ -31,12 +31,12 @@ def test_ground_has_no_seams_and_is_known_along_the_way(site):
     tiled = open_map(site)
     assert tiled.size[0] * tiled.size[1] > 10**9
     for x in (END, END - 51.2, END - 200.0):
-        found = tiled.submap((x, way_at(x)), (20.0, 20.0))
+        found = tiled.get_submap((x, way_at(x)), (20.0, 20.0))
         assert np.isfinite(found[LAYER]).all()
         # Sums of products of float32, made of another number of columns.
         np.testing.assert_allclose(found[LAYER], ground(found.geometry), atol=1e-3)
         assert found[LAYER].std() > 0.1
-        far = tiled.submap((x, way_at(x) + CORRIDOR + 60.0), (20.0, 20.0))
+        far = tiled.get_submap((x, way_at(x) + CORRIDOR + 60.0), (20.0, 20.0))
         assert np.isnan(far[LAYER]).all()
     assert sum(file.stat().st_size for file in site.rglob("*") if file.is_file()) < 30e6
 

@@ -121,7 +121,7 @@ class FilteredTiles:
             count -= 1
         if not count:
             wanted_layers = [name for name in self.tiled_map.layers if name in names]
-            return self.tiled_map.block(*window, wanted_layers), window
+            return self.tiled_map.get_block(*window, wanted_layers), window
         step, function = self.steps[count - 1], self._bound[count - 1]
         needed = (names - step.writes) | step.reads
         border, size = reach_of(function, self.tiled_map.resolution), self.tiled_map.size

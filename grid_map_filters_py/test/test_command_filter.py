@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`grid-map filter`: a chain over a map or over all maps of a bag."""
+"""`grid-map filter` over a map, over all maps of a bag, and over a map of any size."""
 
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, load
@@ -120,3 +121,93 @@ def test_mistakes_are_one_line(line, code, text, refused):
     found, error = refused(f"filter {line}")
     assert (found, text in error) == (code, True), error
     assert not [*Path().glob("out*")]
+
+
+# --- maps of any size -----------------------------------------------------------------------------
+
+NEEDS_TILES = pytest.mark.needs("xarray", "zarr", "distributed")
+
+TILES_CHAIN = """
+grid_map_filters:
+  ros__parameters:
+    filters:
+      filter1:
+        name: fill
+        type: gridMapCv/InpaintFilter
+        params: {input_layer: elevation, output_layer: filled, radius: 0.3}
+      filter2:
+        name: mean
+        type: gridMapFilters/MeanInRadiusFilter
+        params: {input_layer: filled, output_layer: mean, radius: 0.3}
+      filter3:
+        name: above
+        type: gridMapFilters/MathExpressionFilter
+        params: {expression: mean - minOfFinites(mean), output_layer: above}
+"""
+
+
+def wide_map() -> GridMap:
+    values = np.random.default_rng(0).normal(size=(70, 55))
+    values[20:24, 30:33] = np.nan
+    return GridMap((7.0, 5.5), 0.1, layers={"elevation": values}, frame_id="map")
+
+
+@pytest.fixture
+def on_store(grid_map_command):
+    """Return `grid_map_command` in a folder with a map in a store and a chain."""
+    from grid_map_core_py.tiled import open_map
+
+    Path("tiles.yaml").write_text(TILES_CHAIN)
+    open_map(wide_map().to_xarray(), chunks=16).to_zarr("site.zarr")
+    return grid_map_command
+
+
+@NEEDS_TILES
+@pytest.mark.parametrize("where", ["", "--threads 2", "--workers 1 --memory 1GB"])
+def test_result_is_that_of_the_whole_map(on_store, where):
+    code, output, error = on_store(f"filter tiles.yaml site.zarr out.zarr --json {where}")
+    assert (code, error) == (0, "grid-map: 70 x 55 cells in out.zarr\n")
+    assert json.loads(output.splitlines()[-1])["tiles"] == 5 * 4
+    expected = FilterChain.from_yaml("tiles.yaml")(load("site.zarr"))
+    assert_maps_equal(load("out.zarr"), expected, atol=1e-5)
+
+
+@pytest.mark.needs("rasterio", "zarr", "distributed")
+def test_some_layers_from_raster_to_store_and_back(on_store):
+    assert on_store("convert site.zarr site.tif")[0] == 0
+    words = "filter tiles.yaml site.tif out.zarr --chunks 20 --layers above mean --quiet"
+    code, _, error = on_store(words)
+    assert (code, error) == (0, "grid-map: 70 x 55 cells in out.zarr\n")
+    expected = FilterChain.from_yaml("tiles.yaml")(load("site.tif"))
+    found = load("out.zarr")
+    assert {*found.layers} == {"above", "mean"}
+    np.testing.assert_allclose(found["above"], expected["above"], atol=1e-5)
+    assert on_store("filter tiles.yaml site.zarr out.tif --layers above --cog")[0] == 0
+    np.testing.assert_allclose(load("out.tif")["above"], expected["above"], atol=1e-5)
+
+
+@NEEDS_TILES
+def test_holes_that_are_too_long(on_store, refused):
+    code, error = refused("filter tiles.yaml site.zarr out.zarr --max-hole 3")
+    assert (code, "hole" in error) == (1, True)
+    assert not Path("out.zarr").exists()
+    words = "filter tiles.yaml site.zarr out.zarr --max-hole 3 --large-holes leave"
+    assert on_store(words)[0] == 0
+    assert np.isnan(load("out.zarr")["filled"][21, 31])
+
+
+@NEEDS_TILES
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("site.zarr out.zarr --timing", "--timing is for maps that are read at once"),
+        ("site.zarr out.zarr --keep-going", "--keep-going is for maps that are read at once"),
+        ("site.zarr out.npz --max-hole 3", "--max-hole is for maps that are filtered on tiles"),
+        ("site.zarr out.npz --json", "--json is for what --timing prints"),
+        ("site.zarr out.npz --resume", "--resume is for maps that are converted or filtered"),
+    ],
+)
+@pytest.mark.usefixtures("on_store")
+def test_options_of_other_maps_are_refused(refused, words, text):
+    code, error = refused(f"filter tiles.yaml {words}")
+    assert (code, text in error) == (2, True), error

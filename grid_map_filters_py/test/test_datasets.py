@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from filter_cases import ground
 
 from grid_map_core_py import GridMap
 from grid_map_filters_py import FilterChain
@@ -23,23 +24,11 @@ def slopes(radius: float) -> FilterChain:
     return chain(Slope={"input_layer": "elevation", "output_layer": "slope", "radius": radius})
 
 
-def terrain(size=(60, 47), resolution=0.5) -> GridMap:
-    """Return waves of some cells, a few of which are steep, with holes."""
-    random = np.random.default_rng(5)
-    rows, columns = np.indices(size)
-    heights = sum(
-        amplitude * np.sin(rows * random.normal(0, 0.3) + columns * random.normal(0, 0.3))
-        for amplitude in (0.1, 0.3, 0.5, 0.8)
-    )
-    grid_map = GridMap(np.multiply(size, resolution), resolution, (4.0, -3.0))
-    grid_map["elevation"] = heights
-    return grid_map
-
-
 @pytest.mark.needs("dask")
 def test_chain_on_a_lazy_dataset_equals_that_on_the_map():
-    grid_map = terrain()
-    grid_map["elevation"][10:14, 20:23] = np.nan
+    heights = np.cumsum(np.random.default_rng(5).normal(size=(60, 47)), axis=0)
+    heights[10:14, 20:23] = np.nan
+    grid_map = ground(heights, 0.5)
     steps = chain(
         Inpaint={"input_layer": "elevation", "output_layer": "filled", "radius": 1.0},
         NormalVectors={

@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Filters of other packages, through real entry points of an installed distribution."""
+"""Filters of other packages, through entry points; dependencies and examples of this package."""
 
+import doctest
+import importlib
 import os
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import grid_map_filters_py
 from grid_map_filters_py import FILTERS
 from grid_map_filters_py._registry import BUILT_IN
 
@@ -77,3 +81,31 @@ def test_short_names_of_built_in_filters_are_taken(tmp_path):
     result = run_python(tmp_path, USE)
     assert result.returncode == 1
     assert "the type 'Threshold' is registered twice: as lift_filters:Lift" in result.stderr
+
+
+MODULES = [
+    module.name
+    for module in pkgutil.walk_packages(grid_map_filters_py.__path__, "grid_map_filters_py.")
+    if "._executables" not in module.name
+]
+
+
+def test_only_executables_need_ros():
+    blocked = "rclpy", "grid_map_msgs", "grid_map_ros_py", "diagnostic_msgs", "std_msgs"
+    code = f"""
+import sys
+for name in {blocked!r}:
+    sys.modules[name] = None
+for name in {MODULES!r}:
+    __import__(name)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_docstring_examples_are_true():
+    attempted = 0
+    for name in MODULES:
+        result = doctest.testmod(importlib.import_module(name))
+        assert result.failed == 0, name
+        attempted += result.attempted
+    assert attempted > 0

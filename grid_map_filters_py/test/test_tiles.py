@@ -12,7 +12,7 @@ from filter_strategies import EXTREMES, PARAMETERS, assert_same_bits, maps
 from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.tiled import open_map
 from grid_map_filters_py import FilterChain, FilterError, FilterWarning, Step, StepConfig
 from grid_map_filters_py.parts._holes import FindHoles, find_holes, merged
 
@@ -26,10 +26,7 @@ SIDES = st.tuples(st.integers(3, 17), st.integers(3, 17))
 
 def tiled(grid_map, side):
     """Return a map as a tiled one; `side` is that of a tile, or both."""
-    from grid_map_core_py.tiled import open_map
-    from grid_map_core_py.tiled._datasets import to_dataset
-
-    return replace(open_map(to_dataset(grid_map)), tile=np.broadcast_to(side, 2).tolist())
+    return replace(open_map(grid_map.to_xarray()), tile=np.broadcast_to(side, 2).tolist())
 
 
 def in_tiles(site) -> GridMap:
@@ -236,8 +233,8 @@ class LocalShift(Shift):
 class ShiftByMean(Shift):
     """A filter of another package: subtracts the mean of the layer."""
 
-    def for_tiles_of(self, site, _options):
-        means = site.over_tiles(lambda tile: (tile["elevation"].sum(), tile["elevation"].size))
+    def for_tiles_of(self, tiled_map, _options):
+        means = tiled_map.over_tiles(lambda tile: (tile["elevation"].sum(), tile["elevation"].size))
         return Subtract(np.divide(*np.sum(means, axis=0)))
 
     def __call__(self, grid_map):
@@ -273,15 +270,6 @@ def test_filters_of_other_packages_run_on_tiles(function):
     assert_near(*both_ways(mine(function).steps, grid_map, 4))
 
 
-def test_a_filter_that_changes_the_grid_is_refused():
-    def crop(grid_map):
-        return grid_map.get_block(slice(0, 1), slice(0, 1))
-
-    crop.reach = lambda _resolution: 0
-    with pytest.raises(FilterError, match=r"'mine'.*changes the grid"):
-        tiled(ground(np.eye(9)), 4).filter(mine(crop))
-
-
 @pytest.mark.parametrize(
     ("expression", "place"),
     [
@@ -305,11 +293,8 @@ def test_expressions_of_whole_layers_are_refused(expression, place):
 REDUCTIONS = {
     "min(a)": 0,
     "max(a - minOfFinites(b))": 0,
-    "minOfFinites(a .* b)": 0,
     "maxOfFinites(a) + size(b, 0) * size(b, 1)": 0,
     "numberOfFinites(a ./ b)": 0,
-    "meanOfFinites(a)": 1e-6,
-    "sumOfFinites(b)": 1e-6,
     "sum(b - meanOfFinites(a))": 1e-6,
     "max(sumOfFinites(a)) + norm(3)": 1e-6,
 }
@@ -363,7 +348,7 @@ def test_holes_across_tiles_equal_those_of_the_whole_map(size, share, side, seed
     grid_map = ground(heights_with_holes(size, share, seed))
     site = tiled(grid_map, side)
     find = FindHoles("elevation", site.geometry, 0)
-    found = merged([find(site.block(*window)) for window in site.tiles], site.tiles.counts)
+    found = merged([find(site.get_block(*window)) for window in site.tiles], site.tiles.counts)
     _, expected = find_holes(np.isnan(grid_map["elevation"]))
     assert by_place(found) == by_place(expected)
 
@@ -396,13 +381,6 @@ def test_too_long_hole_is_refused_before_the_first_tile():
     assert_same_bits(found, inpaint(radius=0.1)(grid_map))
 
 
-@pytest.mark.parametrize("options", [{"max_hole": 0}, {"large_holes": "fill"}])
-def test_wrong_options_are_refused(options):
-    (name,) = options
-    with pytest.raises(ConfigError, match=f"'{name}': expected"):
-        tiled(terrain(elevation=1.0), 4).filter(inpaint(radius=0.1), **options)
-
-
 @pytest.mark.parametrize("side", [5, 8, 21, 64])
 def test_long_holes_are_left_as_they_are_in_all_tiles(side):
     grid_map = with_hole(slice(10, 12), slice(5, 26))
@@ -412,15 +390,6 @@ def test_long_holes_are_left_as_they_are_in_all_tiles(side):
     expected = inpaint(radius=0.1)(grid_map)["out"]
     expected[10:12, 5:26] = np.nan
     np.testing.assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize("limit", [{"enclosed_holes_only": True}, {"max_hole_area": 0.39}])
-def test_long_holes_that_stay_are_no_error(limit):
-    grid_map = with_hole(slice(0, 2), slice(5, 26))
-    grid_map["elevation"][30:33, 8:30:7] = np.nan
-    site = tiled(grid_map, 8)
-    chain = inpaint(radius=0.1, **limit)
-    assert_same_bits(in_tiles(site.filter(chain)), chain(grid_map))
 
 
 # --- warnings -------------------------------------------------------------------------------------

@@ -74,7 +74,7 @@ def part(
         )
     if isinstance(grid_map, TiledMap):
         is_part = any(length)
-        return grid_map.submap(position, length, layers) if is_part else grid_map.to_map(layers)
+        return grid_map.get_submap(position, length, layers) if is_part else grid_map.to_map(layers)
     return grid_map.get_submap(position, length) if any(length) else grid_map
 
 
@@ -136,7 +136,7 @@ def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequenc
     )
     grid_map.basic_layers = [name for name in tiled_map.basic_layers if name in layers]
     if all(part.start < part.stop for part in stored):
-        block = tiled_map.block(stored[0], stored[1], layers)
+        block = tiled_map.get_block(stored[0], stored[1], layers)
         for name in layers:
             grid_map[name][kept[0], kept[1]] = block[name]
     return grid_map

@@ -18,7 +18,8 @@ from ..errors import GridMapError
 from ._output import CommandError, UsageError, message
 
 if TYPE_CHECKING:
-    from ..files import Format, MapRecord
+    from .._files import MapRecord
+    from ..files import Format
     from ..map import GridMap
 
 TimedMap: TypeAlias = "tuple[int | None, GridMap]"
@@ -50,7 +51,8 @@ def _choose(
         options: the arguments.
         of_source: for the destination, names of the options that the source uses.
     """
-    from ..files import find_format, formats, options_of
+    from .._files import find_format, options_of
+    from ..files import formats
 
     writes = of_source is not None
     # Black and white may be meant for source or destination; the destination raises if neither
@@ -99,7 +101,7 @@ def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -
 
 def describe(options: argparse.Namespace) -> dict[str, Any]:
     """Return the format, the size and the facts of the source, as JSON has them."""
-    from ..files import map_facts, options_of
+    from .._files import map_facts, options_of
 
     found, given = _choose(options)
     with _source(options.source) as path:
@@ -195,7 +197,7 @@ class Destination:
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
-        from ..files import options_of
+        from .._files import options_of
 
         self.path: str = options.destination
         self.usual_topic = usual_topic

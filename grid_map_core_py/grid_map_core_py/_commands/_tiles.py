@@ -80,14 +80,14 @@ def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = N
         return read_map(options, layers).get_submap(position, options.length)
     from ..tiled import open_map
 
-    site = open_map(options.source)
+    tiled_map = open_map(options.source)
     if position is None:
-        earth: Any = site
+        earth: Any = tiled_map
         position = earth.position_of(options.lat, options.lon)
         if not math.isfinite(position[0]):
             text = f"expected a place in the reference system, got {options.lat} {options.lon}"
             raise UsageError(f"--lat and --lon: {text}")
-    return site.submap(position, options.length, layers)
+    return tiled_map.get_submap(position, options.length, layers)
 
 
 def has_rectangle(options: argparse.Namespace) -> bool:
@@ -124,7 +124,7 @@ def tiled_source(
 
 
 def write_tiles(
-    site: "TiledMap",
+    tiled_map: "TiledMap",
     destination: Destination,
     options: argparse.Namespace,
     threads: int | None = None,
@@ -133,7 +133,7 @@ def write_tiles(
     """Compute a map tile by tile into a store or a raster, and tell where it is.
 
     Args:
-        site: the map.
+        tiled_map: the map.
         destination: a Zarr store or a GeoTIFF file.
         options: the arguments of `add_tiles`, and `layers`.
         threads: number of threads of this process, unless there are workers; None means one per
@@ -142,16 +142,16 @@ def write_tiles(
     """
     if options.memory and not options.workers:
         raise UsageError("--memory goes with --workers")
-    rows, columns = site.size
-    cells = rows * columns / len(site.tiles)
+    rows, columns = tiled_map.size
+    cells = rows * columns / len(tiled_map.tiles)
     common = {"layers": options.layers, "overwrite": options.force}
     with _scheduler(options, threads), ProgressBar(unit="tiles", cells=cells, **progress) as bar:
         if destination.format.name == "zarr":
-            site.to_zarr(destination.path, resume=options.resume, progress=bar, **common)
+            tiled_map.to_zarr(destination.path, resume=options.resume, progress=bar, **common)
         elif options.resume:
             raise UsageError("--resume is for zarr, and this is geotiff")
         else:
-            raster: Any = site
+            raster: Any = tiled_map
             raster.to_geotiff(destination.path, cog=options.cog, progress=bar, **common)
     message(f"{rows} x {columns} cells in {destination.path}")
 

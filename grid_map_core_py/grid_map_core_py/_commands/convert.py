@@ -26,11 +26,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     destination = Destination(options)
-    site = tiled_source(options, destination)
-    if site is not None:
+    tiled_map = tiled_source(options, destination)
+    if tiled_map is not None:
         if options.frame is not None:
-            site = replace(site, frame_id=options.frame)
-        write_tiles(site, destination, options, quiet=options.quiet, as_json=options.json)
+            tiled_map = replace(tiled_map, frame_id=options.frame)
+        write_tiles(tiled_map, destination, options, quiet=options.quiet, as_json=options.json)
         return 0
     if options.frame is None and destination.takes_all(options):
         destination.write_all(options)

@@ -1,33 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps, point clouds and meshes in files: `load` and `save` choose the format by the name."""
 
-from ._atomic import new_file as new_file, new_folder as new_folder
 from ._clouds import (
     Fields as Fields,
     load_cloud as load_cloud,
     load_mesh as load_mesh,
     load_points as load_points,
 )
-from ._formats import (
-    Format as Format,
-    MapRecord as MapRecord,
-    find_format as find_format,
-    formats as formats,
-    load as load,
-    options_of as options_of,
-    save as save,
-)
+from ._formats import Format as Format, formats as formats, load as load, save as save
 from ._geotiff import load_geotiff as load_geotiff, save_geotiff as save_geotiff
 from ._image_files import (
-    encode_image as encode_image,
     load_height_image as load_height_image,
-    read_image as read_image,
     save_height_image as save_height_image,
-    write_image as write_image,
 )
 from ._map_server import load_map_server as load_map_server, save_map_server as save_map_server
 from ._npz import load_npz as load_npz, save_npz as save_npz
-from ._shared import map_facts as map_facts, storage_errors as storage_errors
-from ._yaml import load_yaml as load_yaml, parse_yaml as parse_yaml
+from ._shared import load_yaml as load_yaml
 
 __all__ = [name for name in dir() if not name.startswith("_")]

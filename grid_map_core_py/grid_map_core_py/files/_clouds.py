@@ -39,10 +39,6 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
         fields: other values of each point in a PCD or PLY file, such as `intensity`. Colors come as
             one field `rgb` of packed colors, ready for `rasterize`. A PCD field of several numbers
             comes as several fields, `name__0000` and so on.
-
-    Raises:
-        GridMapError: the file is missing, damaged, of another format or without points, or the
-            package that reads it is not installed.
     """
     file = Path(path)
     if file.suffix.lower() == ".pcd":
@@ -93,10 +89,6 @@ def load_mesh(path: str | PathLike[str]) -> tuple[npt.NDArray[np.float64], npt.N
     Returns:
         vertices: (V, 3) x, y, z.
         faces: (F, 3) indices of vertices.
-
-    Raises:
-        GridMapError: the file is missing, damaged, of another format or without faces, or the
-            package that reads it is not installed.
     """
     file = Path(path)
     meshes = [mesh for mesh in _read_meshes(file) if hasattr(mesh, "faces")]
@@ -134,11 +126,6 @@ def load_cloud(
         tight: False to put the borders of a map of points at multiples of the resolution, True to
             center the map on them.
         frame_id: frame of the map.
-
-    Raises:
-        LayerNotFoundError: the file lacks a layer.
-        GridMapError: `resolution` is missing, an option for points is given for a mesh, or the file
-            cannot be read or makes no map.
     """
     mesh = None if kind == "points" else _mesh(path, required=kind == "mesh")
     points, fields = load_points(path) if mesh is None else (mesh[0], {})

@@ -26,9 +26,8 @@ from .._arrays._checks import Layer
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ._atomic import new_file
 from ._image_files import to_north_up
-from ._shared import StoredMap, check_ending, package_for, storage_errors
+from ._shared import StoredMap, check_ending, new_file, package_for, storage_errors
 
 _TAG = "GRID_MAP"
 
@@ -52,10 +51,6 @@ def save_geotiff(
         crs: coordinate reference system of the frame, as rasterio reads it, such as "EPSG:25832",
             WKT or a string of PROJ; empty for none.
         compress: make the file smaller.
-
-    Raises:
-        GridMapError: the map has no layers, the file cannot be written or its name ends like
-            another kind of file, the reference system is unknown, or rasterio is not installed.
     """
     check_ending(path, ".tif", ".tiff")
     rasterio = package_for(path, "GeoTIFF", "rasterio")

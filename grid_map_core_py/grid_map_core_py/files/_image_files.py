@@ -24,8 +24,7 @@ from ..conversions._image_arrays import Image, from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
 from ..limits import check_cells
 from ..map._grid_map import GridMap
-from ._atomic import new_file
-from ._shared import naming, storage_errors
+from ._shared import naming, new_file, storage_errors
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 """Endings of height maps that are written."""
@@ -64,11 +63,6 @@ def load_height_image(
         height_layer: name of the layer.
         position: (2,) center of the map [m].
         frame_id: frame of the map.
-
-    Raises:
-        LayerNotFoundError: `layers` asks for another layer.
-        GridMapError: the file cannot be read or is no image, `resolution` is missing, or a bound
-            is invalid.
     """
     file = Path(path)
     with storage_errors(file, "read"):
@@ -116,10 +110,6 @@ def save_height_image(
         bits: 8 or 16; 32 writes float32, for TIFF only. None means 16 for PNG and 32 for TIFF.
         lower, upper: heights of black and of white [m]; None means the smallest and the largest
             finite value. An image of float32 holds the heights themselves and takes neither.
-
-    Raises:
-        LayerNotFoundError: the map lacks the layer.
-        GridMapError: an option is invalid, or the file cannot be written.
     """
     file = Path(path)
     ending = file.suffix.lower()

@@ -32,10 +32,8 @@ from ..conversions._image_arrays import Image
 from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
-from ._shared import check_ending, storage_errors
-from ._yaml import load_yaml
+from ._shared import check_ending, load_yaml, new_file, storage_errors
 
 Mode: TypeAlias = Literal["trinary", "scale", "raw"]
 
@@ -116,10 +114,6 @@ def save_map_server(
         occupied_thresh, free_thresh: bounds of occupied and of free, 0 to 1. None means 0.65 and
             0.196, or 1 and 0 in mode `scale`. Scaled values come back exactly if the thresholds are
             at least 0.4 apart.
-
-    Raises:
-        LayerNotFoundError: the map lacks the layer.
-        GridMapError: an option is invalid, or a file cannot be written.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")

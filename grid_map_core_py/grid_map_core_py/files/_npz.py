@@ -18,8 +18,7 @@ import numpy as np
 from .._arrays._checks import Layer
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ._atomic import new_file
-from ._shared import StoredMap, check_ending, storage_errors
+from ._shared import StoredMap, check_ending, new_file, storage_errors
 
 FORMAT = "grid_map"
 VERSION = 1
@@ -38,9 +37,6 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
         grid_map: the map.
         path: the file; no ending is appended.
         compress: compress the file, which takes several times longer.
-
-    Raises:
-        GridMapError: the file cannot be written, or its name ends like another kind of file.
     """
     check_ending(path, ".npz")
     arrays = {_LAYERS + name: grid_map.unwrapped(name) for name in grid_map}
@@ -74,10 +70,6 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
     Args:
         path: the file.
         layers: names of the layers to read; None means all.
-
-    Raises:
-        GridMapError: the file is missing, damaged, or not of this format.
-        LayerNotFoundError: it lacks a layer.
     """
     with _opened(path) as stored:
         return stored.load(layers)

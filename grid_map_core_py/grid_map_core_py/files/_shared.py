@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Metadata, errors and lazily read maps, shared by the file formats."""
+"""Shared by the file formats: errors, metadata, lazily read maps, atomic writing and YAML."""
 
+import os
+import re
+import secrets
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -8,10 +11,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import yaml
 from numpy.typing import ArrayLike
 
 from .. import errors
 from .._arrays._checks import select_layers
+from .._unfinished import remove, unfinished
 from ..errors import GridMapError, LayerNotFoundError, LimitError, MissingPackageError
 from ..limits import check_cells
 from ..map._grid_map import GridMap
@@ -111,3 +116,129 @@ class StoredMap:
         """Return the same as `map_facts` of the whole map."""
         names = {"layers": [*self.layers], "basic_layers": [*self.basic_layers]}
         return map_facts(self.empty) | names
+
+
+# --- atomic writing -------------------------------------------------------------------------------
+
+
+@contextmanager
+def new_file(path: str | PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary name; on success the file written there replaces the one at `path`."""
+    with _beside(path) as (temporary, target):
+        yield temporary
+        _sync(temporary)
+        temporary.replace(target)
+
+
+@contextmanager
+def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -> Iterator[Path]:
+    """Yield an empty temporary folder; on success it replaces the one at `path`.
+
+    Args:
+        path: path of the folder.
+        check_old: called with an existing folder or file, before anything is written and before it
+            is replaced; it raises to keep it.
+
+    Raises:
+        OSError: the parent folder is missing or cannot be written to; it names `path`.
+    """
+    with _beside(path) as (temporary, target):
+        if target.exists():
+            check_old(target)
+        temporary.mkdir()
+        yield temporary
+        for file in temporary.iterdir():
+            _sync(file)
+        if target.exists():
+            check_old(target)
+            replace_folder(temporary, target)
+        else:
+            temporary.rename(target)
+
+
+def replace_folder(temporary: Path, target: Path) -> None:
+    """Replace a folder by another one; the old one has a hidden name for an instant."""
+    old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
+    target.rename(old)
+    try:
+        temporary.rename(target)
+    except OSError:
+        old.rename(target)
+        raise
+    remove(old)
+
+
+@contextmanager
+def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
+    """Yield a temporary name, which errors do not show, and the target without links."""
+    target = Path(path).resolve()
+    if not target.parent.is_dir():
+        raise FileNotFoundError(2, f"there is no folder {Path(path).parent}", str(path))
+    name = target.with_name(f".{target.name}.{secrets.token_hex(4)}.partial")
+    try:
+        with unfinished(name) as temporary:
+            yield temporary, target
+    except OSError as error:
+        if str(name) in str(error.filename):
+            error.filename, error.filename2 = str(path), None
+        raise
+
+
+def _sync(path: Path) -> None:
+    """Flush a file or the names in a folder to disk."""
+    number = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
+
+
+# --- YAML -----------------------------------------------------------------------------------------
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML in which `1e-3` is a number and the keys of a mapping are unique."""
+
+    def flatten_mapping(self, node: Any) -> None:
+        """Check the keys of a mapping before merged ones are added to them."""
+        if not hasattr(node, "checked"):
+            node.checked, known = True, set()
+            for key, _ in node.value:
+                if isinstance(key, yaml.ScalarNode) and key.value in known:
+                    problem = f"{key.value!r:.100} occurs twice"
+                    raise yaml.constructor.ConstructorError(None, None, problem, key.start_mark)
+                known.add(key.value if isinstance(key, yaml.ScalarNode) else None)
+        super().flatten_mapping(node)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789"),
+)
+
+
+def load_yaml(path: str | PathLike[str]) -> Any:
+    """Return the content of a YAML file.
+
+    Numbers such as `1e-3` are read as ROS reads them, and keys are unique.
+    """
+    try:
+        text = Path(path).read_bytes()
+    except OSError as error:
+        raise GridMapError(f"{path}: cannot be read: {error.strerror or error}") from error
+    return parse_yaml(text, path)
+
+
+def parse_yaml(text: str | bytes, name: object) -> Any:
+    """Return the content of a YAML text; `name` names it in errors.
+
+    Raises:
+        GridMapError: the text is no YAML, or a key occurs twice.
+    """
+    try:
+        return yaml.load(text, _Loader)
+    # Values that do not fit their tags, such as `!!int x`, raise errors of many classes.
+    except Exception as error:
+        problem = " ".join(str(error).split())
+        raise GridMapError(f"{name}: no valid YAML: {problem:.300}") from error

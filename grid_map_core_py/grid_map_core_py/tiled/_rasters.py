@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GeoTIFF files as sources of tiled maps: one raster, or a mosaic of rasters on one grid."""
+"""GeoTIFF files: rasters on one grid as the source of a tiled map, and writing window by window."""
 
+import itertools
 import math
 import os
 import shlex
@@ -8,7 +9,7 @@ import threading
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -17,20 +18,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .._arrays._checks import Layer, Size
+from .._unfinished import unfinished
+from ..errors import GridMapError
 from ..files._geotiff import (
+    describe_raster,
     gdal,
     geometry_of,
     open_raster,
     origin_of,
+    raster_profile,
     read_pixels,
     stored_map,
     unit_of,
 )
 from ..files._image_files import to_north_up
-from ..files._shared import StoredMap, storage_errors
+from ..files._shared import StoredMap, check_ending, new_file, storage_errors
 from ..map._geometry import GridGeometry
-from ._earth import moved_map
-from ._source import TiledData, Tiles, Window, common, shape, within
+from ._engine import in_any_order
+from ._source import Progress, TiledData, Tiles, Window, common, shape, within
 
 if TYPE_CHECKING:
     from ._tiled_map import TiledMap
@@ -64,6 +69,10 @@ _BLOCK = 256
 
 GDAL interpolates positions within a window. In fixed blocks a cell has one value, whatever is read.
 """
+
+
+_FILE_BLOCK = 512
+"""Side of a block of a written file [cells]."""
 
 
 class _Part(NamedTuple):
@@ -199,7 +208,7 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
         # Processes of a cluster may have another working directory.
         file = f"{Path(header.path).absolute()}" if header.stamp else header.path
         parts.append(_Part(file, place, header.stamp, cells))
-    site = TiledData(
+    tiled_map = TiledData(
         RasterSource(tuple(parts), tuple(first.stored.layers), crs),
         GridGeometry.from_size(
             (east - west, south - north), step, first.geometry.position + offset
@@ -210,35 +219,35 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
         basic_layers=tuple(first.stored.basic_layers),
         crs=first.crs,
     )
-    return moved_map(site, first.origin) if first.origin else site
+    return tiled_map._in_frame_at(first.origin) if first.origin else tiled_map
 
 
-def overview_of(site: "TiledMap", step: int) -> tuple["TiledMap", int]:
+def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
     """Return the smallest overview of a raster whose cells are at most `step` times as large.
 
     Returns:
-        overview: its map, accurate to half a cell; `site` itself if it is a mosaic, is
+        overview: its map, accurate to half a cell; `tiled_map` itself if it is a mosaic, is
             projected, or has no such overview.
-        factor: side of its cells [cells of `site`].
+        factor: side of its cells [cells of `tiled_map`].
     """
-    source = site.source
+    source = tiled_map.source
     if not isinstance(source, RasterSource) or len(source.parts) > 1 or source.parts[0].transform:
-        return site, 1
+        return tiled_map, 1
     part = source.parts[0]
     with storage_errors(Path(part.path), "read"), gdal(part.path):
         factors = _opened(part, "").overviews(1)
         fitting = [(factor, level) for level, factor in enumerate(factors) if factor <= step]
         if not fitting:
-            return site, 1
+            return tiled_map, 1
         factor, level = max(fitting)
         coarse = part._replace(overview=level)
         columns, rows = _opened(coarse, "").shape
     place = slice(0, rows), slice(0, columns)
     source = replace(source, parts=(coarse._replace(place=place),))
     # GDAL takes an overview for the whole raster: its cells are not quite square.
-    resolution = factor * site.resolution
-    geometry = GridGeometry.from_size((rows, columns), resolution, site.position)
-    return replace(site, source=source, geometry=geometry), factor
+    resolution = factor * tiled_map.resolution
+    geometry = GridGeometry.from_size((rows, columns), resolution, tiled_map.position)
+    return replace(tiled_map, source=source, geometry=geometry), factor
 
 
 # --- headers --------------------------------------------------------------------------------------
@@ -344,3 +353,119 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
             f"({west - left:.3g}, {top - north:.3g}) pixels"
         )
     return left, top, left + width, top + height
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+def to_geotiff(
+    tiled_map: TiledData,
+    path: str | PathLike[str],
+    names: Sequence[str],
+    progress: Progress | None,
+    *,
+    cog: bool,
+    compress: bool,
+    overwrite: bool,
+) -> None:
+    """Write a tiled map into a GeoTIFF file; see `TiledMap.to_geotiff`."""
+    target = Path(path)
+    check_ending(target, ".tif", ".tiff")
+    # Auxiliary files would be left beside the temporary one.
+    with gdal(target, GDAL_PAM_ENABLED=False), storage_errors(target, "written"):
+        if not names:
+            raise GridMapError("the map has no layers")
+        if target.exists() and not overwrite:
+            raise GridMapError("exists already; 'overwrite' replaces it")
+        tiled_map.source.prepare()
+        with new_file(target) as file:
+            if not cog:
+                _write_windows(tiled_map, file, names, progress, compress=compress)
+            else:
+                with unfinished(file.with_name(f"{file.name}.tiles")) as tiles:
+                    _write_windows(tiled_map, tiles, names, progress, compress=False)
+                    _check_complete(tiles)
+                    _copy_as_cog(tiles, file, compress=compress)
+            _check_complete(file)
+
+
+def _write_windows(
+    tiled_map: TiledData,
+    file: Path,
+    names: Sequence[str],
+    progress: Progress | None,
+    *,
+    compress: bool,
+) -> None:
+    """Write the layers into a file of blocks."""
+    crs, origin = tiled_map.crs, tiled_map.origin
+    geometry = tiled_map.geometry.at(tiled_map.position + origin)
+    profile = raster_profile(geometry, len(names), crs, compress=compress)
+    profile |= {
+        "tiled": True,
+        "blockxsize": _FILE_BLOCK,
+        "blockysize": _FILE_BLOCK,
+        "interleave": "band",
+    }
+    facts = {
+        "frame_id": tiled_map.frame_id,
+        "timestamp": tiled_map.timestamp,
+        "basic_layers": [name for name in tiled_map.basic_layers if name in names],
+    }
+    # Whole blocks, which are packed only once.
+    width, height = (-(-side // _FILE_BLOCK) * _FILE_BLOCK for side in tiled_map.tile)
+    windows = Tiles((tiled_map.size[1], tiled_map.size[0]), (height, width))
+    rectangle = import_module("rasterio.windows").Window.from_slices
+    with import_module("rasterio").open(file, "w", **profile) as raster:
+        describe_raster(
+            raster, names, facts | ({"origin": origin, "crs": crs} if any(origin) else {})
+        )
+        if progress is not None:
+            progress(0, len(windows))
+        parts = in_any_order(partial(_compute, tiled_map, names), windows)
+        for done, (window, layers) in enumerate(parts, 1):
+            raster.write(np.stack([*map(to_north_up, layers)]), window=rectangle(*window))
+            if progress is not None:
+                progress(done, len(windows))
+
+
+def _compute(tiled_map: TiledData, names: Sequence[str], window: Window) -> list[Layer]:
+    """Return the layers of a window of raster lines and pixels."""
+    lines, pixels = window
+    rows = slice(tiled_map.size[0] - pixels.stop, tiled_map.size[0] - pixels.start)
+    return tiled_map.source.read((rows, lines), names)
+
+
+def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
+    """Build the overviews of a tiled file, and copy it with the layout of a COG."""
+    with import_module("rasterio").open(tiles, "r+") as raster:
+        levels = range(1, max(0, (max(raster.shape) - 1) // _FILE_BLOCK).bit_length() + 1)
+        # The nearest of four heights would be one of them by chance.
+        average = import_module("rasterio.enums").Resampling.average
+        raster.build_overviews([2**level for level in levels], average)
+    packing = {"COMPRESS": "DEFLATE", "PREDICTOR": "YES"} if compress else {"COMPRESS": "NONE"}
+    import_module("rasterio.shutil").copy(
+        tiles,
+        file,
+        driver="COG",
+        BLOCKSIZE=_FILE_BLOCK,
+        BIGTIFF="IF_SAFER",
+        NUM_THREADS="ALL_CPUS",
+        **packing,
+    )
+
+
+def _check_complete(file: Path) -> None:
+    """Raise `OSError` if a block is missing: GDAL reports no error if it closes on a full disk."""
+    length = file.stat().st_size
+    with import_module("rasterio").open(file) as raster:
+        levels = [(None, 1), *enumerate(raster.overviews(1))]
+        for band, (level, factor) in itertools.product(raster.indexes, levels):
+            counts = (-(-side // (factor * _FILE_BLOCK)) for side in raster.shape)
+            for row, column in np.ndindex(*counts):
+                offset, size = (
+                    raster.get_tag_item(f"BLOCK_{kind}_{column}_{row}", "TIFF", band, level)
+                    for kind in ("OFFSET", "SIZE")
+                )
+                if offset is None or int(offset) + int(size) > length:
+                    raise OSError("a block is missing, perhaps because the disk is full")

@@ -3,9 +3,11 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike, fspath
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, Self, TypeAlias
+
+import numpy as np
 
 from .._arrays._checks import Layer, Positions, Size
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
@@ -91,6 +93,12 @@ class TiledData:
     def length(self) -> Positions:
         """Sides of the map along x and y, (2,) [m]."""
         return self.geometry.length
+
+    def _in_frame_at(self, origin: Sequence[float]) -> Self:
+        """Return the map in a frame whose origin is at x, y in the present frame [m]."""
+        x, y = origin
+        geometry = self.geometry.at(self.position - np.array([x, y]))
+        return replace(self, geometry=geometry, origin=(self.origin[0] + x, self.origin[1] + y))
 
     @property
     def tiles(self) -> "Tiles":

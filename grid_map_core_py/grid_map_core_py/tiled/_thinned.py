@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Every n-th cell of a tiled map, in bounded memory and time."""
 
+import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._arrays._checks import Layer
 from ..limits import check_cells
@@ -16,7 +16,7 @@ from ..map._grid_map import GridMap
 from ..plugins import check
 from ._engine import in_any_order
 from ._rasters import overview_of
-from ._source import Window
+from ._source import Source
 
 if TYPE_CHECKING:
     from ._tiled_map import TiledMap
@@ -24,69 +24,43 @@ if TYPE_CHECKING:
 _MOST_TILES = 4096
 """Maximum number of tiles that are read, which takes about half a minute."""
 
+_Run: TypeAlias = tuple[slice, slice]
+"""Rows or columns of a tile, from the first to the last needed one, and those of the result."""
 
-def thinned_map(site: "TiledMap", step: int, names: Sequence[str]) -> GridMap:
+
+def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridMap:
     """Return every `step`-th cell of a map; see `TiledMap.thinned`."""
     check(step >= 1, "step", "a number of cells", step)
-    site, factor = overview_of(site, step)
-    step = _affordable(site, math.ceil(step / factor))
-    first = step // 2
-    lines = [np.arange(min(first, size - 1), size, step) for size in site.size]
-    size = len(lines[0]), len(lines[1])
-    check_cells("thinned map", size, len(names))
-    begin = site.geometry.center_of((int(lines[0][0]), int(lines[1][0])))
-    resolution = step * site.resolution
-    center = np.subtract(begin, 0.5 * resolution * (np.array(size) - 1))
-    geometry = GridGeometry.from_size(size, resolution, center)
-    layers = [np.full(size, np.nan, np.float32, order="F") for _ in names]
-    site.source.prepare()
-    blocks = _blocks(site, lines)
-    for place, block in in_any_order(_Read(site, step, names), blocks):
-        target = tuple(
-            slice(*np.searchsorted(line, (part.start, part.stop)))
-            for line, part in zip(lines, place, strict=True)
-        )
-        for layer, values in zip(layers, block, strict=True):
-            layer[target] = values
-    return site._map(geometry, names, layers)
-
-
-def _affordable(site: "TiledMap", step: int) -> int:
-    """Return a step, as large as given or larger, with which few enough tiles have a cell."""
-
-    def tiles(step: int) -> int:
-        counts = [
-            min(math.ceil(size / side), math.ceil(size / step))
-            for size, side in zip(site.size, site.tile, strict=True)
-        ]
-        return counts[0] * counts[1]
-
-    while tiles(step) > _MOST_TILES:
+    tiled_map, factor = overview_of(tiled_map, step)
+    step, sides = math.ceil(step / factor), [*zip(tiled_map.size, tiled_map.tile, strict=True)]
+    while math.prod(math.ceil(size / max(side, step)) for size, side in sides) > _MOST_TILES:
         step = math.ceil(1.1 * step)
-    return step
+    rows, columns = (_runs(size, side, step) for size, side in sides)
+    size = rows[-1][1].stop, columns[-1][1].stop
+    check_cells("thinned map", size, len(names))
+    begin = tiled_map.geometry.center_of((rows[0][0].start, columns[0][0].start))
+    resolution = step * tiled_map.resolution
+    center = np.subtract(begin, 0.5 * resolution * (np.array(size) - 1))
+    layers = [np.full(size, np.nan, np.float32, order="F") for _ in names]
+    tiled_map.source.prepare()
+    read = partial(_read, tiled_map.source, step, names)
+    for (row, column), block in in_any_order(read, itertools.product(rows, columns)):
+        for layer, values in zip(layers, block, strict=True):
+            layer[row[1], column[1]] = values
+    return tiled_map._map(GridGeometry.from_size(size, resolution, center), names, layers)
 
 
-def _blocks(site: "TiledMap", lines: Sequence[NDArray[Any]]) -> Any:
-    """Yield the tiles that have a cell of the result: windows from its first to its last one."""
-    parts = []
-    for line, side in zip(lines, site.tile, strict=True):
-        numbers = line // side
-        begins = np.flatnonzero(np.diff(numbers, prepend=-1))
-        ends = np.append(begins[1:], len(line)) - 1
-        parts.append(
-            [slice(int(line[a]), int(line[b]) + 1) for a, b in zip(begins, ends, strict=True)]
-        )
-    return ((rows, columns) for rows in parts[0] for columns in parts[1])
+def _runs(size: int, side: int, step: int) -> list[_Run]:
+    """Return the runs of all tiles along a side of the map that have a cell of the result."""
+    lines = np.arange(min(step // 2, size - 1), size, step)
+    begins = np.flatnonzero(np.diff(lines // side, prepend=-1)).tolist()
+    return [
+        (slice(int(lines[begin]), int(lines[end - 1]) + 1), slice(begin, end))
+        for begin, end in itertools.pairwise([*begins, len(lines)])
+    ]
 
 
-@dataclass(frozen=True)
-class _Read:
-    """Reads every `step`-th cell of a window, beginning with the first."""
-
-    site: "TiledMap"
-    step: int
-    names: Sequence[str]
-
-    def __call__(self, window: Window) -> list[Layer]:
-        layers = self.site.source.read(window, self.names)
-        return [np.asfortranarray(layer[:: self.step, :: self.step]) for layer in layers]
+def _read(source: Source, step: int, names: Sequence[str], runs: tuple[_Run, _Run]) -> list[Layer]:
+    """Return every `step`-th cell of a tile."""
+    layers = source.read((runs[0][0], runs[1][0]), names)
+    return [np.asfortranarray(layer[::step, ::step]) for layer in layers]

@@ -5,15 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays._checks import Layer, Positions, as_names, as_positions, select_layers
-from ..errors import required
+from .._arrays._checks import Layer, Positions, as_array, as_names, as_positions, select_layers
+from ..errors import ConfigError, GeometryError, GridMapError, required, short
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
@@ -27,13 +27,15 @@ from ._datasets import (
     layers_of,
     mirrored,
     open_dataset,
+    origin_of,
+    remember,
     to_dataset,
+    to_lazy_dataset,
     turned,
 )
 from ._engine import in_any_order
-from ._lazy import origin_of, remember, to_lazy_dataset
 from ._source import Progress, TiledData, widened
-from ._zarr_run import create_store, to_zarr
+from ._zarr_files import create_store, to_zarr
 from ._zarr_source import merge, open_store
 
 if TYPE_CHECKING:
@@ -95,9 +97,6 @@ class TiledMap(TiledData):
             chunks: side of a chunk [cells].
             basic_layers, frame_id, timestamp: see `GridMap`.
             crs: see `TiledMap`.
-
-        Raises:
-            GridMapError: the path exists, a name is not allowed, or the store cannot be written.
         """
         check(chunks >= 1, "chunks", "a number of cells", chunks)
         names = as_names(layers)
@@ -106,7 +105,9 @@ class TiledMap(TiledData):
         empty = cls(no_source, geometry, (chunks, chunks), frame_id, timestamp, basic, crs)
         return cls(**vars(open_store(str(create_store(path, empty, names)), chunks)))
 
-    def block(self, rows: slice, columns: slice, layers: Iterable[str] | None = None) -> GridMap:
+    def get_block(
+        self, rows: slice, columns: slice, layers: Iterable[str] | None = None
+    ) -> GridMap:
         """Return a rectangle of cells as a map in memory.
 
         Args:
@@ -134,7 +135,7 @@ class TiledMap(TiledData):
         grid_map.basic_layers = [name for name in self.basic_layers if name in names]
         return grid_map
 
-    def submap(
+    def get_submap(
         self, position: ArrayLike, length: ArrayLike, layers: Iterable[str] | None = None
     ) -> GridMap:
         """Return the map of a rectangle; only the chunks under it are read.
@@ -149,17 +150,17 @@ class TiledMap(TiledData):
         Raises:
             OutOfMapError: the rectangle does not overlap the map.
         """
-        return self.block(*self.geometry.overlapped(position, length), layers)
+        return self.get_block(*self.geometry.overlapped(position, length), layers)
 
     def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
-        """Return the whole map, if the limits allow its size; see `block`."""
+        """Return the whole map, if the limits allow its size; see `get_block`."""
         rows, columns = self.size
-        return self.block(slice(0, rows), slice(0, columns), layers)
+        return self.get_block(slice(0, rows), slice(0, columns), layers)
 
-    def at(
+    def at_position(
         self,
-        positions: ArrayLike,
         layer: str,
+        positions: ArrayLike,
         interpolation: Interpolation | str = Interpolation.NEAREST,
     ) -> float | Positions:
         """Return the values of a layer at positions; only cells around them are read.
@@ -168,8 +169,8 @@ class TiledMap(TiledData):
         scheduler of the program reads the tiles.
 
         Args:
-            positions: (2,) or (N, 2) x, y [m].
             layer: name of the layer.
+            positions: (2,) or (N, 2) x, y [m].
             interpolation: the method, or its value as a string such as "linear".
 
         Returns:
@@ -256,7 +257,7 @@ class TiledMap(TiledData):
         tiles = self.tiles
 
         def of_tile(number: int) -> T:
-            return function(self.block(*tiles[number], names))
+            return function(self.get_block(*tiles[number], names))
 
         results = dict(in_any_order(of_tile, range(len(tiles))))
         return [results[number] for number in range(len(tiles))]
@@ -355,11 +356,8 @@ class TiledMap(TiledData):
             compress: pack the values with deflate.
             overwrite: replace an existing file.
             progress: called after each window.
-
-        Raises:
-            GridMapError: a window cannot be read, computed or written, or the file exists.
         """
-        from ._raster_files import to_geotiff
+        from ._rasters import to_geotiff
 
         names, options = select_layers(self.layers, layers), {"cog": cog, "compress": compress}
         to_geotiff(self, path, names, progress, overwrite=overwrite, **options)
@@ -376,9 +374,16 @@ class TiledMap(TiledData):
         Raises:
             GridMapError: the map has no reference system.
         """
-        from ._earth import position_of
-
-        return position_of(self.crs, latitude, longitude) - self.origin
+        angles = (
+            as_array(longitude, np.float64, "longitude"),
+            as_array(latitude, np.float64, "latitude"),
+        )
+        if angles[0].shape != angles[1].shape or angles[0].ndim > 1:
+            found = f"{short(latitude)} and {short(longitude)}"
+            raise GeometryError(
+                f"latitude, longitude: expected two numbers or two (N,), got {found}"
+            )
+        return _pairs(*_transformer(self.crs).transform(*angles)) - self.origin
 
     def latitude_longitude_of(self, positions: ArrayLike) -> Positions:
         """Return the places on the earth of positions; the inverse of `position_of`.
@@ -389,9 +394,9 @@ class TiledMap(TiledData):
         Returns:
             (2,) or (N, 2) latitude and longitude [deg, WGS 84].
         """
-        from ._earth import latitude_longitude_of
-
-        return latitude_longitude_of(self.crs, as_positions(positions) + self.origin)
+        x, y = np.moveaxis(as_positions(positions) + self.origin, -1, 0)
+        longitude, latitude = _transformer(self.crs).transform(x, y, direction="INVERSE")
+        return _pairs(latitude, longitude)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
         """Return the map in a frame whose origin is a place on the earth.
@@ -407,9 +412,31 @@ class TiledMap(TiledData):
         Raises:
             GridMapError: the map has no reference system, or the place has no coordinates in it.
         """
-        from ._earth import moved_map
+        origin = self.position_of(latitude, longitude)
+        if not np.isfinite(origin).all():
+            expected = "a place with coordinates in the reference system"
+            raise ConfigError(f"origin: expected {expected}, got {latitude}, {longitude}")
+        return self._in_frame_at(origin.tolist())
 
-        return moved_map(self, self.position_of(latitude, longitude))
+
+def _pairs(*coordinates: ArrayLike) -> Positions:
+    """Return pairs (2,) or (N, 2); those outside the reference system are NaN."""
+    pairs = np.stack([np.asarray(one, np.float64) for one in coordinates], axis=-1)
+    pairs[~np.isfinite(pairs).all(axis=-1)] = np.nan
+    return pairs
+
+
+@lru_cache(maxsize=16)
+def _transformer(crs: str) -> Any:
+    """Return the PROJ transformer from longitude and latitude into a reference system."""
+    if not crs:
+        raise GridMapError(
+            "the map has no reference system, so its place on the earth is not known; a GeoTIFF "
+            "file or a store says it, or 'dataclasses.replace(tiled_map, crs=...)'"
+        )
+    remedy = "pip install 'grid_map_core_py[geo]'"
+    proj = required("pyproj", "latitude and longitude", remedy)
+    return proj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
 
 
 # --- datasets -------------------------------------------------------------------------------------
@@ -473,22 +500,22 @@ class GridMapAccessor:
             remember(filtered, tiled_map)
         return filtered
 
-    def submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
-        """Return the cells that a rectangle overlaps without a copy; see `TiledMap.submap`."""
+    def get_submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
+        """Return the cells that a rectangle overlaps without a copy; see `TiledMap.get_submap`."""
         geometry, ascends = geometry_of(self._dataset)
         window = geometry.overlapped(position, length)
         stored = zip(DIMENSIONS, mirrored(window, geometry.size, ascends), strict=True)
         part = self._dataset.isel(dict(stored))
         return part.assign_attrs(position=geometry.cropped(*window).position.tolist())
 
-    def at(
+    def at_position(
         self,
-        positions: ArrayLike,
         layer: str,
+        positions: ArrayLike,
         interpolation: Interpolation | str = Interpolation.NEAREST,
     ) -> float | Positions:
-        """Return the values of a layer at positions; see `TiledMap.at`."""
-        return self._opened.at(positions, layer, interpolation)
+        """Return the values of a layer at positions; see `TiledMap.at_position`."""
+        return self._opened.at_position(layer, positions, interpolation)
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
         """Draw the map with Matplotlib, and return the axes; see `GridMap.plot`."""

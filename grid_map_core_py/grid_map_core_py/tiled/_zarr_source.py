@@ -17,7 +17,7 @@ from ..map._merge import check_frames, lines_under
 from ._datasets import DIMENSIONS, geometry_of, layers_of, mirrored, open_dataset
 from ._engine import REMEDY
 from ._source import TILE, TiledData, Tiles, Window, common, data_errors, within
-from ._zarr_layout import check_local, is_local, locked, metadata_file, open_layer
+from ._zarr_files import check_local, is_local, locked, metadata_file, open_layer
 
 if TYPE_CHECKING:
     import xarray

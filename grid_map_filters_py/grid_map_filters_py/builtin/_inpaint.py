@@ -74,20 +74,22 @@ class Inpaint(LayerFilter):
         # A hole may be as large as the map, and gray values depend on all heights.
         return WHOLE_MAP
 
-    def for_tiles_of(self, site: "TiledMap", options: TileOptions) -> Filter:
-        find = FindHoles(self.input_layer, site.geometry, options.max_hole)
-        tiles = site.over_tiles(find, [self.input_layer])
-        rows, columns = site.tiles.counts
+    def for_tiles_of(self, tiled_map: "TiledMap", options: TileOptions) -> Filter:
+        find = FindHoles(self.input_layer, tiled_map.geometry, options.max_hole)
+        tiles = tiled_map.over_tiles(find, [self.input_layer])
+        rows, columns = tiled_map.tiles.counts
         holes = merged(tiles, (rows, columns))
         if options.large_holes == "refuse":
-            self._refuse(holes, site.geometry, options.max_hole)
+            self._refuse(holes, tiled_map.geometry, options.max_hole)
         lowest = min_of_finites([tile.lowest for tile in tiles])
         highest = max_of_finites([tile.highest for tile in tiles])
         if math.isnan(lowest):
             self._warn_of_no_cell()
         has_long = bool((holes.lengths > options.max_hole).any())
         fills_all = not (has_long or self._chooses)
-        return _InpaintTiles(self, site.geometry, (lowest, highest), options.max_hole, fills_all)
+        return _InpaintTiles(
+            self, tiled_map.geometry, (lowest, highest), options.max_hole, fills_all
+        )
 
     def _refuse(self, holes: Holes, geometry: GridGeometry, max_hole: int) -> None:
         """Raise a FilterError if there are holes to fill that are too long for tiles."""

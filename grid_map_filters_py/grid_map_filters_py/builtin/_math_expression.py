@@ -48,9 +48,9 @@ class MathExpression:
     def why_whole_map(self, names: Container[str]) -> str:
         return self._parsed.why_whole_map(names)
 
-    def for_tiles_of(self, site: "TiledMap", _options: TileOptions) -> Filter:
+    def for_tiles_of(self, tiled_map: "TiledMap", _options: TileOptions) -> Filter:
         bound = copy(self)
-        object.__setattr__(bound, "_parsed", self._parsed.for_tiles_of(site))
+        object.__setattr__(bound, "_parsed", self._parsed.for_tiles_of(tiled_map))
         return bound
 
     @in_map_order

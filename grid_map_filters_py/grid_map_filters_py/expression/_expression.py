@@ -90,23 +90,23 @@ class Expression:
             return ""
         return _shown("this part needs whole layers", self.text, culprit.position)
 
-    def for_tiles_of(self, site: "TiledMap") -> "Expression":
+    def for_tiles_of(self, tiled_map: "TiledMap") -> "Expression":
         """Return the expression for tiles of a map: its reductions are numbers.
 
         Reductions of single cells are computed tile by tile; parts are combined in double
         precision, in the order of the tiles. Reductions that contain others follow.
 
         Args:
-            site: its layers hide functions and constants.
+            tiled_map: its layers hide functions and constants.
 
         Raises:
             ExpressionError: the rest of the expression is not one of single cells.
         """
-        root, layers = self._root, frozenset(site.layers)
+        root, layers = self._root, frozenset(tiled_map.layers)
         while nodes := [*Analysis(layers).reductions(root)]:
             parts = _PartsOfTile(self, nodes)
-            of_tiles = site.over_tiles(parts, sorted(parts.names & layers))
-            numbers = parts.combined(of_tiles, site.size)
+            of_tiles = tiled_map.over_tiles(parts, sorted(parts.names & layers))
+            numbers = parts.combined(of_tiles, tiled_map.size)
             root = root.with_numbers(dict(zip(nodes, numbers, strict=True)))
         bound = Expression(self.text)
         bound._set(root)

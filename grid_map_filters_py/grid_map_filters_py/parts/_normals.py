@@ -91,22 +91,10 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
             square of their number [cells^2].
         count: number of points.
     """
-    known, heights = disc.padded(layer, offset)
-    # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
-    # towards -y: with negative heights all signs are right.
-    heights *= -1.0 / disc.resolution
-    sum_z, xz = _moments(disc, heights, 1, (0, 1))
-    (yz,) = _moments(disc, heights, 1, (0,), along=True)
-    (zz,) = _moments(disc, heights * heights, 1, (0,))
-    count, sum_x, sum_y, xx, xy, yy = _point_moments(disc, known)
-    sums, known = (sum_x, sum_y, sum_z), known[disc.inner]
+    covariances, count, known = _covariances(layer, offset, disc)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        covariances = xx, xy, xz, yy, yz, zz
-        pairs = combinations_with_replacement(sums, 2)
-        for covariance, (one, other) in zip(covariances, pairs, strict=True):
-            covariance *= count
-            covariance -= one * other
         *normals, is_exact = _smallest_eigenvectors(*covariances)
+        xx, xy, _, yy, _, _ = covariances
         spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
         # The second eigenvalue is at least the smaller one of the horizontal 2 x 2 part. That
         # exceeds the spread where diagonal and determinant of xx - spread, xy, yy - spread are
@@ -127,6 +115,27 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
         np.copyto(normal, upright, where=lone)
         np.copyto(normal, np.nan, where=unknown)
     return tuple(normals), covariances, count
+
+
+def _covariances(
+    layer: Layer, offset: float, disc: Disc
+) -> tuple[Fields, Field, npt.NDArray[np.bool_]]:
+    """Return the covariances and the numbers of points of `_planes`, and the finite cells."""
+    known, heights = disc.padded(layer, offset)
+    # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
+    # towards -y: with negative heights all signs are right.
+    heights *= -1.0 / disc.resolution
+    sum_z, xz = _moments(disc, heights, 1, (0, 1))
+    (yz,) = _moments(disc, heights, 1, (0,), along=True)
+    (zz,) = _moments(disc, heights * heights, 1, (0,))
+    count, sum_x, sum_y, xx, xy, yy = _point_moments(disc, known)
+    covariances = xx, xy, xz, yy, yz, zz
+    pairs = combinations_with_replacement((sum_x, sum_y, sum_z), 2)
+    with np.errstate(invalid="ignore", over="ignore"):
+        for covariance, (one, other) in zip(covariances, pairs, strict=True):
+            covariance *= count
+            covariance -= one * other
+    return covariances, count, known[disc.inner]
 
 
 def _point_moments(disc: Disc, known: npt.NDArray[np.bool_]) -> Fields:

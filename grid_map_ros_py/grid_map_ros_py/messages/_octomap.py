@@ -24,8 +24,8 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import as_array
+from grid_map_core_py._files import storage_errors
 from grid_map_core_py.conversions import fitting_geometry, rasterize
-from grid_map_core_py.files import storage_errors
 from grid_map_core_py.limits import check_bytes, check_cells
 from grid_map_core_py.map import select_layers
 from grid_map_core_py.regions import BORDER_TOLERANCE

@@ -119,9 +119,9 @@ def run(options: argparse.Namespace) -> int:
 def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
     """Return the map; of a store or a raster, the picture reads as much as it can show."""
     # Without Dask only those that are too large for memory need it.
-    site = tiled_source(options, also_small=find_spec("dask") is not None)
-    if site is not None:
-        return site
+    tiled_map = tiled_source(options, also_small=find_spec("dask") is not None)
+    if tiled_map is not None:
+        return tiled_map
     shown = {options.layer, options.color_layer, options.hillshade} - {None, False}
     return read_map(options, shown if options.layer else None)
 
@@ -186,7 +186,7 @@ def _options_of(
 @contextmanager
 def _telling(picture: Path) -> Iterator[None]:
     """Turn the error of a picture that cannot be written into one that names it."""
-    from grid_map_core_py.files import storage_errors
+    from grid_map_core_py._files import storage_errors
 
     try:
         yield

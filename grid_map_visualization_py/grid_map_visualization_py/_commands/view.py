@@ -146,22 +146,22 @@ def _read(options: argparse.Namespace) -> "GridMap":
     if has_rectangle(options):
         grid_map = read_rectangle(options)
     else:
-        site = tiled_source(options)
-        grid_map = read_map(options) if site is None else _thinned(site, options)
+        tiled_map = tiled_source(options)
+        grid_map = read_map(options) if tiled_map is None else _thinned(tiled_map, options)
     for name in (options.layer or usual_layer(grid_map), options.color_layer):
         if name:
             grid_map[name]  # raises if the layer does not exist
     return grid_map
 
 
-def _thinned(site: "TiledMap", options: argparse.Namespace) -> "GridMap":
+def _thinned(tiled_map: "TiledMap", options: argparse.Namespace) -> "GridMap":
     """Return every n-th cell of a map that is too large for memory."""
-    layers = {options.layer or usual_layer(site), options.color_layer} - {""}
-    rows, columns = site.size
+    layers = {options.layer or usual_layer(tiled_map), options.color_layer} - {""}
+    rows, columns = tiled_map.size
     step = -(-max(rows, columns) // _SIDE)
     while -(-rows // step) * -(-columns // step) > current_limits().max_cells:
         step += 1
-    grid_map = site.thinned(step, layers)
-    step = round(grid_map.resolution / site.resolution)
+    grid_map = tiled_map.thinned(step, layers)
+    step = round(grid_map.resolution / tiled_map.resolution)
     message(f"one of {step} x {step} cells is shown; --position and --length show a part")
     return grid_map
