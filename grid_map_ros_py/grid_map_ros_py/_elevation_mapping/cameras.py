@@ -91,18 +91,14 @@ class Camera:
 
     def _pixels(self, flat: Floats) -> Floats:
         """Return the pixels (N, 2) of points (N, 2) at depth 1."""
-        if not (any(self.coefficients) and len(flat)):
-            return flat * self.focal + self.center
-        matrix = np.array([[*self.focal, 1.0]]) * np.eye(3)
-        matrix[:2, 2] = self.center
-        coefficients = np.zeros(DISTORTIONS[self.model])
-        given = self.coefficients[: len(coefficients)]
-        coefficients[: len(given)] = given
-        if len(coefficients) == 4:
-            return np.asarray(cv2.fisheye.distortPoints(flat[None], matrix, coefficients)[0])
-        points = np.pad(flat, ((0, 0), (0, 1)), constant_values=1.0)
-        found, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, coefficients)
-        return np.asarray(found[:, 0])
+        if any(self.coefficients):
+            count = DISTORTIONS[self.model]
+            coefficients = np.array((*self.coefficients, *(0.0,) * count)[:count])
+            if count == 8:
+                flat = _polynomial(flat, coefficients)
+            elif len(flat):
+                flat = np.asarray(cv2.fisheye.distortPoints(flat[None], np.eye(3), coefficients)[0])
+        return flat * self.focal + self.center
 
     def _flat(self, pixels: Floats) -> Floats:
         """Return the points (N, 2) at depth 1 that pixels show, by fixed-point iteration."""
@@ -127,6 +123,18 @@ class Camera:
         border = np.concatenate([np.stack(edge, axis=1) for edge in edges])
         distances = np.linalg.norm(self._flat(border), axis=1)
         return float(np.max(distances, initial=0.0, where=np.isfinite(distances)))
+
+
+def _polynomial(flat: Floats, coefficients: Floats) -> Floats:
+    """Distort points (N, 2) at depth 1; `cv2.projectPoints` takes 20 times as long."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
+    x, y = flat.T
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    xy = 2 * x * y
+    distorted = x * radial + p1 * xy + p2 * (r2 + 2 * x * x)
+    return np.stack([distorted, y * radial + p2 * xy + p1 * (r2 + 2 * y * y)], axis=1)
 
 
 def from_camera_info(message: Any) -> Camera:
