@@ -68,7 +68,7 @@ class Camera:
         """Return the pixels (N, 2) of points (N, 3) [m], camera frame; NaN if not shown."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             flat = points[:, :2] / points[:, 2:]
-            pixels = self._pixels(flat)
+            pixels = self._distorted(flat) * self.focal + self.center
             height, width = self.size
             is_seen = (points[:, 2] > 0) & (np.linalg.norm(flat, axis=1) <= self._reach)
             is_seen &= (pixels > -0.5).all(axis=1) & (pixels < (width - 0.5, height - 0.5)).all(1)
@@ -89,27 +89,29 @@ class Camera:
                 rays[part] = self._flat(pixels.reshape(-1, 2)).reshape(pixels.shape)
         return rays
 
-    def _pixels(self, flat: Floats) -> Floats:
-        """Return the pixels (N, 2) of points (N, 2) at depth 1."""
-        if any(self.coefficients):
-            count = DISTORTIONS[self.model]
-            coefficients = np.array((*self.coefficients, *(0.0,) * count)[:count])
-            if count == 8:
-                flat = _polynomial(flat, coefficients)
-            elif len(flat):
-                flat = np.asarray(cv2.fisheye.distortPoints(flat[None], np.eye(3), coefficients)[0])
-        return flat * self.focal + self.center
+    def _distorted(self, flat: Floats) -> Floats:
+        """Return where the lens shows points (N, 2) at depth 1."""
+        if not any(self.coefficients):
+            return flat
+        count = DISTORTIONS[self.model]
+        coefficients = np.array((*self.coefficients, *(0.0,) * count)[:count])
+        if count == 8:
+            return _polynomial(flat, coefficients)
+        return (
+            cv2.fisheye.distortPoints(flat[None], np.eye(3), coefficients)[0] if len(flat) else flat
+        )
 
     def _flat(self, pixels: Floats) -> Floats:
         """Return the points (N, 2) at depth 1 that pixels show, by fixed-point iteration."""
         # Damaged messages have focal lengths near zero.
         with np.errstate(all="ignore"):
-            flat: Floats = (pixels - self.center) / self.focal
+            wanted: Floats = (pixels - self.center) / self.focal
             if not any(self.coefficients):
-                return flat
+                return wanted
+            flat = wanted.copy()
             for _ in range(ROUNDS):
-                flat += (pixels - self._pixels(flat)) / self.focal
-            residue = np.abs(self._pixels(flat) - pixels).max(axis=1)
+                flat += wanted - self._distorted(flat)
+            residue = np.abs((self._distorted(flat) - wanted) * self.focal).max(axis=1)
         flat[~(residue < LARGEST_RESIDUE)] = np.nan
         return flat
 
