@@ -242,6 +242,14 @@ def test_placement_has_the_covariance_of_the_sensor() -> None:
     assert known.place("odom", SECOND).covariance is None
 
 
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_covariance_that_is_not_finite_is_refused_only_if_used(wrong: float) -> None:
+    message = uncertain(1, 0.1, wrong, 0.1, 0.1, 0.1, 0.1)
+    with pytest.raises(MessageError, match=r"pose\.covariance: expected 36 finite numbers"):
+        history(message, with_covariances=True)
+    assert history(message).at(SECOND) is not None
+
+
 # --- tf -------------------------------------------------------------------------------------------
 
 

@@ -68,7 +68,7 @@ class Camera:
         """Return the pixels (N, 2) of points (N, 3) [m], camera frame; NaN if not shown."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             flat = points[:, :2] / points[:, 2:]
-            pixels = self._pixels(flat)
+            pixels = self._distorted(flat) * self.focal + self.center
             height, width = self.size
             is_seen = (points[:, 2] > 0) & (np.linalg.norm(flat, axis=1) <= self._reach)
             is_seen &= (pixels > -0.5).all(axis=1) & (pixels < (width - 0.5, height - 0.5)).all(1)
@@ -89,31 +89,29 @@ class Camera:
                 rays[part] = self._flat(pixels.reshape(-1, 2)).reshape(pixels.shape)
         return rays
 
-    def _pixels(self, flat: Floats) -> Floats:
-        """Return the pixels (N, 2) of points (N, 2) at depth 1."""
-        if not (any(self.coefficients) and len(flat)):
-            return flat * self.focal + self.center
-        matrix = np.array([[*self.focal, 1.0]]) * np.eye(3)
-        matrix[:2, 2] = self.center
-        coefficients = np.zeros(DISTORTIONS[self.model])
-        given = self.coefficients[: len(coefficients)]
-        coefficients[: len(given)] = given
-        if len(coefficients) == 4:
-            return np.asarray(cv2.fisheye.distortPoints(flat[None], matrix, coefficients)[0])
-        points = np.pad(flat, ((0, 0), (0, 1)), constant_values=1.0)
-        found, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, coefficients)
-        return np.asarray(found[:, 0])
+    def _distorted(self, flat: Floats) -> Floats:
+        """Return where the lens shows points (N, 2) at depth 1."""
+        if not any(self.coefficients):
+            return flat
+        count = DISTORTIONS[self.model]
+        coefficients = np.array((*self.coefficients, *(0.0,) * count)[:count])
+        if count == 8:
+            return _polynomial(flat, coefficients)
+        return (
+            cv2.fisheye.distortPoints(flat[None], np.eye(3), coefficients)[0] if len(flat) else flat
+        )
 
     def _flat(self, pixels: Floats) -> Floats:
         """Return the points (N, 2) at depth 1 that pixels show, by fixed-point iteration."""
         # Damaged messages have focal lengths near zero.
         with np.errstate(all="ignore"):
-            flat: Floats = (pixels - self.center) / self.focal
+            wanted: Floats = (pixels - self.center) / self.focal
             if not any(self.coefficients):
-                return flat
+                return wanted
+            flat = wanted.copy()
             for _ in range(ROUNDS):
-                flat += (pixels - self._pixels(flat)) / self.focal
-            residue = np.abs(self._pixels(flat) - pixels).max(axis=1)
+                flat += wanted - self._distorted(flat)
+            residue = np.abs((self._distorted(flat) - wanted) * self.focal).max(axis=1)
         flat[~(residue < LARGEST_RESIDUE)] = np.nan
         return flat
 
@@ -127,6 +125,18 @@ class Camera:
         border = np.concatenate([np.stack(edge, axis=1) for edge in edges])
         distances = np.linalg.norm(self._flat(border), axis=1)
         return float(np.max(distances, initial=0.0, where=np.isfinite(distances)))
+
+
+def _polynomial(flat: Floats, coefficients: Floats) -> Floats:
+    """Distort points (N, 2) at depth 1; `cv2.projectPoints` takes 20 times as long."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
+    x, y = flat.T
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    xy = 2 * x * y
+    distorted = x * radial + p1 * xy + p2 * (r2 + 2 * x * x)
+    return np.stack([distorted, y * radial + p2 * xy + p1 * (r2 + 2 * y * y)], axis=1)
 
 
 def from_camera_info(message: Any) -> Camera:

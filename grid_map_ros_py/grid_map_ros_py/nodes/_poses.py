@@ -146,6 +146,8 @@ class PoseHistory(Poses):
         matrix = from_pose(message)
         given = getattr(message.pose, "covariance", None) if self._with_covariances else None
         covariance = None if given is None else np.reshape(given, (6, 6))
+        if covariance is not None and not np.isfinite(covariance).all():
+            raise MessageError("pose.covariance", "36 finite numbers", covariance.ravel().tolist())
         self.go_back(stamp)
         place = bisect_right(self._stamps, stamp)
         self._stamps.insert(place, stamp)
@@ -222,8 +224,10 @@ def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance |
     x, y, z = np.asarray(lever, np.float64)
     jacobian = np.eye(6)
     jacobian[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-    result = jacobian @ covariance @ jacobian.T
-    return 0.5 * (result + result.T)
+    # The mapper refuses a result that is not finite.
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = jacobian @ covariance @ jacobian.T
+        return 0.5 * (result + result.T)
 
 
 def from_xyz_rpy(xyz: npt.ArrayLike, rpy: npt.ArrayLike) -> Matrix:
