@@ -199,7 +199,10 @@ def timed_on_topics(name: str, drive: Drive, updates: int) -> Iterator[str]:
 
     from grid_map_msgs.msg import GridMap as GridMapMessage
     from grid_map_ros_py import from_serialized_message, to_pose, to_stamp
-    from grid_map_ros_py.messages import serialize, write_points
+    from grid_map_ros_py.messages import (
+        serialize,
+    )
+    from grid_map_ros_py.messages._point_cloud import write_points
     from grid_map_ros_py.nodes import map_qos
     from grid_map_ros_py.testing import peer, running_node
 

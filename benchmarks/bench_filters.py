@@ -7,7 +7,7 @@ from oracles import PROBES, disc_points, normal_of, window
 from terrain import heights, moved_terrain, terrain
 
 from grid_map_core_py import color_value_to_vector
-from grid_map_filters_py.builtin import (
+from grid_map_filters_py._builtin import (
     BufferNormalizer,
     Deletion,
     Duplication,

@@ -7,7 +7,7 @@ from oracles import PROBES, disc_points, window
 from terrain import RESOLUTION, terrain
 
 from grid_map_core_py import color_value_to_vector
-from grid_map_filters_py.builtin import (
+from grid_map_filters_py._builtin import (
     ColorBlending,
     ColorFill,
     ColorMap,

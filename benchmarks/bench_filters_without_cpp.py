@@ -6,7 +6,7 @@ import pytest
 from oracles import PROBES, disc_points, normal_of
 from terrain import terrain
 
-from grid_map_filters_py.builtin import (
+from grid_map_filters_py._builtin import (
     Bilateral,
     Dilation,
     GaussianBlur,

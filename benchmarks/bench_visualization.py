@@ -6,10 +6,10 @@ from rclpy.serialization import deserialize_message
 from terrain import terrain
 from visualization_msgs.msg import Marker
 
-from grid_map_visualization_py.builtin._contours import ContoursVisualization
-from grid_map_visualization_py.builtin._image import ImageVisualization
-from grid_map_visualization_py.builtin._surface import SurfaceVisualization
-from grid_map_visualization_py.builtin._vectors import VectorsVisualization
+from grid_map_visualization_py._builtin._contours import ContoursVisualization
+from grid_map_visualization_py._builtin._image import ImageVisualization
+from grid_map_visualization_py._builtin._surface import SurfaceVisualization
+from grid_map_visualization_py._builtin._vectors import VectorsVisualization
 from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Surface as Triangles
 

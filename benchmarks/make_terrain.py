@@ -16,7 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grid_map_core_py import GridGeometry
-from grid_map_core_py.tiled import TiledMap, Window
+from grid_map_core_py.tiled import (
+    TiledMap,
+)
+from grid_map_core_py.tiled._source import Window
 
 OCTAVES = tuple(2**n for n in range(11, 1, -1))
 """Wavelengths of the noise that makes heights [cells]."""

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_filters_py.builtin import NormalVectors
+from grid_map_filters_py._builtin import NormalVectors
 
 RESOLUTION = 0.05
 SEED = 12345

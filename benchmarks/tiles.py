@@ -27,7 +27,11 @@ from dask import config
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.map import GridGeometry
-from grid_map_core_py.tiled import TiledMap, Window, open_map
+from grid_map_core_py.tiled import (
+    TiledMap,
+    open_map,
+)
+from grid_map_core_py.tiled._source import Window
 
 SIDE = 31_623
 CHUNK = 1024

@@ -45,7 +45,7 @@ from grid_map_core_py._commands.doctor import PACKAGES as PACKAGES_OF_DOCTOR
 from grid_map_core_py._files import options_of
 from grid_map_core_py._parameters import DEEPEST
 from grid_map_core_py.errors import cut
-from grid_map_core_py.files import formats
+from grid_map_core_py.files._formats import formats
 from grid_map_demos_py.terrain import load_terrain
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py._registry import BUILT_IN as FILTERS_BUILT_IN
@@ -54,7 +54,10 @@ from grid_map_filters_py.expression._functions import CONSTANTS, FUNCTIONS
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_message
 from grid_map_ros_py._elevation_mapping.sources import MODELS
-from grid_map_ros_py.nodes import LogThrottle, map_qos
+from grid_map_ros_py.nodes import (
+    map_qos,
+)
+from grid_map_ros_py.nodes._health import LogThrottle
 from grid_map_ros_py.testing import (
     Peer,
     Process,

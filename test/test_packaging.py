@@ -34,7 +34,7 @@ grid_map["elevation"][circle_cells(grid_map, (0.0, 0.0), 0.2)] = 2.0
 save(grid_map, "map.npz")
 assert load("map.npz") == grid_map
 assert conversions.to_image(grid_map, "elevation", uint8).max() == 255
-from grid_map_filters_py import Expression, FilterChain, builtin
+from grid_map_filters_py import FILTERS, Expression, FilterChain
 assert Expression("2 + 3")({}) == 5
 import grid_map_ros_py as ros
 for storage in ("mcap", "sqlite3"):

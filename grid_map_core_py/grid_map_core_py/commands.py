@@ -12,14 +12,7 @@ wrong arguments; 128 plus its number after a signal.
 
 from ._commands import (
     CommandError as CommandError,
-    Destination as Destination,
-    UsageError as UsageError,
-    add_destination as add_destination,
-    add_json as add_json,
-    add_layers as add_layers,
     add_source as add_source,
-    message as message,
-    print_json as print_json,
     print_table as print_table,
     read_map as read_map,
 )

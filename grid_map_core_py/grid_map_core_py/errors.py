@@ -26,10 +26,6 @@ __all__ = [
     "LimitError",
     "MissingPackageError",
     "OutOfMapError",
-    "cut",
-    "hint",
-    "required",
-    "short",
 ]
 
 

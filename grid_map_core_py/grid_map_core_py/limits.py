@@ -24,12 +24,7 @@ from .errors import LimitError
 __all__ = [
     "Limits",
     "changed_limits",
-    "check_bytes",
-    "check_cells",
-    "check_ratio",
-    "check_visits",
     "current_limits",
-    "most_bytes",
     "set_limits",
 ]
 

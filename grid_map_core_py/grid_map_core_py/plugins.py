@@ -14,7 +14,7 @@ from typing import Generic, TypeVar
 from ._parameters import check as check
 from .errors import ConfigError, hint
 
-__all__ = ["Registry", "check"]
+__all__ = ["check"]
 
 T = TypeVar("T")
 

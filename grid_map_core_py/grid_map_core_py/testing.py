@@ -10,7 +10,11 @@ import numpy as np
 
 from .map._grid_map import GridMap
 
-__all__ = ["assert_maps_equal", "grid_maps", "moved_in_buffer", "register_profiles"]
+__all__ = [
+    "assert_maps_equal",
+    "grid_maps",
+    "moved_in_buffer",
+]
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy

@@ -18,7 +18,11 @@ from grid_map_core_py import (
     color_vector_to_value,
 )
 from grid_map_core_py._arrays._checks import as_points
-from grid_map_core_py.conversions import fitting_geometry, from_points, rasterize
+from grid_map_core_py.conversions import (
+    from_points,
+    rasterize,
+)
+from grid_map_core_py.conversions._point_layers import fitting_geometry
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 ORACLES = {

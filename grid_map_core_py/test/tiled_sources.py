@@ -13,7 +13,10 @@ import numpy as np
 
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.map import GridGeometry
-from grid_map_core_py.tiled import TiledMap, Window
+from grid_map_core_py.tiled import (
+    TiledMap,
+)
+from grid_map_core_py.tiled._source import Window
 
 
 @dataclass(frozen=True)

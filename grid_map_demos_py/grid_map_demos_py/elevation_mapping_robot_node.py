@@ -18,8 +18,8 @@ from std_msgs.msg import Header
 from grid_map_core_py.elevation import LaserModel, SensorModel, StructuredLightModel
 from grid_map_core_py.simulation import DepthCamera, SpinningLidar, scan
 from grid_map_ros_py import to_pose, to_serialized_message, to_stamp
-from grid_map_ros_py.messages import write_points
-from grid_map_ros_py.nodes import steady_timer
+from grid_map_ros_py.messages._point_cloud import write_points
+from grid_map_ros_py.nodes._spin import steady_timer
 
 from .demo import Demo
 from .robot_course import (

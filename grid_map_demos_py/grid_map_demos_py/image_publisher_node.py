@@ -12,8 +12,11 @@ from sensor_msgs.msg import Image
 
 from grid_map_core_py._files import read_image, storage_errors
 from grid_map_core_py.errors import GridMapError
-from grid_map_ros_py.messages import ENCODINGS, from_pixels
-from grid_map_ros_py.nodes import LogThrottle, map_qos
+from grid_map_ros_py.messages._image import ENCODINGS, from_pixels
+from grid_map_ros_py.nodes import (
+    map_qos,
+)
+from grid_map_ros_py.nodes._health import LogThrottle
 
 from .demo import Demo
 

@@ -19,7 +19,7 @@ from grid_map_ros_py import (
     to_serialized_message,
 )
 from grid_map_ros_py.messages import from_stamp
-from grid_map_ros_py.nodes import LatchedSubscription
+from grid_map_ros_py.nodes._topics import LatchedSubscription
 
 from .demo import Demo
 

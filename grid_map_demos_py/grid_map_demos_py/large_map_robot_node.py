@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Header
 
 from grid_map_ros_py import to_stamp
-from grid_map_ros_py.nodes import steady_timer
+from grid_map_ros_py.nodes._spin import steady_timer
 
 from .demo import Demo
 from .large_site import END, way_at

@@ -27,7 +27,11 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import MapSubscription, map_qos, steady_timer
+from grid_map_ros_py.nodes import (
+    MapSubscription,
+    map_qos,
+)
+from grid_map_ros_py.nodes._spin import steady_timer
 from grid_map_visualization_py.pictures import save_picture
 
 from .demo import Demo

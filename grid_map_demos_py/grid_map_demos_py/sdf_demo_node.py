@@ -16,7 +16,8 @@ from sensor_msgs.msg import PointCloud2
 from grid_map_core_py import GridMap, SignedDistanceField
 from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import ReceivedMap
-from grid_map_ros_py.messages import to_header, write_points
+from grid_map_ros_py.messages._fields import to_header
+from grid_map_ros_py.messages._point_cloud import write_points
 from grid_map_ros_py.nodes import MapSubscription, map_qos
 
 from .demo import Demo

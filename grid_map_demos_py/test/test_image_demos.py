@@ -18,7 +18,7 @@ from grid_map_demos_py.image_publisher_node import read_message
 from grid_map_demos_py.opencv_demo_node import blur, kernel_size
 from grid_map_demos_py.parts import VERTICES, star_map, weighted_means
 from grid_map_demos_py.resolution_change_demo_node import resolution_at
-from grid_map_ros_py.messages import to_pixels
+from grid_map_ros_py.messages._image import to_pixels
 from grid_map_ros_py.testing import Process
 
 PACKAGE = Path(__file__).parents[1]

@@ -2,15 +2,17 @@
 """Chains of grid map filters, configured in YAML, and an expression language over layers; no ROS.
 
 A filter takes a `GridMap` and returns another. `FilterChain` builds a sequence of them from the
-YAML that the C++ filters read. The subpackage `builtin` has the filters as Python classes,
+YAML that the C++ filters read. The registry `FILTERS` has the filters as Python classes,
 `expression` the expression language, `parts` helpers for fast filters of your own. The executable
 `filter_chain` runs a chain on a topic; it alone needs ROS.
 """
 
 from ._chain import FilterChain
-from ._config import StepConfig
 from ._filter import WHOLE_MAP, Filter, FilterWarning, in_map_order, warn
-from ._offline import Failure, Filtered, filter_maps
+from ._offline import (
+    Filtered,
+    filter_maps,
+)
 from ._registry import FILTERS
 from ._step import Step
 from .errors import ExpressionError, FilterConfigError, FilterError
@@ -23,7 +25,6 @@ __all__ = [
     "WHOLE_MAP",
     "Expression",
     "ExpressionError",
-    "Failure",
     "Filter",
     "FilterChain",
     "FilterConfigError",
@@ -31,7 +32,6 @@ __all__ = [
     "FilterWarning",
     "Filtered",
     "Step",
-    "StepConfig",
     "filter_maps",
     "in_map_order",
     "warn",

@@ -13,12 +13,12 @@ from grid_map_core_py._parameters import descriptions
 from grid_map_core_py.errors import ConfigError, short
 from grid_map_core_py.tiled import TiledMap
 
+from ._builtin._buffer_normalizer import BufferNormalizer
 from ._config import field_name, parse_steps, read_chain
 from ._filter import TileOptions
 from ._registry import FILTERS
 from ._step import Step, StepObserver, address_of, own_layer, read_only
 from ._tiles import FilteredTiles, filtered_tiles
-from .builtin._buffer_normalizer import BufferNormalizer
 from .errors import FilterConfigError
 from .parts._side_by_side import use_threads
 

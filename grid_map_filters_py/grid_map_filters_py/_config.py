@@ -12,7 +12,7 @@ from pathlib import Path
 
 from grid_map_core_py._parameters import nested, node_sections
 from grid_map_core_py.errors import ConfigError, GridMapError, short
-from grid_map_core_py.files import load_yaml
+from grid_map_core_py.files._shared import load_yaml
 
 from .errors import FilterConfigError
 

@@ -7,14 +7,14 @@ the entry point is the type, its object the filter class.
 
 from grid_map_core_py.plugins import Registry
 
-from . import builtin
+from . import _builtin
 from ._filter import Filter
 
 BUILT_IN: dict[str, type[Filter]] = {
-    f"{'gridMapCv' if name == 'Inpaint' else 'gridMapFilters'}/{name}Filter": getattr(builtin, name)
-    for name in builtin.__all__
+    f"gridMap{'Cv' if name == 'Inpaint' else 'Filters'}/{name}Filter": getattr(_builtin, name)
+    for name in _builtin.__all__
 }
-"""The filters of the room `builtin`, by the types of C++."""
+"""The built-in filters, by the types of C++."""
 
 ALIASES: dict[str, type[Filter]] = {
     alias: filter_class

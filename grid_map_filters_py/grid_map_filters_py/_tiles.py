@@ -11,8 +11,10 @@ from dataclasses import dataclass, field, replace
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
-from grid_map_core_py.tiled import TiledMap, Window
-from grid_map_core_py.tiled._source import shape, widened, within
+from grid_map_core_py.tiled import (
+    TiledMap,
+)
+from grid_map_core_py.tiled._source import Window, shape, widened, within
 
 from ._filter import (
     WHOLE_MAP,

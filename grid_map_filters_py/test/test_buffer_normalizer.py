@@ -5,7 +5,7 @@ import numpy as np
 from filter_cases import run, terrain
 
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_filters_py.builtin import BufferNormalizer
+from grid_map_filters_py._builtin import BufferNormalizer
 
 
 def test_result_begins_at_the_start_index():

@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 
 from grid_map_filters_py.parts._cell_function import CellFunction, cell_function, clamp
 
-BUILTIN = "grid_map_filters_py.builtin"
+BUILTIN = "grid_map_filters_py._builtin"
 FUNCTIONS = {
     f"{module}.{name}": function
     for module in (

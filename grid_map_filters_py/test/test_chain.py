@@ -18,10 +18,10 @@ from grid_map_filters_py import (
     FilterError,
     FilterWarning,
     Step,
-    StepConfig,
     warn,
 )
 from grid_map_filters_py._chain import describe_parameters
+from grid_map_filters_py._config import StepConfig
 from grid_map_filters_py._times import StepTimes
 
 DUPLICATION = "gridMapFilters/DuplicationFilter"

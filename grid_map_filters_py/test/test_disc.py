@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
-from grid_map_filters_py.builtin import MeanInRadius
+from grid_map_filters_py._builtin import MeanInRadius
 from grid_map_filters_py.parts import Disc, typical_value
 
 RESOLUTION = 0.1

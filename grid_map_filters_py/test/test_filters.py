@@ -22,7 +22,11 @@ from filter_cases import (
 from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
-from grid_map_filters_py import FILTERS, FilterConfigError, FilterError
+from grid_map_filters_py import (
+    FilterConfigError,
+    FilterError,
+)
+from grid_map_filters_py._registry import FILTERS
 
 
 def each(filters, width):

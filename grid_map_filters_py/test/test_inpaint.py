@@ -67,7 +67,7 @@ def test_inpainting_by_strips_gives_the_same_bits(size, share, radius, strips, s
     grid_map = ground(ground_with_holes(size, share, seed))
     expected = inpaint(grid_map, radius)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("grid_map_filters_py.builtin._inpaint.thread_count", lambda: strips)
+        patch.setattr("grid_map_filters_py._builtin._inpaint.thread_count", lambda: strips)
         found = inpaint(grid_map, radius)
     np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
 

@@ -8,7 +8,12 @@ import pytest
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_filters_py import Failure, FilterChain, FilterError, filter_maps
+from grid_map_filters_py import (
+    FilterChain,
+    FilterError,
+    filter_maps,
+)
+from grid_map_filters_py._offline import Failure
 from grid_map_filters_py._times import StepTimes
 
 TWICE = {"expression": "2 * height", "output_layer": "height"}

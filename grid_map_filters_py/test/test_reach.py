@@ -7,7 +7,13 @@ from filter_cases import step_of
 from filter_strategies import PARAMETERS
 from hypothesis import given, strategies as st
 
-from grid_map_filters_py import WHOLE_MAP, FilterChain, FilterError, Step, StepConfig
+from grid_map_filters_py import (
+    WHOLE_MAP,
+    FilterChain,
+    FilterError,
+    Step,
+)
+from grid_map_filters_py._config import StepConfig
 from grid_map_filters_py._registry import BUILT_IN
 
 NEEDS_THE_WHOLE_MAP = {"Inpaint"}

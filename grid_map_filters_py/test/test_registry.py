@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 import grid_map_filters_py
-from grid_map_filters_py import FILTERS
-from grid_map_filters_py._registry import BUILT_IN
+from grid_map_filters_py._registry import BUILT_IN, FILTERS
 
 MODULE = """
 from dataclasses import dataclass

@@ -12,12 +12,19 @@ from filter_strategies import PARAMETERS, assert_same_bits
 from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
-from grid_map_filters_py import FilterChain, FilterConfigError, FilterError, Step, StepConfig, warn
+from grid_map_filters_py import (
+    FilterChain,
+    FilterConfigError,
+    FilterError,
+    Step,
+    warn,
+)
+from grid_map_filters_py._config import StepConfig
 from grid_map_filters_py.parts import side_by_side
 
 SMALL_PARTS = {
     "_chain._FEWEST_CELLS": 10_000,
-    "builtin._math_expression._CELLS": 10_000,
+    "_builtin._math_expression._CELLS": 10_000,
     "parts._blocks.CELLS": 10_000,
     "parts._blocks._SIDE": 100,
     "parts._blocks._SHARE": 2,

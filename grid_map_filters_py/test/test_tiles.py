@@ -13,7 +13,13 @@ from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.tiled import open_map
-from grid_map_filters_py import FilterChain, FilterError, FilterWarning, Step, StepConfig
+from grid_map_filters_py import (
+    FilterChain,
+    FilterError,
+    FilterWarning,
+    Step,
+)
+from grid_map_filters_py._config import StepConfig
 from grid_map_filters_py.parts._holes import FindHoles, find_holes, merged
 
 pytestmark = pytest.mark.needs("xarray", "dask")

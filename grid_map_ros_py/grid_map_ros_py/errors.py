@@ -12,13 +12,10 @@ GridMapError (grid_map_core_py)
 from grid_map_core_py.errors import GridMapError, MissingPackageError, short
 
 __all__ = [
-    "DROPPED",
     "BagError",
     "MessageError",
     "MissingPackageError",
     "NodeFailedError",
-    "RequestError",
-    "reason",
 ]
 
 DROPPED = (GridMapError, MemoryError)

@@ -30,15 +30,9 @@ from rclpy.utilities import try_shutdown
 from .nodes._topics import map_qos
 
 __all__ = [
-    "TIMEOUT",
     "Peer",
     "Process",
-    "environment",
     "peer",
-    "refusals",
-    "reserve_domain",
-    "reserved_domain",
-    "running",
     "running_node",
     "start_node",
     "wait_until",

@@ -19,7 +19,7 @@ from grid_map_ros_py import (
     to_costmap,
     to_occupancy_grid,
 )
-from grid_map_ros_py.messages import OCCUPANCIES
+from grid_map_ros_py.messages._costmap import OCCUPANCIES
 
 pytestmark = pytest.mark.usefixtures("nav2")
 

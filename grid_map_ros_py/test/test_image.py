@@ -19,7 +19,7 @@ from grid_map_ros_py import (
     to_color_image,
     to_image,
 )
-from grid_map_ros_py.messages import ENCODINGS
+from grid_map_ros_py.messages._image import ENCODINGS
 
 IMAGES = cases("images")
 COLOR_IMAGES = [(grid_map, case) for grid_map, case in IMAGES if "color_image" in case]

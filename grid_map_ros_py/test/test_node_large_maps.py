@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from conftest import NODES
-from grid_map_ros_py.nodes import use_profile
-from grid_map_ros_py.nodes._profile import PROFILE
+from grid_map_ros_py.nodes._profile import PROFILE, use_profile
 from grid_map_ros_py.testing import Process, running, running_node, wait_until
 
 NAMESPACE = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"

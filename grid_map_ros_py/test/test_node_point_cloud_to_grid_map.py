@@ -17,7 +17,7 @@ from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message
 from grid_map_ros_py.messages import to_stamp
-from grid_map_ros_py.nodes import has_tf
+from grid_map_ros_py.nodes._poses import has_tf
 from grid_map_ros_py.testing import Peer, peer, running_node, start_node
 
 MODULE = "grid_map_ros_py._executables.point_cloud_to_grid_map"

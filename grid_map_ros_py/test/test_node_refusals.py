@@ -6,7 +6,7 @@ from bags import DATA
 from sites import make_site
 
 from conftest import arguments
-from grid_map_ros_py.nodes import has_tf
+from grid_map_ros_py.nodes._poses import has_tf
 from grid_map_ros_py.testing import refusals
 
 BAG = DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap"

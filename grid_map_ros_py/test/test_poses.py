@@ -20,14 +20,15 @@ from grid_map_core_py import GridMapError
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_ros_py import MessageError
 from grid_map_ros_py.messages import to_stamp
-from grid_map_ros_py.nodes import TfPoses, has_tf
 from grid_map_ros_py.nodes._poses import (
     Placement,
     PoseHistory,
     Poses,
+    TfPoses,
     between,
     carried,
     from_xyz_rpy,
+    has_tf,
 )
 
 SECOND = 1_000_000_000

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import pytest
 
-from grid_map_ros_py.nodes import LogThrottle
+from grid_map_ros_py.nodes._health import LogThrottle
 
 
 class Log:

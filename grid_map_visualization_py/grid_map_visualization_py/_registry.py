@@ -13,7 +13,7 @@ from grid_map_core_py._parameters import build, descriptions
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import Registry, check
 
-from . import builtin
+from . import _builtin
 
 
 class Visualization(Protocol):
@@ -35,9 +35,9 @@ class Visualization(Protocol):
 
 BUILT_IN: Mapping[str, type[Visualization]] = {
     cls.__module__.rpartition("._")[2]: cls
-    for cls in (getattr(builtin, name) for name in builtin.__all__)
+    for cls in (getattr(_builtin, name) for name in _builtin.__all__)
 }
-"""The visualizations of the subpackage `builtin`, by the names of their modules."""
+"""The built-in visualizations, by the names of their modules."""
 
 VISUALIZATIONS: Registry[Visualization] = Registry(
     BUILT_IN, "grid_map_visualization_py.visualizations"

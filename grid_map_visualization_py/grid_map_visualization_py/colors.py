@@ -18,17 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py._arrays import max_of_finites, min_of_finites
-from grid_map_core_py.conversions import color_value_to_bytes
+from grid_map_core_py.conversions._packed_colors import color_value_to_bytes
 from grid_map_core_py.errors import ConfigError, required
 from grid_map_core_py.plugins import check
 
 __all__ = [
-    "DEFAULT_COLOR_MAP",
-    "MISSING",
-    "REMEDY",
     "Coloring",
-    "Colors",
-    "check_color",
     "color_map_names",
 ]
 

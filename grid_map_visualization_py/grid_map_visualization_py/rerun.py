@@ -12,10 +12,10 @@ from os import PathLike
 
 from grid_map_core_py import GridMap
 
-from ._rerun.recording import log_bag, recorded
-from ._rerun.scene import SHOWN_TYPES, Scene, Style, rerun
+from ._rerun.recording import log_bag
+from ._rerun.scene import Scene, Style, rerun
 
-__all__ = ["SHOWN_TYPES", "Scene", "Style", "log_bag", "recorded", "show"]
+__all__ = ["Scene", "Style", "log_bag", "show"]
 
 
 def show(

@@ -27,7 +27,10 @@ from grid_map_core_py.plugins import check
 
 from .colors import Coloring, Colors
 
-__all__ = ["Mesh", "Surface", "check_max_drawn_cells"]
+__all__ = [
+    "Mesh",
+    "Surface",
+]
 
 
 def check_max_drawn_cells(max_drawn_cells: int) -> None:

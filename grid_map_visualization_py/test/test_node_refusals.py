@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 import yaml
 
-from grid_map_ros_py.nodes import has_tf
+from grid_map_ros_py.nodes._poses import has_tf
 from grid_map_ros_py.testing import refusals
 
 PROGRAMS = "grid_map_visualization_py._executables"

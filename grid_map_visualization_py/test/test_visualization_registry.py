@@ -14,7 +14,7 @@ import grid_map_visualization_py
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, LayerNotFoundError
 from grid_map_visualization_py import VISUALIZATIONS, _registry as registry, create
-from grid_map_visualization_py.builtin import MapRegionVisualization
+from grid_map_visualization_py._builtin import MapRegionVisualization
 
 INF = math.inf
 VECTORS = {"layer_prefix": "n_", "position_layer": "z"}

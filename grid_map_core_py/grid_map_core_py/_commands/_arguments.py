@@ -117,7 +117,7 @@ def _topics(parsed_args: argparse.Namespace) -> list[dict[str, Any]]:
 
 def complete_formats(*, writes: bool = False, **_: Any) -> list[str]:
     with suppress(Exception):
-        from ..files import formats
+        from ..files._formats import formats
 
         return [one.name for one in formats().values() if (one.save if writes else one.load)]
     return []

@@ -52,7 +52,7 @@ def _choose(
         of_source: for the destination, names of the options that the source uses.
     """
     from .._files import find_format, options_of
-    from ..files import formats
+    from ..files._formats import formats
 
     writes = of_source is not None
     # Black and white may be meant for source or destination; the destination raises if neither

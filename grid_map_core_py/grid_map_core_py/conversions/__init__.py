@@ -14,9 +14,6 @@
 """
 
 from ._costmap import (
-    FREE as FREE,
-    LETHAL as LETHAL,
-    CostCodec as CostCodec,
     Costmap as Costmap,
     CostRange as CostRange,
     CostTable as CostTable,
@@ -24,9 +21,6 @@ from ._costmap import (
     to_costs as to_costs,
 )
 from ._image_arrays import (
-    COLOR_LAYER as COLOR_LAYER,
-    Image as Image,
-    Order as Order,
     add_color_layer_from_image as add_color_layer_from_image,
     add_layer_from_image as add_layer_from_image,
     change_resolution as change_resolution,
@@ -36,13 +30,8 @@ from ._image_arrays import (
 )
 from ._mesh import from_mesh as from_mesh, rasterize_triangles as rasterize_triangles
 from ._packed_colors import (
-    NO_COLOR as NO_COLOR,
-    color_channels_to_value as color_channels_to_value,
-    color_value_to_bytes as color_value_to_bytes,
     color_value_to_vector as color_value_to_vector,
     color_vector_to_value as color_vector_to_value,
-    join_channels as join_channels,
-    split_channels as split_channels,
 )
 from ._point_cloud_pipeline import (
     PointCloudPipeline as PointCloudPipeline,
@@ -50,8 +39,6 @@ from ._point_cloud_pipeline import (
     remove_outliers as remove_outliers,
 )
 from ._point_layers import (
-    COLOR_FIELDS as COLOR_FIELDS,
-    fitting_geometry as fitting_geometry,
     from_points as from_points,
     rasterize as rasterize,
 )

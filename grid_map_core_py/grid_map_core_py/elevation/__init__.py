@@ -13,7 +13,6 @@ from ._mapper import ElevationMapper as ElevationMapper, UpdateReport as UpdateR
 from ._parameters import (
     ConstantModel as ConstantModel,
     LaserModel as LaserModel,
-    Parameters as Parameters,
     PerfectModel as PerfectModel,
     SensorModel as SensorModel,
     StereoModel as StereoModel,

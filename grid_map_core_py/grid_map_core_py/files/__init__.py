@@ -2,12 +2,15 @@
 """Maps, point clouds and meshes in files: `load` and `save` choose the format by the name."""
 
 from ._clouds import (
-    Fields as Fields,
     load_cloud as load_cloud,
     load_mesh as load_mesh,
     load_points as load_points,
 )
-from ._formats import Format as Format, formats as formats, load as load, save as save
+from ._formats import (
+    Format as Format,
+    load as load,
+    save as save,
+)
 from ._geotiff import load_geotiff as load_geotiff, save_geotiff as save_geotiff
 from ._image_files import (
     load_height_image as load_height_image,
@@ -15,6 +18,5 @@ from ._image_files import (
 )
 from ._map_server import load_map_server as load_map_server, save_map_server as save_map_server
 from ._npz import load_npz as load_npz, save_npz as save_npz
-from ._shared import load_yaml as load_yaml
 
 __all__ = [name for name in dir() if not name.startswith("_")]

@@ -9,11 +9,12 @@
 - `SignedDistanceField`: distances from points in space to the surface of a layer.
 """
 
-from .._arrays._checks import is_name as is_name, select_layers as select_layers
 from ._geometry import GridGeometry as GridGeometry
 from ._grid_map import GridMap as GridMap
 from ._interpolation import Interpolation as Interpolation
-from ._ring_buffer import BufferRegion as BufferRegion, unwrapped as unwrapped
+from ._ring_buffer import (
+    BufferRegion as BufferRegion,
+)
 from ._signed_distance_field import SignedDistanceField as SignedDistanceField
 
 __all__ = [name for name in dir() if not name.startswith("_")]

@@ -11,13 +11,11 @@
 - `half_chords` and `BORDER_TOLERANCE`: discs and borders, as all packages understand them.
 """
 
-from ..map._axis import BORDER_TOLERANCE as BORDER_TOLERANCE
 from ._polygon import Polygon as Polygon
 from ._shapes import (
     cells_to_mask as cells_to_mask,
     circle_cells as circle_cells,
     ellipse_cells as ellipse_cells,
-    half_chords as half_chords,
     line_cells as line_cells,
     line_cells_between as line_cells_between,
     map_cells as map_cells,

@@ -6,7 +6,6 @@ Requires the extra `tiled`, and `geo` for GeoTIFF. `grid_map_core_py.xarray` add
 """
 
 from ._open import open_map as open_map
-from ._source import Window as Window
 from ._tiled_map import TiledMap as TiledMap
 
 __all__ = [name for name in dir() if not name.startswith("_")]

@@ -19,12 +19,11 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
-    LogThrottle,
     MapSubscription,
-    health_of,
     map_qos,
     read_parameter_tree,
 )
+from grid_map_ros_py.nodes._health import LogThrottle, health_of
 
 from .._chain import FilterChain, describe_parameters
 from .._times import StepTimes

@@ -6,6 +6,5 @@
 """
 
 from ._expression import Expression
-from ._windows import EdgeHandling
 
-__all__ = ["EdgeHandling", "Expression"]
+__all__ = ["Expression"]

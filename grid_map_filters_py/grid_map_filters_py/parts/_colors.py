@@ -6,7 +6,7 @@ The core packs colors into float32; the functions here clamp and scale channels.
 
 import numpy as np
 
-from grid_map_core_py.conversions import NO_COLOR, join_channels, split_channels
+from grid_map_core_py.conversions._packed_colors import NO_COLOR, join_channels, split_channels
 from grid_map_core_py.plugins import check
 
 from ._cell_function import Value, choose, clamp

@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py._arrays import Layer, Size
-from grid_map_core_py.regions import BORDER_TOLERANCE, half_chords
+from grid_map_core_py.map._axis import BORDER_TOLERANCE
+from grid_map_core_py.regions._shapes import half_chords
 
 from .._filter import WHOLE_MAP
 

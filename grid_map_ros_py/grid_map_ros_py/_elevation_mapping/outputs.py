@@ -18,7 +18,11 @@ from grid_map_core_py._arrays import Size
 from grid_map_core_py.errors import MissingPackageError
 
 from ..messages import to_serialized_message
-from ..nodes import LogThrottle, MapPublisher, steady_timer
+from ..nodes import (
+    MapPublisher,
+)
+from ..nodes._health import LogThrottle
+from ..nodes._spin import steady_timer
 from .fusion import ElevationFusion
 
 GROUP = "grid_map_ros_py.chains"

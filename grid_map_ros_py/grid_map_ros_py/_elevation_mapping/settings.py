@@ -11,7 +11,10 @@ import numpy as np
 
 from grid_map_core_py import GridGeometry
 from grid_map_core_py._parameters import build, cast
-from grid_map_core_py.elevation import ElevationMapper, Parameters
+from grid_map_core_py.elevation import (
+    ElevationMapper,
+)
+from grid_map_core_py.elevation._parameters import Parameters
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.limits import check_cells
 from grid_map_core_py.plugins import check

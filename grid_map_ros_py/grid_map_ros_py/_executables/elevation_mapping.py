@@ -38,24 +38,21 @@ from .._elevation_mapping.settings import (
 from .._elevation_mapping.sources import InputSource, frame_name
 from ..nodes import (
     ConfiguredNode,
-    LogThrottle,
-    TfPoses,
-    dropping,
-    health_of,
-    offer_service,
 )
+from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._parameters import read_fields
 from ..nodes._poses import (
     POSE_QUEUE,
     POSE_TYPES,
     PoseHistory,
     Poses,
+    TfPoses,
     chosen_source,
     from_xyz_rpy,
     subscribe_to_poses,
 )
 from ..nodes._scans import ScanInputs, ScanQueue, read_cloud
-from ..nodes._topics import listen
+from ..nodes._topics import listen, offer_service
 
 LOG_PERIOD = 5.0
 """Time between two similar texts in the log [s]."""

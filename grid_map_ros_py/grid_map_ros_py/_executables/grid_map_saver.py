@@ -7,7 +7,12 @@ from grid_map_core_py.errors import GridMapError
 
 from .. import BagWriter, MessageError, ReceivedMap
 from ..errors import NodeFailedError
-from ..nodes import ConfiguredNode, MapSubscription, read_parameter, steady_timer
+from ..nodes import (
+    ConfiguredNode,
+    MapSubscription,
+    read_parameter,
+)
+from ..nodes._spin import steady_timer
 
 LOG_PERIOD = 10.0
 """Time between two lines in the log on saved maps [s]."""

@@ -16,26 +16,23 @@ import numpy.typing as npt
 from rclpy.node import Node
 
 from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py._arrays._checks import select_layers
 from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.limits import check_cells
-from grid_map_core_py.map import select_layers
 
 from .. import ReceivedMap, to_serialized_message
 from .._serving import LatestOnly, read_source, window
 from ..errors import MessageError, reason
 from ..nodes import (
     ConfiguredNode,
-    LogThrottle,
     MapPublisher,
     MapSubscription,
-    TfPoses,
-    dropping,
-    health_of,
     read_parameter,
-    steady_timer,
 )
-from ..nodes._poses import POSE_TYPES, PoseHistory, chosen_source, subscribe_to_poses
+from ..nodes._health import LogThrottle, dropping, health_of
+from ..nodes._poses import POSE_TYPES, PoseHistory, TfPoses, chosen_source, subscribe_to_poses
+from ..nodes._spin import steady_timer
 
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 

@@ -10,13 +10,11 @@ from .. import from_octomap, to_serialized_message
 from ..messages._packages import messages_of
 from ..nodes import (
     ConfiguredNode,
-    LatchedSubscription,
-    LogThrottle,
-    dropping,
-    health_of,
     map_qos,
-    steady_timer,
 )
+from ..nodes._health import LogThrottle, dropping, health_of
+from ..nodes._spin import steady_timer
+from ..nodes._topics import LatchedSubscription
 
 NAME = "octomap_to_grid_map"
 

@@ -17,12 +17,9 @@ from grid_map_core_py.plugins import check
 from .. import to_serialized_message
 from ..nodes import (
     ConfiguredNode,
-    LogThrottle,
     MapPublisher,
-    TfPoses,
-    health_of,
-    steady_timer,
 )
+from ..nodes._health import LogThrottle, health_of
 from ..nodes._parameters import read_fields
 from ..nodes._poses import (
     POSE_QUEUE,
@@ -30,11 +27,13 @@ from ..nodes._poses import (
     Placement,
     PoseHistory,
     Poses,
+    TfPoses,
     chosen_source,
     from_xyz_rpy,
     subscribe_to_poses,
 )
 from ..nodes._scans import Cloud, ScanInputs, ScanQueue, read_cloud
+from ..nodes._spin import steady_timer
 
 
 @dataclass(frozen=True, kw_only=True)

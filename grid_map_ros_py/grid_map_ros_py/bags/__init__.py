@@ -8,7 +8,6 @@ and not installed.
 """
 
 from ._bag import (
-    STORAGES as STORAGES,
     BagMessage as BagMessage,
     BagReader as BagReader,
     BagTopic as BagTopic,
@@ -19,6 +18,5 @@ from ._bag import (
     load_from_bag as load_from_bag,
     save_to_bag as save_to_bag,
 )
-from ._mcap import COMPRESSIONS as COMPRESSIONS
 
 __all__ = [name for name in dir() if not name.startswith("_")]

@@ -13,7 +13,7 @@ import yaml
 
 from grid_map_core_py._files import parse_yaml
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import load_yaml
+from grid_map_core_py.files._shared import load_yaml
 
 from ..errors import BagError
 from ..messages._definition import DEFINITION, TYPE_HASH

@@ -9,7 +9,6 @@ installed. Messages are checked completely before memory is allocated.
 
 from ._cdr import serialize as serialize, view as view
 from ._costmap import (
-    OCCUPANCIES as OCCUPANCIES,
     from_costmap as from_costmap,
     to_costmap as to_costmap,
 )
@@ -17,7 +16,6 @@ from ._fields import (
     from_pose as from_pose,
     from_stamp as from_stamp,
     from_transform as from_transform,
-    to_header as to_header,
     to_pose as to_pose,
     to_stamp as to_stamp,
     to_transform as to_transform,
@@ -35,18 +33,14 @@ from ._grid_map import (
     to_serialized_message as to_serialized_message,
 )
 from ._image import (
-    ENCODINGS as ENCODINGS,
     add_color_layer_from_image as add_color_layer_from_image,
     add_layer_from_image as add_layer_from_image,
     from_image as from_image,
-    from_pixels as from_pixels,
     to_color_image as to_color_image,
     to_image as to_image,
-    to_pixels as to_pixels,
 )
 from ._occupancy_grid import (
     from_occupancy_grid as from_occupancy_grid,
-    occupancies as occupancies,
     to_occupancy_grid as to_occupancy_grid,
 )
 from ._octomap import (
@@ -59,7 +53,6 @@ from ._point_cloud import (
     read_points as read_points,
     to_flat_point_cloud as to_flat_point_cloud,
     to_point_cloud as to_point_cloud,
-    write_points as write_points,
 )
 from ._polygon import (
     from_polygon as from_polygon,

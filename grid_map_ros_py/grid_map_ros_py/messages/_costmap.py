@@ -13,7 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grid_map_core_py import GridMap, conversions as costs
-from grid_map_core_py.conversions import FREE, LETHAL, CostCodec, CostRange, CostTable
+from grid_map_core_py.conversions import (
+    CostRange,
+    CostTable,
+)
+from grid_map_core_py.conversions._costmap import FREE, LETHAL, CostCodec
 
 from ._fields import (
     as_float32,

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from grid_map_core_py import GeometryError, GridGeometry, GridMap
 from grid_map_core_py._arrays import as_array
+from grid_map_core_py._arrays._checks import is_name
 from grid_map_core_py.limits import check_cells
-from grid_map_core_py.map import is_name
 
 from ..errors import MessageError
 from ._packages import messages_of

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import as_number, slices
-from grid_map_core_py.conversions import fitting_geometry
+from grid_map_core_py.conversions._point_layers import fitting_geometry
 
 from ..errors import MessageError
 from ._cdr import serialize

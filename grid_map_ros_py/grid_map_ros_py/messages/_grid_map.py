@@ -11,8 +11,9 @@ import numpy as np
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Layer, Size
+from grid_map_core_py._arrays._checks import is_name, select_layers
 from grid_map_core_py.limits import check_cells
-from grid_map_core_py.map import is_name, select_layers, unwrapped
+from grid_map_core_py.map._ring_buffer import unwrapped
 
 from ..errors import MessageError
 from ._cdr import Buffer, Reordered, serialize, view

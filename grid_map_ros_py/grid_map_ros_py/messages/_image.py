@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridMap, conversions as pixels
 from grid_map_core_py._arrays import Size
-from grid_map_core_py.conversions import COLOR_LAYER, Order
+from grid_map_core_py.conversions._image_arrays import COLOR_LAYER, Order
 from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError

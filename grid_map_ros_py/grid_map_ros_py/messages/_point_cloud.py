@@ -15,9 +15,14 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Mask, slices
+from grid_map_core_py._arrays._checks import select_layers
 from grid_map_core_py._parameters import mismatch
-from grid_map_core_py.conversions import COLOR_FIELDS, COLOR_LAYER, from_points, rasterize
-from grid_map_core_py.map import select_layers
+from grid_map_core_py.conversions import (
+    from_points,
+    rasterize,
+)
+from grid_map_core_py.conversions._image_arrays import COLOR_LAYER
+from grid_map_core_py.conversions._point_layers import COLOR_FIELDS
 from grid_map_core_py.plugins import check
 
 from ..errors import MessageError

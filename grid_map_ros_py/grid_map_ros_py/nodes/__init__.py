@@ -35,37 +35,25 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from grid_map_core_py._arrays import keep_memory as keep_memory
 
-    from ._health import (
-        Health as Health,
-        LogThrottle as LogThrottle,
-        dropping as dropping,
-        health_of as health_of,
-    )
     from ._parameters import (
-        check_topic as check_topic,
-        read_limits as read_limits,
         read_parameter as read_parameter,
         read_parameter_tree as read_parameter_tree,
     )
-    from ._poses import TfPoses as TfPoses, has_tf as has_tf
-    from ._profile import use_profile as use_profile
-    from ._spin import ConfiguredNode as ConfiguredNode, run as run, steady_timer as steady_timer
+    from ._spin import (
+        ConfiguredNode as ConfiguredNode,
+        run as run,
+    )
     from ._topics import (
-        LatchedSubscription as LatchedSubscription,
         MapPublisher as MapPublisher,
         MapSubscription as MapSubscription,
         map_qos as map_qos,
-        offer_service as offer_service,
     )
 
 _OFFERED = {
     "grid_map_core_py._arrays": "keep_memory",
-    "._health": "Health LogThrottle dropping health_of",
-    "._parameters": "check_topic read_limits read_parameter read_parameter_tree",
-    "._poses": "TfPoses has_tf",
-    "._profile": "use_profile",
-    "._spin": "ConfiguredNode run steady_timer",
-    "._topics": "LatchedSubscription MapPublisher MapSubscription map_qos offer_service",
+    "._parameters": "read_parameter read_parameter_tree",
+    "._spin": "ConfiguredNode run",
+    "._topics": "MapPublisher MapSubscription map_qos",
 }
 _MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
 """Modules by name, imported when a name of theirs is first used; `_profile` needs no rclpy."""

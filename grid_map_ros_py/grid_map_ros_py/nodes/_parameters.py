@@ -27,7 +27,7 @@ from grid_map_core_py._parameters import (
     node_sections,
 )
 from grid_map_core_py.errors import ConfigError, GridMapError
-from grid_map_core_py.files import load_yaml
+from grid_map_core_py.files._shared import load_yaml
 from grid_map_core_py.limits import Limits, set_limits
 from grid_map_core_py.plugins import check
 

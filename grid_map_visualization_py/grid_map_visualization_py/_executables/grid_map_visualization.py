@@ -13,15 +13,14 @@ from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
-    LogThrottle,
     MapSubscription,
-    check_topic,
-    health_of,
     map_qos,
     read_parameter,
     read_parameter_tree,
-    steady_timer,
 )
+from grid_map_ros_py.nodes._health import LogThrottle, health_of
+from grid_map_ros_py.nodes._parameters import check_topic
+from grid_map_ros_py.nodes._spin import steady_timer
 
 from .._registry import Visualization, create, describe_parameters
 

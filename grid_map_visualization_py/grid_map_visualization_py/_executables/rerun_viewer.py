@@ -11,13 +11,12 @@ from grid_map_core_py.errors import required
 from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
-    LatchedSubscription,
-    LogThrottle,
-    check_topic,
-    health_of,
     read_parameter,
-    steady_timer,
 )
+from grid_map_ros_py.nodes._health import LogThrottle, health_of
+from grid_map_ros_py.nodes._parameters import check_topic
+from grid_map_ros_py.nodes._spin import steady_timer
+from grid_map_ros_py.nodes._topics import LatchedSubscription
 
 from .._rerun.live import QUEUES, LiveScene
 from .._rerun.scene import SHOWN_TYPES, Style

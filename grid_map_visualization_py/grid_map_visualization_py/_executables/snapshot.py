@@ -17,7 +17,12 @@ from grid_map_core_py._commands import UsageError
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import DROPPED, NodeFailedError, reason
-from grid_map_ros_py.nodes import MapSubscription, check_topic, read_limits, run, steady_timer
+from grid_map_ros_py.nodes import (
+    MapSubscription,
+    run,
+)
+from grid_map_ros_py.nodes._parameters import check_topic, read_limits
+from grid_map_ros_py.nodes._spin import steady_timer
 
 from .._commands.plot import add_style, check_style, draw
 

@@ -10,14 +10,12 @@ from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
-    LogThrottle,
     MapSubscription,
-    TfPoses,
-    has_tf,
-    health_of,
     read_parameter,
-    steady_timer,
 )
+from grid_map_ros_py.nodes._health import LogThrottle, health_of
+from grid_map_ros_py.nodes._poses import TfPoses, has_tf
+from grid_map_ros_py.nodes._spin import steady_timer
 
 from .._viewer.page import Page
 from .._viewer.viewer import Viewer

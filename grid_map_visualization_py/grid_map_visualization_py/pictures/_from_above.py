@@ -21,7 +21,7 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
-from grid_map_core_py.conversions import color_value_to_bytes
+from grid_map_core_py.conversions._packed_colors import color_value_to_bytes
 
 from ..colors import Coloring
 

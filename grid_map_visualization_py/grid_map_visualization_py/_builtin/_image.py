@@ -8,7 +8,8 @@ import numpy as np
 from sensor_msgs import msg
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py.messages import from_pixels, to_header
+from grid_map_ros_py.messages._fields import to_header
+from grid_map_ros_py.messages._image import from_pixels
 
 from ..colors import DEFAULT_COLOR_MAP, Coloring
 

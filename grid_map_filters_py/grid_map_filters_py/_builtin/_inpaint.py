@@ -34,7 +34,10 @@ from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side, thread_count
 
 if TYPE_CHECKING:
-    from grid_map_core_py.tiled import TiledMap, Window
+    from grid_map_core_py.tiled import (
+        TiledMap,
+    )
+    from grid_map_core_py.tiled._source import Window
 
 _LARGEST_RADIUS = 100.0
 """OpenCV's limit [cells]."""

@@ -4,7 +4,7 @@
 A filter takes its parameters of YAML as keyword arguments, and is called with a map:
 
     >>> from grid_map_core_py import GridMap
-    >>> from grid_map_filters_py.builtin import Slope
+    >>> from grid_map_filters_py._builtin import Slope
     >>> slope = Slope(input_layer="elevation", output_layer="slope")
     >>> flat = slope(GridMap((1.0, 1.0), 0.1, layers={"elevation": 0.0}))
     >>> float(flat["slope"][5, 5])

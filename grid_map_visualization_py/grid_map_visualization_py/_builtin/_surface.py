@@ -9,7 +9,10 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
-from grid_map_ros_py.messages import serialize, to_header
+from grid_map_ros_py.messages import (
+    serialize,
+)
+from grid_map_ros_py.messages._fields import to_header
 
 from .. import surface
 from ..colors import DEFAULT_COLOR_MAP, Coloring, check_color
