@@ -102,8 +102,7 @@ def test_first_image_sets_the_size_of_later_ones():
         with running_node(module("image_to_gridmap_demo"), *given) as demo:
             other.publish("/image", image_message("mono16", gray, sec=7))
             first = from_message(other.expect("/grid_map", 1))
-            for wrong in (gray[:1], gray[:, :2]):
-                other.publish("/image", image_message("mono16", wrong))
+            other.publish("/image", image_message("mono16", gray[:1]))
             other.wait_until(lambda: "(1, 3)" in demo.text, "a warning")
             other.publish("/image", image_message("rgba8", green_and_glass, nanosec=9))
             second = from_message(other.expect("/grid_map", 2))
