@@ -3,7 +3,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -57,7 +56,7 @@ COMMANDS = "info inspect convert submap doctor filter play plot record topics vi
         ("grid-map inspect survey --topic ", "/one /other"),
         (
             "grid-map convert site.npz --to ",
-            "bag npz images geotiff height_image map_server rrd zarr",
+            "bag npz geotiff height_image map_server rrd zarr",
         ),
         ("grid-map ", f"{COMMANDS} --version -h --help"),
         ("grid-map plot site.npz --color-map vir", "viridis"),
@@ -79,21 +78,3 @@ def test_zsh_completes(folder):
     COMP_POINT=${#COMP_LINE} grid-map 8>&1 9>&2 >/dev/null
     """
     assert re.match(r"variance\b", shell(folder, "bash", "-c", ask))
-
-
-TYPE_IN_ZSH = """
-autoload -U compinit && compinit -u -D
-eval "$(register-python-argcomplete grid-map)"
-zmodload zsh/zpty
-zpty terminal zsh -f -i
-zpty -w terminal 'autoload -U compinit && compinit -u -D'
-zpty -w terminal 'eval "$(register-python-argcomplete grid-map)"; echo RE""ADY'
-zpty -r terminal output '*READY*'
-zpty -w -n terminal $'grid-map inspect site.npz --layer var\t'
-zpty -r terminal output '*variance*' && print $_comps[grid-map]
-"""
-
-if shutil.which("zsh"):
-
-    def test_zsh_completes_what_is_typed(folder):
-        assert shell(folder, "zsh", "-f", "-c", TYPE_IN_ZSH).strip() == "_python_argcomplete"

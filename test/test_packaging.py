@@ -5,12 +5,10 @@ import subprocess
 import tarfile
 import zipfile
 from email import message_from_string
-from email.message import Message
 from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
-from pages import page, table
 
 from grid_map_core_py import load
 from scratch import BASE_PYTHON, PYTHON_PACKAGES, ROOT, fresh_environment, run
@@ -115,12 +113,6 @@ def archives(venv) -> Path:
     return folder
 
 
-def metadata(archives: Path, name: str) -> Message:
-    (path,) = archives.glob(f"{name}-*.whl")
-    with zipfile.ZipFile(path) as wheel:
-        return message_from_string(wheel.read(f"{name}-0.2.0.dist-info/METADATA").decode())
-
-
 def libraries(requirements: list[str]) -> set[str]:
     """Return the names of the requirements outside of extras."""
     always = [text for text in requirements if "extra ==" not in text]
@@ -182,12 +174,6 @@ def test_grid_map_reads_bags_and_draws_without_ros(everything, site):
     assert {"survey", "map.png"} <= {path.name for path in site.iterdir()}
 
 
-def test_table_of_installation_lists_all_packages():
-    section = page("docs/installation.md").section("As Python libraries, with pip")
-    packages = [row[0].strip("`") for row in table(section)]
-    assert {name for name in packages if "[" not in name} == {*NAMES}
-
-
 def test_packages_work_without_ros_after_pip_install(everything, tmp_path):
     command = (everything / "bin/python", "-c", WITHOUT_ROS)
     done = run(*command, environ=fresh_environment(), cwd=tmp_path)
@@ -195,22 +181,20 @@ def test_packages_work_without_ros_after_pip_install(everything, tmp_path):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_wheel_describes_its_package(archives, name):
-    described = metadata(archives, name)
+def test_archives_describe_the_package_with_licence_and_types(archives, name):
+    (path,) = archives.glob(f"{name}-*.whl")
+    with zipfile.ZipFile(path) as wheel:
+        files = wheel.namelist()
+        text = wheel.read(f"{name}-0.2.0.dist-info/METADATA").decode()
+    assert f"{name}/py.typed" in files
+    assert any(path.endswith("/LICENSE") for path in files)
+    described = message_from_string(text)
     assert described["License"] == "BSD-3-Clause"
     assert described["Requires-Python"] == ">=3.11"
     assert described["Description-Content-Type"] == "text/markdown"
     assert described.get_payload().startswith(f"# {name}\n")
     assert any("Documentation, https://" in url for url in described.get_all("Project-URL"))
     assert libraries(described.get_all("Requires-Dist")) == LIBRARIES[name]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_archives_contain_licence_and_marker_of_types(archives, name):
-    (wheel,) = archives.glob(f"{name}-*.whl")
-    files = zipfile.ZipFile(wheel).namelist()
-    assert f"{name}/py.typed" in files
-    assert any(path.endswith("/LICENSE") for path in files)
     (source,) = archives.glob(f"{name}-*.tar.gz")
     with tarfile.open(source) as archive:
         licence = archive.extractfile(f"{name}-0.2.0/LICENSE").read()

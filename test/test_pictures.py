@@ -68,14 +68,6 @@ def places(figure: str, word: str) -> list[tuple[float, float]]:
     return [(float(text.get("x")), float(text.get("y"))) for text in texts if text.text == word]
 
 
-def test_the_first_cell_is_where_x_and_y_are_largest():
-    ((right, down),) = places("axes", "0, 0")
-    assert places("axes", "0, 1") == [(right + 45, down)]
-    assert places("axes", "1, 0") == [(right, down + 45)]
-    ((x_right, x_down),), ((y_right, y_down),) = places("axes", "x"), places("axes", "y")
-    assert (y_right < x_right, x_down < y_down) == (True, True)
-
-
 @pytest.mark.parametrize("letter", "ABDEGH")
 def test_move_keeps_data_in_place_and_new_position_shifts_it(letter):
     before, moved, shifted = (
@@ -84,13 +76,6 @@ def test_move_keeps_data_in_place_and_new_position_shifts_it(letter):
     )
     assert moved == before
     assert shifted == (before[0] - CELL, before[1] - CELL)
-
-
-def test_cells_outside_are_dropped_and_new_cells_are_empty():
-    for letter in "CFIJKL":
-        assert len(places("move", letter)) == 2
-        assert places("buffer", letter) == []
-    assert len(places("move", "NaN")) == 6
 
 
 def test_letters_are_at_their_buffer_index():

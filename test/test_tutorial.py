@@ -160,13 +160,3 @@ def test_tutorial_writes_its_pictures(newcomer):
 def test_tutorial_builds_the_package_outside_the_clone(newcomer):
     assert (newcomer.home / "my_ws/install/my_filters/share/my_filters/config/flood.yaml").exists()
     assert not (newcomer.clone / "install" / "my_filters").exists()
-
-
-def test_text_before_a_file_names_it():
-    blocks = [block for block in TUTORIAL.blocks if block.file]
-    assert len(blocks) == 4
-    for block in blocks:
-        words = TUTORIAL.text.split(f"```{block.language} {block.info}\n")[0]
-        paragraph = words.strip().rpartition("\n\n")[2]
-        name = block.file.removeprefix("~/my_ws/src/my_filters/")
-        assert f"`{name}`" in paragraph, block

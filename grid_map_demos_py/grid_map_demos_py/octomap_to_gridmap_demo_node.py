@@ -41,36 +41,30 @@ class OctomapToGridmapDemoNode(Demo):
         service = self.read_topic("octomap_service_topic", "/octomap_binary", about)
         about = "file of OctoMap (.bt, .ot), read in place of a request"
         path = self.read_path("octomap_path", "", about)
-        self._low, self._high = zip(*map(self._read_bounds, "xyz"), strict=True)
-        self._publisher = self.map_publisher()
-        if not path.name:
-            self._start_asking(service)
-            return
-        grid_map = load_octomap(path, min_bound=self._low, max_bound=self._high)
-        grid_map.timestamp = self.get_clock().now().nanoseconds
-        self._publish(grid_map)
-
-    def _read_bounds(self, axis: str) -> tuple[float, float]:
         about = "voxels with {} are left out [m]; nan for no bound"
-        low = self.read(f"min_{axis}", math.nan, about.format(f"less {axis}"))
-        high = self.read(f"max_{axis}", math.nan, about.format(f"more {axis}"))
-        check(not low > high, f"max_{axis}", f"no less than min_{axis}, {low}", high)
-        return low, high
-
-    def _publish(self, grid_map: GridMap) -> None:
-        grid_map.basic_layers = ["elevation"]
-        self._publisher.publish(to_serialized_message(grid_map))
-        self.get_logger().info(f"published {grid_map}")
-
-    # --- the service ------------------------------------------------------------------------------
-
-    def _start_asking(self, service: str) -> None:
+        self._low, self._high = [0.0] * 3, [0.0] * 3
+        for k, axis in enumerate("xyz"):
+            low = self.read(f"min_{axis}", math.nan, about.format(f"less {axis}"))
+            high = self.read(f"max_{axis}", math.nan, about.format(f"more {axis}"))
+            check(not low > high, f"max_{axis}", f"no less than min_{axis}, {low}", high)
+            self._low[k], self._high[k] = low, high
+        self._publisher = self.map_publisher()
+        if path.name:
+            grid_map = load_octomap(path, min_bound=self._low, max_bound=self._high)
+            grid_map.timestamp = self.get_clock().now().nanoseconds
+            self._publish(grid_map)
+            return
         messages = required("octomap_msgs.msg", "octomap_to_gridmap_demo", REMEDY)
         kind = required("octomap_msgs.srv", "octomap_to_gridmap_demo", REMEDY).GetOctomap
         self._request = kind.Request()
         self._octomap_publisher = self.create_publisher(messages.Octomap, "octomap", map_qos())
         self._client = self.create_client(kind, service)
         self._timer = steady_timer(self, PATIENCE, self._ask)
+
+    def _publish(self, grid_map: GridMap) -> None:
+        grid_map.basic_layers = ["elevation"]
+        self._publisher.publish(to_serialized_message(grid_map))
+        self.get_logger().info(f"published {grid_map}")
 
     def _ask(self) -> None:
         is_there = self._client.service_is_ready()

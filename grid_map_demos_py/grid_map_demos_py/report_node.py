@@ -200,25 +200,21 @@ class ElevationMappingReportNode(ReportNode):
         self._estimates: deque[GridMap] = deque(maxlen=100)  # 20 s
         self._begin = 0
         self._subscriptions_of_maps = [
-            MapSubscription(self, TRUTH, self._on_truth),
-            MapSubscription(self, RAW, self._on_raw),
-            MapSubscription(self, POSTPROCESSED, self._on_postprocessed),
+            MapSubscription(self, topic, partial(self._receive, topic)) for topic in self._counts
         ]
         self.give_up_after(self._duration + timeout)
 
     def silent_topics(self) -> list[str]:
         return [topic for topic, count in self._counts.items() if not count] or [RAW]
 
-    def _on_truth(self, received: ReceivedMap) -> None:
-        self._counts[TRUTH] += 1
-        self._truths.append(received.decode())
-
-    def _on_postprocessed(self, received: ReceivedMap) -> None:
-        self._counts[POSTPROCESSED] += 1
-        self._latest = received.decode()
-
-    def _on_raw(self, received: ReceivedMap) -> None:
-        self._counts[RAW] += 1
+    def _receive(self, topic: str, received: ReceivedMap) -> None:
+        self._counts[topic] += 1
+        if topic == TRUTH:
+            self._truths.append(received.decode())
+            return
+        if topic == POSTPROCESSED:
+            self._latest = received.decode()
+            return
         estimate = received.decode(["elevation", "variance"])
         self._estimates.append(estimate)
         self._begin = self._begin or estimate.timestamp

@@ -44,7 +44,12 @@ def load_terrain(
     elevation = heights[:, ::-1].T
     grid_map = GridMap(np.multiply(elevation.shape, resolution), resolution, frame_id=frame_id)
     grid_map["elevation"] = elevation
-    grid_map["color"] = color_vector_to_value(_hypsometric_tints(elevation))
+    # Green valleys, white summits.
+    tints = [(0.18, 0.42, 0.24), (0.62, 0.68, 0.38), (0.62, 0.47, 0.32), (0.96, 0.95, 0.94)]
+    share = (elevation - elevation.min()) / max(float(np.ptp(elevation)), 1e-9)
+    stops = np.linspace(0.0, 1.0, len(tints))
+    channels = [np.interp(share, stops, channel) for channel in zip(*tints, strict=True)]
+    grid_map["color"] = color_vector_to_value(np.stack(channels, axis=-1))
     # The same random holes in every call.
     random = np.random.default_rng(7)
     centers = grid_map.position + random.uniform(-0.5, 0.5, (120, 2)) * grid_map.length
@@ -53,13 +58,3 @@ def load_terrain(
         cells = circle_cells(grid_map, center, radius)
         grid_map["elevation"][cells] = grid_map["color"][cells] = np.nan
     return grid_map
-
-
-def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-    """Return (rows, cols, 3) colors of (rows, cols) heights: green valleys, white summits."""
-    share = (heights - heights.min()) / max(float(np.ptp(heights)), 1e-9)
-    tints = [(0.18, 0.42, 0.24), (0.62, 0.68, 0.38), (0.62, 0.47, 0.32), (0.96, 0.95, 0.94)]
-    stops = np.linspace(0.0, 1.0, len(tints))
-    return np.stack(
-        [np.interp(share, stops, channel) for channel in zip(*tints, strict=True)], axis=-1
-    )

@@ -51,23 +51,18 @@ def test_table_has_ways_as_rows_and_sizes_as_columns():
     for *milliseconds, nanoseconds in ways.values():
         assert len(milliseconds) == 2
         assert float(nanoseconds) == pytest.approx(1e6 * float(milliseconds[-1]) / 144, abs=5)
-    assert float(ways["index and name"][-1]) > 5 * float(ways["whole layer"][-1])
 
 
 def test_the_benchmark_needs_no_ros_and_ends_by_itself():
     without_ros = (
         "import sys; sys.modules['rclpy'] = None; "
-        f"from {BENCHMARK} import main; sys.exit(main(['50', '100']))"
+        f"from {BENCHMARK} import main; "
+        "sys.exit(main(['50', '100', '--ros-args', '-r', '__node:=benchmark']))"
     )
     benchmark = Process([sys.executable, "-c", without_ros])
     assert benchmark.wait() == 0, benchmark.text
     assert "50 x 50 [ms]" in benchmark.text
     assert len(benchmark.lines) == 1 + len(WAYS) + len(LARGER) + len(MEANS)
-
-
-def test_arguments_for_ros_do_not_matter(capsys):
-    assert main(["3", "--ros-args", "-r", "__node:=benchmark"]) == 0
-    assert "3 x 3 [ms]" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("word", ["2", "2001", "-5", "many"])
@@ -84,10 +79,3 @@ def test_interrupt_leaves_no_traceback():
     benchmark.send_signal(signal.SIGINT)
     assert benchmark.wait() == -signal.SIGINT
     assert "Traceback" not in benchmark.text
-
-
-def test_closed_pipe_ends_the_command_silently():
-    command = f"{sys.executable} -m {BENCHMARK} 3 | true"
-    benchmark = Process(["bash", "-o", "pipefail", "-c", command])
-    assert benchmark.wait() == 141, benchmark.text
-    assert benchmark.text == ""

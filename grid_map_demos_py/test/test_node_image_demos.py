@@ -105,10 +105,8 @@ def test_first_image_sets_the_size_of_later_ones():
         with running_node(module("image_to_gridmap_demo"), *given) as demo:
             other.publish("/image", image_message("mono16", gray, sec=7))
             first = from_message(other.expect("/grid_map", 1))
-            for wrong in (gray[:1], gray[:, :2]):
-                other.publish("/image", image_message("mono16", wrong))
-                found = f"({wrong.shape[0]}, {wrong.shape[1]})"
-                other.wait_until(lambda text=found: text in demo.text, "a warning")
+            other.publish("/image", image_message("mono16", gray[:1]))
+            other.wait_until(lambda: "(1, 3)" in demo.text, "a warning")
             other.publish("/image", image_message("rgba8", green_and_glass, nanosec=9))
             second = from_message(other.expect("/grid_map", 2))
     assert "dropped a message of /image: height, width: expected (2, 3)" in demo.text
@@ -154,7 +152,7 @@ SAVED = {
 """Parameters by the name of the file."""
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def moved_map() -> GridMap:
     """A map with a start index, with values in all cells except one."""
     grid_map = GridMap((0.4, 0.3), 0.1, layers=["elevation", "height"], frame_id="map")
@@ -169,55 +167,41 @@ def moved_map() -> GridMap:
     return grid_map
 
 
-@pytest.fixture(scope="module")
-def saved(moved_map, tmp_path_factory) -> dict[str, np.ndarray]:
-    """Return the images that demos saved of the map, as OpenCV reads them."""
-    folder = tmp_path_factory.mktemp("saved")
-    (folder / "color.png").write_text("old")
-    name = module("grid_map_to_image_demo")
-    with peer() as other:
-        demos = [
-            start_node(name, *parameters(f"file:={folder / file}", *pairs))
-            for file, pairs in SAVED.items()
-        ]
-        other.publish("/grid_map", to_message(moved_map))
-        for demo in demos:
-            assert demo.wait() == 0, demo.text
-            assert "Traceback" not in demo.text
-    assert {path.name for path in folder.iterdir()} == {*SAVED}
-    return {file: cv2.imread(str(folder / file), cv2.IMREAD_UNCHANGED) for file in SAVED}
-
-
 def seen_from_above(grid_map: GridMap, layer: str) -> np.ndarray:
     """Return the values at the positions of the pixels, rows from the largest x on."""
     xs, ys = (0.35, 0.25, 0.15, 0.05), (0.0, -0.1, -0.2)
     return np.array([[grid_map[layer][grid_map.get_index((x, y))] for y in ys] for x in xs])
 
 
-def test_a_layer_is_saved_with_its_whole_range(moved_map, saved):
-    image = saved["whole_range.png"]
+def test_layers_are_saved_with_their_range_bits_and_transparency(moved_map, tmp_path):
+    (tmp_path / "color.png").write_text("old")
+    name = module("grid_map_to_image_demo")
+    with peer() as other:
+        demos = [
+            start_node(name, *parameters(f"file:={tmp_path / file}", *pairs))
+            for file, pairs in SAVED.items()
+        ]
+        other.publish("/grid_map", to_message(moved_map))
+        for demo in demos:
+            assert demo.wait() == 0, demo.text
+            assert "Traceback" not in demo.text
+    assert {path.name for path in tmp_path.iterdir()} == {*SAVED}
+    whole_range, height, color = (
+        cv2.imread(str(tmp_path / file), cv2.IMREAD_UNCHANGED) for file in SAVED
+    )
     values = seen_from_above(moved_map, "elevation")
     low, high = np.nanmin(values), np.nanmax(values)
     expected = np.nan_to_num((values - low) / (high - low) * 255)
-    assert (image.dtype, image.shape) == (np.uint8, (4, 3))
-    np.testing.assert_allclose(image, expected, atol=1.0)
-    assert (image[0, 0], image[3, 2]) == (255, 0)
-
-
-def test_a_layer_is_saved_with_16_bits_bounds_and_transparency(moved_map, saved):
-    image = saved["height.tiff"]
+    assert (whole_range.dtype, whole_range.shape) == (np.uint8, (4, 3))
+    np.testing.assert_allclose(whole_range, expected, atol=1.0)
     values = seen_from_above(moved_map, "height")
-    assert (image.dtype, image.shape) == (np.uint16, (4, 3, 4))
+    assert (height.dtype, height.shape) == (np.uint16, (4, 3, 4))
     expected = np.nan_to_num((values + 1) / 2 * 65535)
     for channel in range(3):
-        np.testing.assert_allclose(image[..., channel], expected, atol=1.0)
-    np.testing.assert_array_equal(image[..., 3], np.where(np.isnan(values), 0, 65535))
-
-
-def test_colors_are_saved_as_colors(saved):
-    blue, green, red, alpha = np.moveaxis(saved["color.png"], -1, 0)
-    assert (red[0, 0], green[0, 0], blue[0, 0], alpha[0, 0]) == (0xFF, 0x80, 0x01, 255)
-    assert np.count_nonzero(alpha) == 1
+        np.testing.assert_allclose(height[..., channel], expected, atol=1.0)
+    np.testing.assert_array_equal(height[..., 3], np.where(np.isnan(values), 0, 65535))
+    assert color[0, 0].tolist() == [0x01, 0x80, 0xFF, 255]
+    assert np.count_nonzero(color[..., 3]) == 1
 
 
 def test_demo_waits_for_a_valid_map_and_requires_the_layer(tmp_path):
@@ -238,13 +222,6 @@ def test_demo_waits_for_a_valid_map_and_requires_the_layer(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_demo_that_waits_for_a_map_can_be_interrupted(tmp_path):
-    given = parameters(f"file:={tmp_path}/map.png")
-    with peer() as other, running_node(module("grid_map_to_image_demo"), *given) as demo:
-        other.wait_until(lambda: f"to {tmp_path}/map.png" in demo.text, "its greeting")
-    assert not list(tmp_path.iterdir())
-
-
 # --- opencv_demo, resolution_change_demo ----------------------------------------------------------
 
 
@@ -259,17 +236,6 @@ def test_kernel_size_follows_the_time_of_the_map():
         for layer in grid_map:
             np.testing.assert_array_equal(grid_map[layer], expected[layer])
     assert len({kernel_size(1e-9 * grid_map.timestamp) for grid_map in maps}) > 5
-    assert maps[-1].timestamp - maps[0].timestamp > 0.9 * (len(maps) - 1) / 25 * 1e9
-
-
-def test_the_star_has_no_ground_with_transparency():
-    (grid_map, *_), _ = published("opencv_demo", "use_transparency:=true", "publish_rate:=50")
-    is_star = np.isfinite(grid_map["original"])
-    assert np.unique(grid_map["original"][is_star]).tolist() == [np.float32(0.3)]
-    assert 0.1 < is_star.mean() < 0.3
-    heights = grid_map["elevation"][np.isfinite(grid_map["elevation"])]
-    assert heights.min() > 0.08
-    assert heights.max() <= np.float32(0.3)
 
 
 def test_resolution_follows_the_time_of_the_map():

@@ -13,16 +13,13 @@ ROOM = Path(__file__).parents[1] / "data" / "room.bt"
 REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
     "terrain_publisher": [
         ("publish_rate:=0.0", "parameter 'publish_rate': expected a positive"),
-        ("publish_rate:=1e-300", "'publish_rate': expected a positive number"),
         ("resolution:=-1", "parameter 'resolution': expected a positive"),
         ("topic:=7", "parameter 'topic': expected a string"),
         ("topic:='no topic'", "parameter 'topic': expected the name of a"),
         ("file:=/nope.npz", "/nope.npz: cannot be read: No such file"),
-        ("file:=~nobody_known/a.npz", "/a.npz: cannot be read: No such file"),
     ],
     "demo_report": [
         ("timeout:=-1.0", "parameter 'timeout': expected a positive"),
-        ("timeout:=.nan", "parameter 'timeout': expected a positive"),
         ("messages:=0", "parameter 'messages': expected at least 1"),
         ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
     ],
@@ -41,7 +38,6 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
     ],
     "image_publisher": [
         ("image_path:=/nope.png", "/nope.png: cannot be read: No such file"),
-        ("image_path:=~nobody_known/a.png", "a.png: cannot be read: No such file"),
     ],
     "image_publisher.py": [("topic:='a b'", "parameter 'topic': expected the name of a topic")],
     "image_to_gridmap_demo": [("max_height:=0.0", "parameter 'max_height': expected a finite")],
@@ -50,7 +46,6 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         (("lower:=1.0", "upper:=1.0"), "lower, upper: expected"),
         ("file:=/no/such/map.png", "a file in a folder that exists"),
         ("file:=/tmp/map.doc", "parameter 'file': expected a format"),
-        ("file:=~nobody_known/a.png", "a file in a folder that exists"),
     ],
     "opencv_demo": [("publish_rate:=.nan", "parameter 'publish_rate': expected a positive")],
     "resolution_change_demo": [("interpolation:=best", "parameter 'interpolation': expected")],
@@ -65,7 +60,6 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
     ],
     "move_demo": [
         ("duration:=0.0", "parameter 'duration': expected a positive number"),
-        ("publish_rate:=0.0", "parameter 'publish_rate': expected a positive number"),
     ],
     "normal_filter_comparison_demo": [
         ("shape:=torus", "parameter 'shape': expected one of wave, plane, hill, cone, got 'tor"),
@@ -75,14 +69,9 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
             "parameter 'outliers_percentage': expected a number from 0 to 1, got",
         ),
         ("filters.filter1.name:=some", "filter 1"),
-        ("noise_on_map:=1e308", "expected a number from 0 to 1000, got 1e+308"),
     ],
     "octomap_to_gridmap_demo": [
         ("octomap_path:=/nope.bt", "/nope.bt: cannot be read: No such file"),
-        (
-            "octomap_path:=~nobody_known/a.bt",
-            "~nobody_known/a.bt: cannot be read: No such file",
-        ),
         ("octomap_service_topic:='no topic'", "parameter 'octomap_service_topic': expected"),
         (("min_y:=1.0", "max_y:=0.0"), "parameter 'max_y': expected no less than min_y, 1."),
         ((f"octomap_path:={ROOM}", "min_x:=90.0"), f"{ROOM}: "),
@@ -93,10 +82,7 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
     ],
     "tutorial_demo": [
         ("noise:=-0.1", "parameter 'noise': expected a number from 0"),
-        ("outliers:=-1", "parameter 'outliers': expected a number from 0"),
         ("radius:=2.0", "parameter 'radius': expected at most 1.0"),
-        ("publish_rate:=0.0", "parameter 'publish_rate': expected a positive number"),
-        ("noise:=1e308", "parameter 'noise': expected a number from 0 to 1000"),
         ("outliers:=100001", "parameter 'outliers': expected a number from 0 to 100000"),
     ],
 }

@@ -63,14 +63,6 @@ def test_noise_is_even_and_outliers_are_infinite():
     assert np.isfinite(grid_map["elevation"]).all()
 
 
-@pytest.mark.parametrize(
-    ("values", "expected"),
-    [([3.0, -4.0, np.inf, np.nan], 12.5**0.5), ([np.nan], np.nan), ([], np.nan)],
-)
-def test_root_mean_square_skips_values_that_are_not_finite(values, expected):
-    assert root_mean_square(np.array(values)) == pytest.approx(expected, nan_ok=True)
-
-
 def test_the_tutorial_demo_publishes_all_layers_and_reports_the_error(recorded):
     (first, *_, last), _ = published(
         "tutorial_demo",
@@ -99,5 +91,3 @@ def test_the_parameters_of_the_tutorial_demo_take_effect():
         assert not grid_map["noise"].any()
         # Discs with a radius of one cell.
         np.testing.assert_allclose(grid_map["error"], 0.0, atol=1e-8)
-    # On a busy machine, the next message soon follows a late one.
-    assert np.diff([grid_map.timestamp for grid_map in maps]).mean() > 0.15e9

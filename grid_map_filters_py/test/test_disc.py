@@ -67,15 +67,6 @@ def test_mean_of_equal_values_is_exact_for_huge_values(radius, value):
     np.testing.assert_allclose(mean, expected, rtol=1e-6)
 
 
-def test_mean_is_finite_if_the_sum_overflows_single_precision():
-    heights = np.zeros((20, 20))
-    heights[5:9, 5:9] = 3e38
-    grid_map = GridMap((2.0, 2.0), RESOLUTION, layers={"z": heights})
-    mean = MeanInRadius(input_layer="z", output_layer="mean", radius=0.1)(grid_map)["mean"]
-    expected = sums_over(grid_map["z"].astype(np.float64), offsets_in_disc(0.1, (20, 20))) / 5
-    np.testing.assert_allclose(mean[1:-1, 1:-1], expected[1:-1, 1:-1], rtol=1e-6)
-
-
 def test_typical_value_is_finite_and_near_the_median():
     random = np.random.default_rng(2)
     layer = np.asfortranarray(1000 + random.normal(size=(300, 200)), dtype=np.float32)

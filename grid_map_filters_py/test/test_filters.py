@@ -205,14 +205,6 @@ def test_output_may_replace_the_input_layer(type_name, params):
     np.testing.assert_array_equal(result["elevation"], filtered(type_name, grid_map, **params))
 
 
-@ignore_warnings
-@each_from_heights
-@pytest.mark.parametrize("shape", [(1, 1), (1, 6), (5, 4)])
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_maps_without_finite_cells_stay_empty(type_name, params, shape, value):
-    assert not np.isfinite(filtered(type_name, ground(np.full(shape, value)), **params)).any()
-
-
 @each_from_heights
 def test_missing_values_do_not_spread(type_name, params):
     """Infinities, NaN and cells beyond the border are treated alike, and not as a height of 0."""

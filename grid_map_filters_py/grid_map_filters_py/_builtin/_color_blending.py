@@ -27,7 +27,7 @@ class ColorBlending(CellFilter):
         foreground_layer: layer with the colors above.
         blend_mode: "normal" mixes both; "hard_light" multiplies with dark colors of the foreground
             and screens with bright ones; "soft_light" is Pegtop's formula.
-        opacity: opacity of the blended color over the background, from 0 to 1.
+        opacity: opacity over the background, from 0 to 1.
         output_layer: layer for the result.
     """
 

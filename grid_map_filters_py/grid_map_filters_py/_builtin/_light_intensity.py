@@ -21,7 +21,7 @@ class LightIntensity(CellFilter):
     Cells without a normal have no color.
 
     Attributes:
-        input_layers_prefix: prefix of the layers with the normals; `x`, `y` and `z` follow.
+        input_layers_prefix: prefix of the normals; `x`, `y` and `z` follow.
         output_layer: layer for the result.
         light_direction: x, y, z of the direction in which the light travels; of any length but 0.
     """

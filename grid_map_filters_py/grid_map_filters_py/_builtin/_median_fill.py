@@ -37,11 +37,9 @@ class MedianFill:
         filter_existing_values: also replace finite cells of the mask by their median.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
-        fill_mask_layer: mask: only cells where this layer is not 0 change. If the map does not have
-            it, it is computed and added to the map as 0 and 1: the finite cells without parts
-            thinner than 3 cells (opening), dilated and eroded again (closing).
-        num_erode_dilation_iterations: number of cells by which the closing dilates and erodes.
-        debug: also store the computed mask before the closing.
+        fill_mask_layer: mask of the cells that may change; computed if the map does not have it.
+        num_erode_dilation_iterations: iterations of the closing, one cell each.
+        debug: also store the mask before the closing.
         debug_infill_mask_layer: layer for that mask; required with `debug`.
     """
 

@@ -24,7 +24,7 @@ class NormalVectors:
 
     Attributes:
         input_layer: heights [m].
-        output_layers_prefix: prefix of the layers for the normals; `x`, `y` and `z` follow.
+        output_layers_prefix: prefix of the normals; `x`, `y` and `z` follow.
         normal_vector_positive_axis: normals point to the positive side of this axis. In a parameter
             file of ROS write `'y'`: without quotes it means *true* there.
         algorithm: "area" fits a plane to the disc around each cell, "raster" takes the slopes to

@@ -17,12 +17,11 @@ class SlidingWindowMathExpression(LayerFilter):
     """Compute a layer by an expression over the window around each cell; it must give a scalar.
 
     Attributes:
-        input_layer: layer to filter; its name is that of the window in the expression.
+        input_layer: layer to filter, and name of the window in the expression.
         expression: for example `meanOfFinites(elevation)`.
         compute_empty_cells: also give values to cells that are NaN in the input.
-        edge_handling: treatment of windows that reach beyond the border: "inside" makes the cell
-            NaN, "crop" uses the part on the map, "empty" pads with NaN, "mean" with the mean of
-            the finite values of the window.
+        edge_handling: for windows beyond the border: "inside" makes the cell NaN, "crop" uses
+            the part on the map, "empty" pads with NaN, "mean" with the mean of the finite values.
         window_size: side of the window in cells, odd.
         window_length: side of the window [m] instead, rounded to cells and made odd by adding one.
     """

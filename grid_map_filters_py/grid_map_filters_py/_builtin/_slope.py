@@ -26,12 +26,10 @@ class Slope:
     acos(|z|), but keeps its digits on gentle slopes.
 
     Attributes:
-        input_layer: heights [m] that the normals are computed from.
-        input_layers_prefix: instead of `input_layer`: prefix of the layers with the normals; `x`,
-            `y` and `z` follow.
+        input_layer: heights [m].
+        input_layers_prefix: instead of `input_layer`: prefix of the normals; `x`, `y`, `z` follow.
         output_layer: layer for the result.
-        radius: radius of the disc around each cell to which a plane is fitted [m]; 0 uses the
-            slopes to the four neighbors.
+        radius: radius of the disc of each plane [m]; 0 uses the four neighbors.
     """
 
     input_layer: str | None = None

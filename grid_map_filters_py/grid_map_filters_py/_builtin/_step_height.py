@@ -30,8 +30,7 @@ class StepHeight(DiscFilter):
 
     Attributes:
         input_layer: heights [m].
-        second_window_radius: radius of the second disc [m]; requires `critical_value`. Every cell
-            with a finite difference in this disc gets a value.
+        second_window_radius: radius of the second disc [m]; requires `critical_value`.
         critical_value: height above which a difference counts as a step [m].
         critical_cell_number: number of cells that make a step.
     """

@@ -18,9 +18,8 @@ class Threshold(CellFilter):
     """Set cells of a layer to a value where a layer is below or above a threshold.
 
     Attributes:
-        layer: name of both the condition layer and the output layer.
-        condition_layer: instead of `layer`: layer that is compared with the threshold, in double
-            precision; cells that are not finite never pass.
+        layer: condition layer and output layer.
+        condition_layer: instead of `layer`: layer compared with the threshold.
         output_layer: instead of `layer`: existing layer in which cells are set.
         lower_threshold: cells below it are set.
         upper_threshold: cells above it are set; give exactly one of the two thresholds.

@@ -102,8 +102,7 @@ class FillingDiscFilter(DiscFilter):
     """Base class of filters that may also fill holes.
 
     Attributes:
-        compute_empty_cells: also give values to cells that are not finite in the input; NaN where
-            their disc has no finite value.
+        compute_empty_cells: also fill cells that are not finite, if their disc has a finite value.
     """
 
     compute_empty_cells: bool = False
