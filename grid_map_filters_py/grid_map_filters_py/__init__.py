@@ -13,6 +13,7 @@ from ._offline import (
     Filtered,
     filter_maps,
 )
+from ._registry import FILTERS
 from ._step import Step
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
@@ -20,6 +21,7 @@ from .expression import Expression
 __version__ = "0.2.0"
 
 __all__ = [
+    "FILTERS",
     "WHOLE_MAP",
     "Expression",
     "ExpressionError",
