@@ -35,10 +35,11 @@ IMPATIENT = f"""
 import sys
 from grid_map_visualization_py._rerun import live, server
 import {MODULE} as module
-live.STALL, server.STALL = 1.0, 4.0
+live.STALL, server.STALL = 1.0, 30.0
+server.BUFFER, server.STEP = 1_000_000, 10_000
 sys.exit(module.RerunViewerNode.main())
 """
-"""The node, which waits less long for Rerun, and for a page that takes nothing."""
+"""The node, which waits less long for Rerun, and keeps less data for a page that takes nothing."""
 
 PATIENCE = 200.0
 """Seconds that a slow machine may need to draw."""
@@ -295,19 +296,20 @@ def readers_of(node: Process) -> list[object]:
 
 def test_browser_shows_maps_beside_a_frozen_one(peer):
     playwright = pytest.importorskip("playwright.sync_api")
-    noise = GridMap((50.0, 50.0), 0.1, frame_id="odom", timestamp=6 * 10**9)
+    noise = GridMap((15.0, 15.0), 0.1, frame_id="odom", timestamp=6 * 10**9)
     # Rerun compresses what it sends.
-    noise["elevation"] = np.random.default_rng(1).random((500, 500), np.float32)
+    noise["elevation"] = np.random.default_rng(1).random((150, 150), np.float32)
     flat = slope(seconds=7)
     flat["elevation"][:] = 0.0
 
     def wait_for(tab: Any, grid_map: GridMap, colors: Any, least: float = 0.002) -> None:
+        peer.publish("/seen_map", to_message(grid_map))
+
         def shows() -> bool:
-            peer.publish("/seen_map", to_message(grid_map))
             picture = decoded(tab.screenshot(timeout=1e3 * PATIENCE))
             return all(share(picture, color) > least for color in colors)
 
-        step = lambda: tab.wait_for_timeout(200)  # noqa: E731
+        step = lambda: tab.wait_for_timeout(1000)  # noqa: E731
         wait_until(shows, f"the colors {colors}", step=step, timeout=PATIENCE)
 
     with playwright.sync_playwright() as driver:
@@ -315,7 +317,7 @@ def test_browser_shows_maps_beside_a_frozen_one(peer):
         options = {"executable_path": CHROMIUM, "args": FLAGS, "timeout": 1e3 * PATIENCE}
         browsers = [launch(**options) for _ in "12"]
         tabs = [browser.new_page(viewport={"width": 500, "height": 400}) for browser in browsers]
-        flood = {"max_rate": 20.0, "max_drawn_cells": 0, "memory_limit": "20MB"}
+        flood = {"max_rate": 2.0, "max_drawn_cells": 0, "memory_limit": "20MB"}
         with viewer("-c", IMPATIENT, topics="[/seen_map]", **flood) as node:
             for tab in tabs:
                 tab.set_default_timeout(1e3 * PATIENCE)
@@ -327,7 +329,7 @@ def test_browser_shows_maps_beside_a_frozen_one(peer):
 
                 def publish() -> None:
                     peer.publish("/seen_map", to_message(noise))
-                    peer.spin(0.1)
+                    peer.spin(0.5)
 
                 is_alone = lambda: len(readers_of(node)) == 1  # noqa: E731
                 wait_until(is_alone, "the end of the other page", step=publish, timeout=PATIENCE)
