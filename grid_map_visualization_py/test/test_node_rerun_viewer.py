@@ -3,7 +3,6 @@
 
 import itertools
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -20,7 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
 from std_msgs.msg import String
-from test_node_web_viewer import CHROMIUM, FLAGS, decoded, share
+from test_node_web_viewer import CHROMIUM, FLAGS, decoded, share, url_of
 from test_rerun_server import rerun, sockets_of
 
 from grid_map_core_py import GridMap
@@ -69,14 +68,6 @@ def viewer(*program: str, **parameters: object) -> Iterator[Process]:
     with running(started(*program, **parameters)) as process:
         url_of(process)
         yield process
-
-
-def url_of(node: Process) -> str:
-    pattern = re.compile(r"shows messages in the browser at\n(http://\S+)\n")
-    is_told = lambda: pattern.search(node.text) or not node.is_running  # noqa: E731
-    wait_until(is_told, "the address of the page", timeout=PATIENCE)
-    assert node.is_running, node.text
-    return pattern.search(node.text)[1]
 
 
 def program_of(node: Process) -> int:

@@ -191,7 +191,7 @@ def start_viewer(**parameters: object) -> Process:
 
 
 def url_of(node: Process) -> str:
-    pattern = re.compile(r"shows /\w+ in the browser at\n(http://\S+)\n")
+    pattern = re.compile(r"shows \S+ in the browser at\n(http://\S+)\n")
     is_told = lambda: pattern.search(node.text) or not node.is_running  # noqa: E731
     wait_until(is_told, "the address of the page", timeout=PATIENCE)
     assert node.is_running, node.text
@@ -529,12 +529,12 @@ def test_page_names_an_invalid_map_and_keeps_the_last(page, publish, peer):
 def test_a_paused_page_keeps_its_map(page, publish):
     page.control("Pause").check()
     silence = lambda: int(re.match(r"\d+(?= s ago, paused)", page.values()["Last map"])[0])  # noqa: E731
-    page.wait_for(lambda: "paused" in page.values()["Last map"] and silence() > 9, "the pause")
+    page.wait_for(lambda: "paused" in page.values()["Last map"] and silence() > 4, "the pause")
     later = GridMap((2.1, 2.1), 0.1, layers={"elevation": 0.0, "side": 0.0}, frame_id="later")
 
     def is_heard() -> bool:
         publish(later)
-        return silence() < 9
+        return silence() < 4
 
     page.wait_for(is_heard, "the map")
     assert page.values()["Frame"] == "odom"
