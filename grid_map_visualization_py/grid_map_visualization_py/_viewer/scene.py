@@ -134,7 +134,7 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
             for both in [valid[first] & valid[second]]
         ]
         # They stay visible a little above the surface.
-        lines = mesh.vertices[np.concatenate(pairs)] + np.float32([0, 0, 0.02 * spacing])
+        lines = mesh.vertices[np.concatenate(pairs)] + np.array([0, 0, 0.02 * spacing], np.float32)
     if settings.vectors:
         vectors = _vectors(surface, mesh, settings)
     bounds = None
