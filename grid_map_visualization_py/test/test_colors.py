@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Values as colors."""
 
-import sys
-
 import matplotlib
 import numpy as np
 import pytest
@@ -10,8 +8,7 @@ from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as arrays
 
 from grid_map_core_py import color_vector_to_value
-from grid_map_core_py.errors import ConfigError, MissingPackageError
-from grid_map_visualization_py import colors
+from grid_map_core_py.errors import ConfigError
 from grid_map_visualization_py.colors import MISSING, Coloring, color_map_names
 
 FLOATS = st.floats(width=32)
@@ -115,10 +112,3 @@ def test_mistake_is_one_error_that_names_the_parameter(parameters, words):
         Coloring(**parameters)
     for word in words:
         assert word in str(caught.value)
-
-
-def test_error_without_matplotlib_names_the_package(monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    colors._table.cache_clear()
-    with pytest.raises(MissingPackageError, match=r"color map needs .*'matplotlib'.*install pyth"):
-        Coloring()

@@ -75,13 +75,6 @@ def test_bag_becomes_an_animation(command, ending):
     assert command(f"plot many map.{ending}")[0] == 1
 
 
-def test_the_ending_decides_the_kind_of_picture(command):
-    assert command("plot survey surface.pdf --3d --dpi 50")[0] == 0
-    assert Path("surface.pdf").read_bytes().startswith(b"%PDF")
-    assert command("plot survey colors.SVG --layer color")[0] == 0
-    assert "<svg" in Path("colors.SVG").read_text()
-
-
 @pytest.mark.parametrize(
     ("line", "code", "text"),
     [

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A bag in `grid-map view`, seen in headless Chromium; Rerun draws its page on a canvas."""
 
-import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from test_node_web_viewer import CHROMIUM, FLAGS, PATIENCE, PICTURES, decoded
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import save_to_bag
@@ -20,16 +19,7 @@ pytestmark = [
     pytest.mark.timeout(300),
 ]
 
-PICTURES = Path(__file__).parents[2] / "demo_output"
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
-FLAGS = (
-    *("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
-    *("--disable-background-networking", "--disable-component-update", "--no-first-run"),
-)
 VIEWPORT = {"width": 1000, "height": 640}
-PATIENCE = 100.0
-"""Seconds that a slow machine may need to draw."""
-
 DARK, BRIGHT = (0x44, 0x01, 0x54), (0xFD, 0xE7, 0x25)
 """Colors at the ends of the color map viridis."""
 
@@ -71,8 +61,7 @@ class Page:
 
     def picture(self) -> np.ndarray:
         """Return a picture of the page, (rows, columns, 3) red, green, blue."""
-        png = np.frombuffer(self.tab.screenshot(timeout=1e3 * PATIENCE), np.uint8)
-        return cv2.imdecode(png, cv2.IMREAD_COLOR)[..., ::-1]
+        return decoded(self.tab.screenshot(timeout=1e3 * PATIENCE))
 
     def wait_for(self, condition: Callable[[np.ndarray], object], what: str) -> np.ndarray:
         """Return the first picture for which the condition holds."""
@@ -118,9 +107,9 @@ def page(tmp_path, monkeypatch) -> Iterator[Page]:
     command = [sys.executable, "-m", "grid_map_core_py", "view", "survey", "--port", "0"]
     process = Process(command)
     try:
-        wait_until(lambda: process.lines, "the address")
+        wait_until(lambda: process.lines, "the address", timeout=PATIENCE)
         with playwright.sync_playwright() as driver:
-            browser = driver.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+            browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
             tab = browser.new_page(viewport=VIEWPORT)
             address = f"{process.lines[0].strip()}/?renderer=webgl&theme=light"
             tab.goto(address, timeout=1e3 * PATIENCE)

@@ -27,20 +27,6 @@ def corners_of(mesh: Mesh) -> np.ndarray:
     return mesh.vertices[mesh.faces].astype(np.float64) + mesh.origin
 
 
-def squares(grid_map: GridMap, layer: str) -> list[np.ndarray]:
-    """Return the finite corners (at most 4, 3) of every square of four neighbors, by a loop."""
-    rows, columns = grid_map.size
-    heights = grid_map.unwrapped(layer)
-    x, y = grid_map.geometry.axes_in_map_order()
-    found = []
-    for row in range(rows - 1):
-        for column in range(columns - 1):
-            four = [(row + i, column + j) for i in (0, 1) for j in (0, 1)]
-            finite = [(x[i], y[j], heights[i, j]) for i, j in four if np.isfinite(heights[i, j])]
-            found.append(np.array(finite))
-    return found
-
-
 def area_seen_from_above(triangles: np.ndarray) -> np.ndarray:
     """Return the doubled signed areas, positive for counter-clockwise corners."""
     first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
@@ -52,9 +38,7 @@ def area_seen_from_above(triangles: np.ndarray) -> np.ndarray:
 def test_every_square_with_three_heights_is_covered_and_nothing_else(grid_map):
     triangles = Surface(grid_map, "z").mesh(GRAY)
     corners = corners_of(triangles)
-    expected = squares(grid_map, "z")
-    counts = [{3: 1, 4: 2}.get(len(square), 0) for square in expected]
-    assert len(corners) == sum(counts)
+    assert len(corners) == len(expected_triangles(grid_map.unwrapped("z")))
     cell_area = grid_map.resolution**2
     np.testing.assert_allclose(area_seen_from_above(corners), cell_area, rtol=1e-3)
     assert np.isfinite(triangles.vertices).all()
@@ -124,16 +108,6 @@ def test_four_cells_are_two_triangles():
     assert (marker.type, marker.action, marker.ns) == (Marker.TRIANGLE_LIST, Marker.ADD, "surface")
     assert (marker.scale.x, marker.scale.y, marker.scale.z) == (1.0, 1.0, 1.0)
     assert (marker.header.frame_id, marker.pose.orientation.w) == ("odom", 1.0)
-
-
-@pytest.mark.parametrize("hole", [(0, 0), (0, 1), (1, 0), (1, 1)])
-def test_square_without_one_height_is_the_triangle_of_the_others(hole):
-    heights = np.array([[1.0, 2.0], [3.0, 4.0]])
-    heights[hole] = np.inf
-    grid_map = GridMap((2, 2), 1.0, layers={"z": heights})
-    points = points_of(drawn(grid_map, height_layer="z"))
-    assert sorted(points[:, 2]) == sorted(heights[np.isfinite(heights)])
-    assert area_seen_from_above(points[None]) == [1.0]
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from grid_map_visualization_py._viewer.page import LARGEST_MESSAGE, Page, vector
 from grid_map_visualization_py._viewer.scene import View, ViewSettings, hit, make_scene
 from grid_map_visualization_py._viewer.texts import legend, readout, status
 from grid_map_visualization_py._viewer.viewer import Viewer, rate_of
-from grid_map_visualization_py._web import PageError, is_allowed, is_loopback, url_of
+from grid_map_visualization_py._web import is_allowed, is_loopback, url_of
 from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
@@ -414,12 +414,6 @@ def test_larger_messages_than_pictures_end_their_connection(page):
         wait_until(lambda: not page.is_watched, "its end")
         with pytest.raises(closed, match="1009"):
             send(picture)
-
-
-def test_taken_port_is_one_error(page):
-    port = int(page.url.rpartition(":")[2])
-    with pytest.raises(PageError, match=rf"served at 127.0.0.1:{port}: .*in use.*; choose another"):
-        Page("127.0.0.1", port, "z")
 
 
 def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):

@@ -2,12 +2,10 @@
 """Contour lines."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
@@ -63,16 +61,11 @@ class ContoursVisualization(LineMarker):
             LayerNotFoundError: the map lacks the layer.
             GridMapError: the interval is too small for the range of the values.
         """
-        lines = list(self._lines(grid_map))
-        points = np.concatenate(lines) if lines else np.empty((0, 3))
-        return self.marker(grid_map, points, Marker.LINE_LIST, "contours")
-
-    def _lines(self, grid_map: GridMap) -> Iterator[npt.NDArray[np.float64]]:
-        """Yield the ends (2 N, 3) of the line segments, level by level."""
         values = grid_map.unwrapped(self.layer).T
         low, high = min_of_finites(values), max_of_finites(values)
+        lines = [np.empty((0, 3))]
         if min(values.shape) < 2 or math.isnan(low):
-            return
+            return self.marker(grid_map, lines[0], Marker.LINE_LIST, "contours")
         levels = np.unique(self.levels)
         if not self.levels:
             first, last = np.ceil(low / self.interval), np.floor(high / self.interval)
@@ -95,4 +88,5 @@ class ContoursVisualization(LineMarker):
                 # Line k begins at point `offsets[k]`; no segment joins two lines.
                 begins = np.delete(np.arange(len(points)), offsets[1:] - np.uint32(1))
                 ends = points[np.stack([begins, begins + 1], axis=-1).ravel()]
-                yield np.insert(ends, 2, height, axis=1)
+                lines.append(np.insert(ends, 2, height, axis=1))
+        return self.marker(grid_map, np.concatenate(lines), Marker.LINE_LIST, "contours")

@@ -44,7 +44,11 @@ class SnapshotNode(Node):
         is_time = 0 < options.timeout <= 1e9
         check(is_time, "--timeout", "a positive time up to 1e+09 s", options.timeout)
         self._subscription = MapSubscription(self, topic, self._receive)
-        steady_timer(self, options.timeout, self._give_up)
+
+        def give_up() -> None:
+            raise NodeFailedError(f"no map on {self._topic} within {options.timeout:g} s")
+
+        steady_timer(self, options.timeout, give_up)
 
     def _receive(self, received: ReceivedMap) -> None:
         if not self.context.ok():
@@ -55,9 +59,6 @@ class SnapshotNode(Node):
             raise NodeFailedError(f"{self._topic}: {reason(error)}") from error
         print(self._options.out, flush=True)
         self.context.try_shutdown()
-
-    def _give_up(self) -> None:
-        raise NodeFailedError(f"no map on {self._topic} within {self._options.timeout:g} s")
 
 
 def parsed(arguments: Sequence[str]) -> argparse.Namespace:

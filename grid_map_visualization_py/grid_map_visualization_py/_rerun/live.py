@@ -23,8 +23,11 @@ Transforms and diagnostics come from many nodes, and markers add to each other.
 FLUSH_TIME = 0.2
 """Maximum time that `LiveScene.write` waits for Rerun [s]."""
 
-STALL = 2.0
-"""Time after which it is a problem that Rerun takes no data [s]."""
+STALL = 30.0
+"""Time after which it is a problem that Rerun takes no data [s].
+
+Slow browsers stop Rerun for several seconds while they load the page.
+"""
 
 
 class _Arrival(NamedTuple):

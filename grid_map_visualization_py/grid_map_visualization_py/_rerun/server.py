@@ -27,7 +27,7 @@ from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from .scene import rerun
 
 SETTINGS = Path(__file__).with_name("settings")
-"""Folder of the settings of Rerun: its statistics of use are off, and nothing is written."""
+"""Folder of the settings of the program: its statistics are off, and nothing is written."""
 
 START_TIME = 30.0
 """Maximum time for the program to start [s]."""

@@ -363,7 +363,19 @@ class Page:
                 self._move(event.client, self._view, offset)
 
         gui.add_button("Top view").on_click(look_from_above)
-        gui.add_button("Screenshot").on_click(_send_screenshot)
+
+        def send_screenshot(event: Any) -> None:
+            client, camera = event.client, event.client.camera
+            size = camera.image_height, camera.image_width
+            with suppress(Exception):  # The browser may close meanwhile.
+                picture = client.get_render(*size, transport_format="png", timeout=60.0)
+                # From RGBA to OpenCV's BGR, on white.
+                opacity = picture[..., 3:] / 255
+                on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
+                _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
+                client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)
+
+        gui.add_button("Screenshot").on_click(send_screenshot)
         self._cell = gui.add_panel()
         with self._cell.add_tab("Cell"):
             self._readout = gui.add_html(as_note("Click on the map."))
@@ -475,19 +487,6 @@ def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
     if dropdown.options != options:
         dropdown.options = options
     dropdown.value = chosen
-
-
-def _send_screenshot(event: Any) -> None:
-    """Send a browser a picture of its current view."""
-    client, camera = event.client, event.client.camera
-    size = camera.image_height, camera.image_width
-    with suppress(Exception):  # The browser may close meanwhile.
-        picture = client.get_render(*size, transport_format="png", timeout=60.0)
-        # From RGBA to OpenCV's BGR, on white.
-        opacity = picture[..., 3:] / 255
-        on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
-        _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
-        client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)
 
 
 def _set_clipping(camera: Any, view: View) -> None:

@@ -126,8 +126,15 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
     spacing = grid_map.resolution * math.sqrt(math.prod(grid_map.size) / (rows * columns))
     lines = vectors = np.empty((0, 2, 3), np.float32)
     if settings.grid_lines:
+        valid = surface.valid
+        number = (np.cumsum(valid) - 1).reshape(valid.shape)
+        pairs = [
+            np.stack([number[first][both], number[second][both]], axis=-1)
+            for first, second in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:]))
+            for both in [valid[first] & valid[second]]
+        ]
         # They stay visible a little above the surface.
-        lines = _grid_lines(surface, mesh) + np.array([0, 0, 0.02 * spacing], np.float32)
+        lines = mesh.vertices[np.concatenate(pairs)] + np.array([0, 0, 0.02 * spacing], np.float32)
     if settings.vectors:
         vectors = _vectors(surface, mesh, settings)
     bounds = None
@@ -146,18 +153,6 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
     return SurfaceScene(
         mesh, glb, lines, vectors, bounds, (low, high), (rows, columns), spacing, view
     )
-
-
-def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
-    valid = surface.valid
-    number = (np.cumsum(valid) - 1).reshape(valid.shape)
-    pairs = [
-        np.stack([number[first][both], number[second][both]], axis=-1)
-        for first, second in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:]))
-        for both in [valid[first] & valid[second]]
-    ]
-    lines: Points = mesh.vertices[np.concatenate(pairs)]
-    return lines
 
 
 def _vectors(surface: Surface, mesh: Mesh, settings: ViewSettings) -> Points:

@@ -19,7 +19,7 @@ from os import PathLike
 from pathlib import Path
 from subprocess import CalledProcessError
 from tempfile import TemporaryDirectory
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -165,48 +165,6 @@ def _animate(
     first = records[0].grid_map()
     layer = layer or usual_layer(first)
     layers = {layer, lit_heights(first, layer, options.get("hillshade"))} - {""}
-    survey = _surveyed(records, layer, lambda: progress(0, count))
-    bounds = {"lower": survey.lower, "upper": survey.upper}
-    bounds |= {name: options[name] for name in bounds if options.get(name) is not None}
-    # Bounds that are equal, or missing, are those of each map.
-    if bounds["lower"] < bounds["upper"]:
-        options = options | bounds
-    title = options.pop("title", "")
-    steps = np.diff(survey.times) / 1e9
-    steps = steps[steps > 0]
-    rate: Any = speed / float(np.median(steps)) if steps.size else 1.0
-    every = math.ceil(rate / _MOST_FRAMES)
-    writer: Any = PillowWriter(rate / every)
-    if file.suffix == ".mp4":
-        writer = FFMpegWriter(rate / every, codec="h264")
-    figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
-    axes = figure.add_subplot()
-    # All frames have the layout and the legend of a map with a hole.
-    plot(records[survey.with_hole].grid_map(layers), layer, axes, **options, title=title or " ")
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    options["color_bar"] = False
-    with writer.saving(figure, str(file), dpi):
-        for number in range(0, count, every):
-            axes.clear()
-            plot(records[number].grid_map(layers), layer, axes, **options)
-            text = f"{(survey.times[number] - survey.times[0]) / 1e9:.2f} s"
-            axes.set(title=f"{title}, {text}" if title else text, **survey.view)
-            writer.grab_frame()
-            progress(min(number + every, count), count)
-
-
-class _Survey(NamedTuple):
-    """Facts of all maps of a recording, and the number of a map with a hole."""
-
-    times: list[int]
-    lower: float
-    upper: float
-    view: dict[str, tuple[float, float]]
-    with_hole: int
-
-
-def _surveyed(records: Sequence[MapRecord], layer: str, progress: Callable[[], Any]) -> _Survey:
     times, ranges, extents, with_hole = [], [], [], 0
     for number, record in enumerate(records):
         grid_map = record.grid_map([layer])
@@ -216,11 +174,38 @@ def _surveyed(records: Sequence[MapRecord], layer: str, progress: Callable[[], A
         extents.append(extent_of(grid_map))
         if not with_hole and not np.isfinite(values).all():
             with_hole = number
-        progress()
+        progress(0, count)
     lowest, highest = np.array(ranges, np.float32).T
     left, right, bottom, top = np.transpose(extents)
     view = {"xlim": (left.min(), right.max()), "ylim": (bottom.min(), top.max())}
-    return _Survey(times, min_of_finites(lowest), max_of_finites(highest), view, with_hole)
+    bounds = {"lower": min_of_finites(lowest), "upper": max_of_finites(highest)}
+    bounds |= {name: options[name] for name in bounds if options.get(name) is not None}
+    # Bounds that are equal, or missing, are those of each map.
+    if bounds["lower"] < bounds["upper"]:
+        options = options | bounds
+    title = options.pop("title", "")
+    steps = np.diff(times) / 1e9
+    steps = steps[steps > 0]
+    rate: Any = speed / float(np.median(steps)) if steps.size else 1.0
+    every = math.ceil(rate / _MOST_FRAMES)
+    writer: Any = PillowWriter(rate / every)
+    if file.suffix == ".mp4":
+        writer = FFMpegWriter(rate / every, codec="h264")
+    figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
+    axes = figure.add_subplot()
+    # All frames have the layout and the legend of a map with a hole.
+    plot(records[with_hole].grid_map(layers), layer, axes, **options, title=title or " ")
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    options["color_bar"] = False
+    with writer.saving(figure, str(file), dpi):
+        for number in range(0, count, every):
+            axes.clear()
+            plot(records[number].grid_map(layers), layer, axes, **options)
+            text = f"{(times[number] - times[0]) / 1e9:.2f} s"
+            axes.set(title=f"{title}, {text}" if title else text, **view)
+            writer.grab_frame()
+            progress(min(number + every, count), count)
 
 
 def _ending_of(path: str | PathLike[str], *endings: str) -> str:

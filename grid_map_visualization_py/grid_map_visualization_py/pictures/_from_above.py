@@ -20,7 +20,7 @@ from matplotlib.patches import Patch, Rectangle
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from grid_map_core_py import GridMap
-from grid_map_core_py._arrays import Layer
+from grid_map_core_py._arrays import Layer, slices
 from grid_map_core_py.conversions._packed_colors import color_value_to_bytes
 
 from ..colors import Coloring
@@ -38,6 +38,9 @@ NO_VALUE: dict[str, Any] = {
 
 _LEAST, _MOST = 1 / 3, 2 / 3
 """Opacity of a block of which few, or nearly all, cells have a value."""
+
+_STRIP = 1 << 18
+"""Cells that are reduced at a time."""
 
 _FRAME = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7}
 
@@ -167,14 +170,21 @@ def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
         is_color: the layer has packed colors; the channels are red, green and blue.
     """
     turned = layer.T
-    finite = np.isfinite(turned)
-    channels = np.stack(color_value_to_bytes(turned), axis=-1) if is_color else turned[..., None]
-    counts = _block_sums(finite, side)
-    # A cell without a value counts for nothing.
-    sums = _block_sums(np.where(finite[..., None], channels, 0), side)
-    with np.errstate(invalid="ignore"):
-        means = (sums / counts[..., None]).astype(np.float32)
-    share = counts / _block_sums(np.ones_like(finite), side)
+    columns, rows = turned.shape
+    height, width = -(-columns // side), -(-rows // side)
+    means = np.empty((height, width, 3 if is_color else 1), np.float32)
+    share = np.empty((height, width), np.float32)
+    # Strips fit into the cache of the processor.
+    for part in slices(height, _STRIP // (side * rows)):
+        strip = turned[side * part.start : side * part.stop]
+        finite = np.isfinite(strip)
+        channels = np.stack(color_value_to_bytes(strip), -1) if is_color else strip[..., None]
+        counts = _block_sums(finite, side)
+        # A cell without a value counts for nothing.
+        sums = _block_sums(np.where(finite[..., None], channels, 0), side)
+        with np.errstate(invalid="ignore"):
+            means[part] = sums / counts[..., None]
+        share[part] = counts / _block_sums(np.ones_like(finite), side)
     visible = np.where(share > 0, np.clip(share, _LEAST, _MOST), 0)
     opacity = np.where(share == 1, 1, visible).astype(np.float32)
     return Blocks(means[:, ::-1], opacity[:, ::-1])
