@@ -3,8 +3,10 @@
 
 import numpy as np
 import pytest
-from filter_cases import ground, points_in_disc, run, terrain
+from filter_cases import CELLS_OF_PLANES, ground, points_in_disc, run, terrain
 from hypothesis import given, settings, strategies as st
+
+from grid_map_core_py.testing import grid_maps
 
 
 def normals(grid_map, **params):
@@ -34,6 +36,24 @@ def best_normal(points):
     values, vectors = np.linalg.eigh(np.cov(points.T, bias=True))
     normal = vectors[:, 0] if values[1] > 1e-8 else np.array([0, 0, 1])
     return normal * np.copysign(1.0, normal[2]), values
+
+
+@given(grid_maps(allow_moved=False), CELLS_OF_PLANES)
+@settings(max_examples=40)
+def test_area_normals_equal_least_squares_planes(grid_map, cells):
+    radius = cells * grid_map.resolution
+    result = normals(grid_map, radius=radius)
+    np.testing.assert_array_equal(
+        np.isnan(result).all(axis=-1), ~np.isfinite(grid_map["elevation"])
+    )
+    for index in np.argwhere(np.isfinite(grid_map["elevation"])):
+        normal, points = result[tuple(index)], points_in_disc(grid_map, index, radius)
+        expected, values = best_normal(points)
+        if values[1] <= 1e-8:
+            assert normal.tolist() == [0, 0, 1]
+        # The gap between the two smallest eigenvalues limits the precision of the direction.
+        elif values[1] - values[0] > 1e-2 * values[2]:
+            assert abs(normal @ expected) == pytest.approx(1.0, abs=1e-4)
 
 
 @pytest.mark.parametrize("params", [{"radius": 0.25}, {"algorithm": "raster"}, {}])
