@@ -60,6 +60,7 @@ def ground_with_holes(size, share, seed):
 
 
 @pytest.mark.needs("numba")
+@pytest.mark.skipif(cv2.__version__ < "5", reason="OpenCV 4 fills cells at the border otherwise")
 @given(
     st.tuples(st.integers(3, 40), st.integers(3, 40)),
     st.floats(0.0, 0.9),

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py._arrays import Layer
+from grid_map_core_py._arrays._pieces import CHUNK, slices
 
 from ._disc import Disc
 
@@ -106,7 +107,13 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
         for covariance, (one, other) in zip(covariances, pairs, strict=True):
             covariance *= count
             covariance -= one * other
-        *normals, is_exact = _smallest_eigenvectors(*covariances)
+        normals = [np.empty_like(sum_z) for _ in "xyz"]
+        is_exact = np.empty_like(known)
+        # The temporaries of a few columns stay in the cache.
+        for part in slices(sum_z.shape[1], CHUNK // len(sum_z)):
+            found = _smallest_eigenvectors(*(field[:, part] for field in covariances))
+            for whole, piece in zip((*normals, is_exact), found, strict=True):
+                whole[:, part] = piece
         spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
         # The second eigenvalue is at least the smaller one of the horizontal 2 x 2 part. That
         # exceeds the spread where diagonal and determinant of xx - spread, xy, yy - spread are
