@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py._arrays import Layer
-from grid_map_core_py._arrays._pieces import CHUNK, slices
+from grid_map_core_py._arrays import Layer, slices
 
 from ._disc import Disc
 
@@ -29,6 +28,8 @@ _SMALLEST_GAP = 0.03
 
 _SMALLEST_Z = 0.01
 """z component of a normal; below this the formula loses digits."""
+
+_PIECE = 2**13  # cells whose eigenvectors are computed at once, in the cache
 
 SIDE = 256
 """Largest side of a block: about thirty arrays of it are in the cache."""
@@ -109,8 +110,7 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
             covariance -= one * other
         normals = [np.empty_like(sum_z) for _ in "xyz"]
         is_exact = np.empty_like(known)
-        # The temporaries of a few columns stay in the cache.
-        for part in slices(sum_z.shape[1], CHUNK // len(sum_z)):
+        for part in slices(sum_z.shape[1], _PIECE // len(sum_z)):
             found = _smallest_eigenvectors(*(field[:, part] for field in covariances))
             for whole, piece in zip((*normals, is_exact), found, strict=True):
                 whole[:, part] = piece
