@@ -206,7 +206,8 @@ class GridGeometry:
                 positions[..., number] = axis.center_of(lines)
             else:
                 centers = np.roll(axis.centers(0, axis.size), start_index[number])
-                positions[..., number] = centers.take(cells[number], mode="clip")
+                for part in slices(len(positions), PIECE):
+                    positions[part, number] = centers.take(cells[number][part], mode="clip")
         return positions
 
     def axes_in_map_order(self) -> tuple[Positions, Positions]:
