@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The filter `Inpaint`, without and with limits for holes."""
 
+import cv2
 import numpy as np
 import pytest
 from filter_cases import filtered, ground
@@ -8,6 +9,7 @@ from hypothesis import assume, given, settings, strategies as st
 
 from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py import FilterWarning
+from grid_map_filters_py.parts._inpaint_loop import inpainted
 
 
 def inpaint(grid_map, radius=0.3, **limits):
@@ -55,6 +57,23 @@ def ground_with_holes(size, share, seed):
     heights[holes] = random.choice([np.nan, np.inf, -np.inf])
     assume(not holes.all())
     return heights
+
+
+@pytest.mark.needs("numba")
+@pytest.mark.skipif(cv2.__version__ < "5", reason="OpenCV 4 fills cells at the border otherwise")
+@given(
+    st.tuples(st.integers(3, 40), st.integers(3, 40)),
+    st.floats(0.0, 0.9),
+    st.sampled_from([1.0, 2.5, 7.0]),
+    st.integers(0, 1000),
+)
+@settings(max_examples=60)
+def test_compiled_inpainting_agrees_with_opencv(size, share, radius, seed):
+    heights = ground_with_holes(size, share, seed)
+    missing = ~np.isfinite(heights)
+    image = np.where(missing, 0.0, 30.0 * heights).astype(np.float32)
+    expected = cv2.inpaint(image, missing.astype(np.uint8), radius, cv2.INPAINT_NS)
+    np.testing.assert_allclose(inpainted(image, missing, radius), expected, rtol=1e-5, atol=1e-4)
 
 
 SIZES = st.tuples(st.integers(1, 40), st.integers(1, 40))

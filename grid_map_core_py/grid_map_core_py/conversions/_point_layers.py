@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._arrays._checks import (
+    Integers,
     Mask,
     Positions,
     as_finite,
@@ -32,12 +33,14 @@ from .._arrays._checks import (
     as_pair,
     as_points,
 )
+from .._arrays._pieces import PIECE, slices
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
+from . import _point_loops as point_loops
 from ._point_reductions import COLOR_REDUCTIONS, REDUCTIONS, Reduction
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
@@ -85,11 +88,9 @@ def rasterize(
     geometry = grid_map.geometry
     rows, cols = geometry.size
     made = {}
-    counted = _counted(cloud, min_height, max_height)
+    limits = _limits(min_height, max_height)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        (places, columns), inside = geometry.cells_at(cloud[:, :2])
-        counted &= inside
-        flat = (places + rows * columns)[counted]
+        flat, counted = _located(cloud, geometry, limits)
         for name, (source, reduce) in sources.items():
             cells, values = flat, source[counted]
             # Heights that count are finite.
@@ -138,11 +139,7 @@ def from_points(
     center = None if position is None else np.array(as_pair(position, "position"))
     lower = upper = np.zeros(2)
     if length is None or center is None:
-        counted = _counted(cloud, min_height, max_height) & np.isfinite(cloud[:, :2]).all(axis=1)
-        if not counted.any():
-            raise GridMapError("points: expected a finite one within the height limits, got none")
-        xy = cloud[counted, :2].astype(np.float64)
-        lower, upper = xy.min(axis=0), xy.max(axis=0)
+        lower, upper = _extent(cloud, _limits(min_height, max_height))
     if length is not None:
         middle = lower + 0.5 * (upper - lower) if center is None else center
         geometry = GridGeometry(length, resolution, middle)
@@ -231,16 +228,62 @@ def fitting_geometry(
     return geometry
 
 
-def _counted(points: NDArray[Any], min_height: float, max_height: float) -> Mask:
-    """Return which points have a finite height within the limits."""
+def _limits(min_height: float, max_height: float) -> tuple[float, float]:
     lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
     if not lowest <= highest:
         raise ConfigError(
             f"min_height, max_height: expected ascending limits, got {lowest}, {highest}"
         )
+    return lowest, highest
+
+
+def _counted(points: NDArray[Any], limits: tuple[float, float]) -> Mask:
+    """Return which points have a finite height within the limits."""
     z = np.ascontiguousarray(points[:, 2])
-    counted: Mask = np.isfinite(z) & (z >= lowest) & (z <= highest)
+    counted: Mask = np.isfinite(z) & (z >= limits[0]) & (z <= limits[1])
     return counted
+
+
+def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Positions, Positions]:
+    """Return the smallest and largest x, y (2,) of the finite points within height limits."""
+    counted = _counted(points, limits)
+    x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+    counted &= np.isfinite(x) & np.isfinite(y)
+    if not counted.any():
+        raise GridMapError("points: expected a finite one within the height limits, got none")
+    both = x[counted].astype(np.float64), y[counted].astype(np.float64)
+    return np.array([axis.min() for axis in both]), np.array([axis.max() for axis in both])
+
+
+def _located(
+    points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
+) -> tuple[Integers, Mask]:
+    """Return the flat cells (n,) of the points that count, and which points these are (N,)."""
+    point_loops.count(len(points))
+    find = point_loops.ready(point_loops.find_cells)
+    # NumPy rounds a limit like the heights when it compares them.
+    rounded = points.dtype.type(limits).tolist()
+    half, center = (0.5 * geometry.length).tolist(), geometry.position.tolist()
+    frame = *rounded, *half, *center, -geometry.resolution
+    found, counted = [np.empty(0, np.int64)], np.empty(len(points), np.bool_)
+    for part in slices(len(points), PIECE):
+        piece, here = points[part], counted[part]
+        if find is None:
+            cells, inside = flat_cells(piece, geometry)
+            here[:] = inside & _counted(piece, limits)
+            found.append(cells[here])
+        else:
+            xyz = np.ascontiguousarray(piece[:, :3].T)
+            cells = np.empty(len(piece), np.int64)
+            find(xyz, len(piece), frame, geometry.size, cells, here.view(np.uint8))
+            found.append(cells[: np.count_nonzero(here)])
+    return np.concatenate(found), counted
+
+
+def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
+    """Return the numbers of the cells of points, and which points are on the map."""
+    (rows, columns), inside = geometry.cells_at(points[:, :2])
+    return rows + geometry.size[0] * columns, inside
 
 
 def _sources(

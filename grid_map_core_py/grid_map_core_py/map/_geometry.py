@@ -27,7 +27,7 @@ from .._arrays._checks import (
     as_positions,
     as_size,
 )
-from .._arrays._pieces import PIECE
+from .._arrays._pieces import PIECE, slices
 from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 from ._axis import Axis, both_axes
@@ -208,7 +208,8 @@ class GridGeometry:
                 positions[..., number] = axis.center_of(lines)
             else:
                 centers = np.roll(axis.centers(0, axis.size), start_index[number])
-                positions[..., number] = centers.take(cells[number], mode="clip")
+                for part in slices(len(positions), PIECE):
+                    positions[part, number] = centers.take(cells[number][part], mode="clip")
         return positions
 
     def axes_in_map_order(self) -> tuple[Positions, Positions]:

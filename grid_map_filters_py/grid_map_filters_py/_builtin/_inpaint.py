@@ -30,6 +30,7 @@ from ..parts._holes import (
     merged,
     place_of,
 )
+from ..parts._inpaint_loop import inpainted
 from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side, thread_count
 
@@ -263,8 +264,10 @@ def _fill(
         )
         missing = ~np.isfinite(gray)
         gray[missing] = 0.0
-        image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(missing, dtype=np.uint8)
-        grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
+        grays = inpainted(gray, missing, min(max(radius, 1.0), _LARGEST_RADIUS))
+        if grays is None:
+            image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(missing, dtype=np.uint8)
+            grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
         # Column after column, as the layers are stored.
         places, rows = np.nonzero((own & chosen[:, columns]).T)
         heights = np.clip(grays[rows, places], 0.0, 255.0, dtype=np.float64) / scale + lowest

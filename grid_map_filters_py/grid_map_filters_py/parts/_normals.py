@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py._arrays import Layer
+from grid_map_core_py._arrays import Layer, slices
 
 from ._disc import Disc
 
@@ -28,6 +28,8 @@ _SMALLEST_GAP = 0.03
 
 _SMALLEST_Z = 0.01
 """z component of a normal; below this the formula loses digits."""
+
+_PIECE = 2**13  # cells whose eigenvectors are computed at once, in the cache
 
 SIDE = 256
 """Largest side of a block: about thirty arrays of it are in the cache."""
@@ -93,7 +95,11 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
     """
     covariances, count, known = _covariances(layer, offset, disc)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        *normals, is_exact = _smallest_eigenvectors(*covariances)
+        normals, is_exact = [np.empty_like(count) for _ in "xyz"], np.empty_like(known)
+        for part in slices(count.shape[1], _PIECE // len(count)):
+            found = _smallest_eigenvectors(*(field[:, part] for field in covariances))
+            for whole, piece in zip((*normals, is_exact), found, strict=True):
+                whole[:, part] = piece
         xx, xy, _, yy, _, _ = covariances
         spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
         # The second eigenvalue is at least the smaller one of the horizontal 2 x 2 part. That
