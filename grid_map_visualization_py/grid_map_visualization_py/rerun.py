@@ -12,10 +12,10 @@ from os import PathLike
 
 from grid_map_core_py import GridMap
 
-from ._rerun.recording import log_bag
+from ._rerun.recording import log_bag, recorded
 from ._rerun.scene import Scene, Style, rerun
 
-__all__ = ["Scene", "Style", "log_bag", "show"]
+__all__ = ["Scene", "Style", "log_bag", "recorded", "show"]
 
 
 def show(
