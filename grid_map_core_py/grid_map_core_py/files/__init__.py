@@ -7,6 +7,7 @@ from ._clouds import (
     load_points as load_points,
 )
 from ._formats import (
+    formats as formats,
     Format as Format,
     load as load,
     save as save,

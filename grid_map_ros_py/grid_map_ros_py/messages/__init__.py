@@ -9,6 +9,7 @@ installed. Messages are checked completely before memory is allocated.
 
 from ._cdr import serialize as serialize, view as view
 from ._costmap import (
+    OCCUPANCIES as OCCUPANCIES,
     from_costmap as from_costmap,
     to_costmap as to_costmap,
 )
