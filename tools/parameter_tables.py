@@ -189,7 +189,7 @@ def table(name: str) -> str:
     end = ""
     if {row.name for row in rows} >= LIMITS:
         rows = [row for row in rows if row.name not in LIMITS]
-        end = "\nEvery node also has the limits `max_cells`, `max_bytes` and `max_ratio`.\n"
+        end = "\nLimits of every node: `max_cells`, `max_bytes`, `max_ratio`.\n"
     if not rows:
         return end.lstrip() or "No parameters.\n"
     if nameless := [row.name for row in rows if not row.meaning]:

@@ -47,7 +47,7 @@ class GridMapToImageDemoNode(Demo):
     def __init__(self) -> None:
         super().__init__("grid_map_to_image_demo")
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
-        about = "image file in an existing folder; its ending sets the format"
+        about = "image file in an existing folder; the extension selects the format"
         self._file = self.read_path("file", "~/.ros/grid_map.png", about)
         check(self._file.parent.is_dir(), "file", "a file in a folder that exists", str(self._file))
         self._layer = self.read("layer", "elevation", "layer that is saved")

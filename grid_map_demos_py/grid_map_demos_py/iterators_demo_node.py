@@ -92,7 +92,7 @@ class IteratorsDemoNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("grid_map_iterators_demo")
-        about = "factor on the speed; 1.0 means 50 cells per second"
+        about = "speed factor; 1.0 means 50 cells per second"
         self._speed = self.read_positive("speed", 1.0, about)
         self._repeat = self.read("repeat", False, "start again after the last region")
         self._map = make_map()

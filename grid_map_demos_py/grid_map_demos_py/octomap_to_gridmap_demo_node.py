@@ -39,7 +39,7 @@ class OctomapToGridmapDemoNode(Demo):
         super().__init__("octomap_to_gridmap_demo")
         about = "service that returns an octomap"
         service = self.read_topic("octomap_service_topic", "/octomap_binary", about)
-        about = "file of OctoMap (.bt, .ot), read in place of a request"
+        about = "OctoMap file (.bt, .ot) to read instead of calling the service"
         path = self.read_path("octomap_path", "", about)
         about = "voxels with {} are left out [m]; nan for no bound"
         self._low, self._high = [0.0] * 3, [0.0] * 3

@@ -87,7 +87,7 @@ class TutorialDemoNode(Demo):
         super().__init__("grid_map_tutorial_demo")
         about = "largest noise, up or down [m]"
         self._noise = self.read_number("noise", 0.015, 0.0, MOST_NOISE, about)
-        about = "number of outliers (infinite heights); about half miss the map"
+        about = "number of outliers (infinite heights); about half lie outside the map"
         self._outliers = self.read_number("outliers", 500, 0, MOST_OUTLIERS, about)
         about = "radius of the disc for the weighted mean [m], at most 1.0"
         self._radius = self.read_positive("radius", 0.1, about)

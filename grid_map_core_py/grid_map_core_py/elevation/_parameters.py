@@ -30,31 +30,35 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: largest difference between a point and a height that agree
+        mahalanobis_distance_threshold: largest difference at which a point and a height agree
             [standard deviations].
         multi_height_noise: variance that a contradicting scan adds to a cell [m^2].
-        time_variance: growth of the variance of every cell [m^2/s].
+        time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
         conflict_points: number of points of one scan that must agree to replace a height.
-        min_support: share of the points of the densest cluster in a cell that a higher cluster
-            needs to become the surface at once; otherwise it must be seen in three scans.
-        overhang_clearance: gap above which a higher cluster is an overhang [m]: the ground stays,
-            and the layer `overhang` holds the lower side; 0 takes the highest surface.
-        max_time_jump: time between two scans above which the clock of the map restarts [s].
-        enable_visibility_cleanup: clear cells above beams that passed through them.
+        min_support: number of points that a higher cluster needs to become the surface at once, as
+            a share of the points in the cell's densest cluster. Smaller clusters must be seen in
+            three scans.
+        overhang_clearance: gap above the ground from which a higher cluster is an overhang [m]:
+            the cell keeps the ground, and the layer `overhang` holds the lower side of the
+            overhang; with 0, the cell gets the highest surface.
+        max_time_jump: time between two scans after which the clock of the map restarts [s].
+        enable_visibility_cleanup: clear cells that beams have passed through.
         max_ray_length: length up to which beams clear cells [m].
         cleanup_min_angle: smallest angle between a surface and the beams that clear it [rad].
-        enable_drift_compensation: move the map up or down to follow the scans.
-        max_drift: largest offset between scan and map that is compensated [m].
-        drift_compensation_alpha: share of the offset by which the map moves per update.
-        drift_compensation_variance_inlier: largest variance of cells that measure the offset [m^2].
+        enable_drift_compensation: shift the map vertically to match the scans.
+        max_drift: largest offset between scan and map to compensate [m].
+        drift_compensation_alpha: share of the offset that each scan corrects, 0 to 1.
+        drift_compensation_variance_inlier: largest variance of cells used for the offset [m^2].
         min_drift_cells: number of cells that must agree on the offset.
-        ignore_points_above, ignore_points_below: limit of heights relative to the sensor [m].
-        min_range, max_range: limit of the distance from the sensor [m].
+        ignore_points_above: largest height of points relative to the sensor [m].
+        ignore_points_below: smallest height of points relative to the sensor [m].
+        min_range: smallest distance of points from the sensor [m].
+        max_range: largest distance of points from the sensor [m].
         horizontal_variances: keep the layer `horizontal_variance`, which
             `ElevationMapper.fused_map` needs.
-        exponential_alpha: share of the last scan in the fusion `exponential`.
+        exponential_alpha: weight of the last scan in the fusion `exponential`, 0 to 1.
     """
 
     min_variance: float = 9e-6
@@ -209,10 +213,11 @@ class StructuredLightModel(_Camera):
     "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 2012).
 
     Attributes:
-        cutoff_min_depth, cutoff_max_depth: points with another depth are dropped [m].
+        cutoff_min_depth: smallest depth of points that are used [m].
+        cutoff_max_depth: largest depth of points that are used [m].
         normal_factor_a: a in the standard deviation a + b (z - c)^2 + d z^e of the depth z [m].
         normal_factor_b, normal_factor_c, normal_factor_d, normal_factor_e: see `normal_factor_a`.
-        lateral_factor: standard deviation beside the optical axis, per meter of depth.
+        lateral_factor: standard deviation across the optical axis, per meter of depth.
     """
 
     cutoff_min_depth: float = 0.2
@@ -252,7 +257,7 @@ class StereoModel(_Camera):
         focal_length: focal length [pixels].
         baseline: distance between the cameras [m].
         disparity_std: standard deviation of disparities [pixels].
-        lateral_factor: standard deviation beside the optical axis, per meter of depth.
+        lateral_factor: standard deviation across the optical axis, per meter of depth.
     """
 
     focal_length: float = 640.0

@@ -7,8 +7,8 @@ from ._clouds import (
     load_points as load_points,
 )
 from ._formats import (
-    formats as formats,
     Format as Format,
+    formats as formats,
     load as load,
     save as save,
 )

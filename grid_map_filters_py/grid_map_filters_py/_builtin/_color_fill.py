@@ -19,7 +19,7 @@ class ColorFill(CellFilter):
     """Fill a layer with one color.
 
     Attributes:
-        red, green, blue: components of the color, clamped to [0, 1].
+        red, green, blue: component of the color, clamped to [0, 1].
         mask_layer: cells get the color where this layer is finite, and NaN elsewhere; all cells get
             it if this is empty.
         output_layer: layer for the result.

@@ -19,11 +19,12 @@ class SlidingWindowMathExpression(LayerFilter):
     Attributes:
         input_layer: layer to filter, and name of the window in the expression.
         expression: for example `meanOfFinites(elevation)`.
-        compute_empty_cells: also give values to cells that are NaN in the input.
+        compute_empty_cells: also compute cells that are NaN in the input.
         edge_handling: for windows beyond the border: "inside" makes the cell NaN, "crop" uses
             the part on the map, "empty" pads with NaN, "mean" with the mean of the finite values.
         window_size: side of the window in cells, odd.
-        window_length: side of the window [m] instead, rounded to cells and made odd by adding one.
+        window_length: side of the window [m], instead of `window_size`; rounded to an odd number
+            of cells.
     """
 
     expression: str

@@ -39,7 +39,7 @@ class FilterChainNode(ConfiguredNode):
         output = self.read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
         about = "name of the parameter with the chain"
         self._chain_name = self.read("filter_chain_parameter_name", "filters", about)
-        about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
+        about = "filters `filter1`, `filter2`, ..., each with `name`, `type` and `params`"
         tree = read_parameter_tree(
             self, self._chain_name, read_only=False, description=about, describe=describe_parameters
         )

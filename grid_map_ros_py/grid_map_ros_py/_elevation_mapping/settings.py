@@ -49,25 +49,26 @@ class Settings:
         map_frame_id: frame of the map, usually that of the odometry; it must not jump.
         robot_base_frame_id: frame of the robot.
         track_point_frame_id: with tf, frame of the track point; empty means that of the robot.
-        track_point_x, track_point_y, track_point_z: the point that the map follows [m].
+        track_point_x, track_point_y, track_point_z: coordinate of the point that the map follows
+            [m].
         pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `topic`.
-        robot_pose_with_covariance_topic: topic of the poses of the robot; tf uses only their
-            covariances, and without a topic poses are exact.
-        pose_type: messages of that topic.
-        robot_pose_cache_size: number of poses that are kept.
+        robot_pose_with_covariance_topic: topic of the robot poses. With tf, only their covariances
+            are used; without a topic, poses count as exact.
+        pose_type: message type of `robot_pose_with_covariance_topic`.
+        robot_pose_cache_size: number of poses to keep.
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: initial center of the map [m].
         resolution: side of a cell [m].
         visibility_cleanup_rate: 0 disables the visibility cleanup.
-        enable_continuous_cleanup: start a new map with every scan.
-        initialize_elevation_map: begin with a flat patch around the robot.
+        enable_continuous_cleanup: clear the map before every scan.
+        initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
         target_frame_init_submap: with tf, frame of the patch; empty means that of the robot.
-        masked_replace_service_mask_layer_name: mask of `masked_replace`: NaN keeps the cell.
-        directory: directory for maps that requests load and save; empty refuses them.
+        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps the cell.
+        directory: directory in which services may load and save maps; empty refuses requests.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
         fused_map_publishing_rate: rate of the filtered map [Hz]; 0 publishes it only on

@@ -123,16 +123,17 @@ class SourceSettings:
     """Parameters of a source of scans or images.
 
     Attributes:
-        type: messages of the topic.
+        type: kind of sensor data on the topic.
         topic: topic of the clouds or images.
         camera_info_topic: `sensor_msgs/CameraInfo`; empty means `camera_info` beside `topic`.
         queue_size: maximum number of waiting messages.
         publish_on_update: publish the raw map after each scan.
         channels: fields of clouds, or names of image channels, that become layers.
-        min_range, max_range: limit of the distance from the sensor [m].
+        min_range: smallest distance of points from the sensor [m].
+        max_range: largest distance of points from the sensor [m].
         stride: use every n-th row and column of depth images.
-        sensor_xyz: without tf, position of the sensor on the robot [m].
-        sensor_rpy: without tf, roll, pitch and yaw of the sensor on the robot [rad].
+        sensor_xyz: position of the sensor on the robot, without tf [m].
+        sensor_rpy: roll, pitch and yaw of the sensor on the robot, without tf [rad].
         reliability: `best_effort` receives from every publisher; `reliable` requests lost messages
             again.
     """

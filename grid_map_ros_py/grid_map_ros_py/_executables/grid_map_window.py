@@ -56,9 +56,9 @@ class GridMapWindowNode(ConfiguredNode):
             self, "layers", list[str], [], description="layers of the window; empty means all"
         )
         length = self.read_positive("length", 20.0, "side of the window [m]")
-        about = "distance that the robot moves before the next window [m]"
+        about = "distance that the robot must move before the next window [m]"
         self._step = self.read_number("step", 0.5, 0.0, 1e9, about)
-        self._period = 1 / self.read_positive("rate", 10.0, "largest rate of windows [Hz]")
+        self._period = 1 / self.read_positive("rate", 10.0, "maximum rate of windows [Hz]")
         about = (
             "`tf`, `odometry`, `pose` or `pose_with_covariance`; `auto` means `tf` where tf2 is "
             "installed, else `odometry`"

@@ -49,22 +49,24 @@ class Settings:
         length: side lengths of the map along x and y [m].
         resolution: side of a cell [m].
         position: initial center of the map [m].
-        layer: name of the layer of heights.
+        layer: name of the height layer.
         fusion: how clouds are combined: `max`, `min`, `mean` or `last`.
-        reduction: height of one cloud in a cell: `max`, `min`, `mean`, `median`, `first` or `last`;
-            not used with the fusion `mean`.
+        reduction: how the points of one cloud in a cell are combined: `max`, `min`, `mean`,
+            `median`, `first` or `last`; not used with the fusion `mean`.
         max_count: largest weight of earlier clouds in the fusion `mean` [points]; 0 means no limit.
-        min_height, max_height: limit of the heights of points [m], map frame.
+        min_height: smallest height of points in the map frame [m].
+        max_height: largest height of points in the map frame [m].
         fields: additional fields of the clouds that become layers.
-        min_range, max_range: limit of the distance from the sensor [m].
+        min_range: smallest distance of points from the sensor [m].
+        max_range: largest distance of points from the sensor [m].
         pose_timeout: maximum time a cloud waits for its pose [s].
         queue_size: maximum number of waiting clouds.
-        pose_topic: without tf, topic of the poses of the robot in the map frame.
-        robot_frame: with tf, frame that the map follows; empty means that of the cloud.
-        sensor_xyz: without tf, position of the sensor on the robot [m].
-        sensor_rpy: without tf, roll, pitch and yaw of the sensor on the robot [rad].
+        pose_topic: topic of the robot poses in the map frame, without tf.
+        robot_frame: frame that the map follows, with tf; empty means the frame of the cloud.
+        sensor_xyz: position of the sensor on the robot, without tf [m].
+        sensor_rpy: roll, pitch and yaw of the sensor on the robot, without tf [rad].
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.
-        statistics_period: time between two lines of statistics in the log [s]; 0 means none.
+        statistics_period: time between two log messages with statistics [s]; 0 means none.
         input_reliability: `best_effort` receives from every publisher; `reliable` requests lost
             clouds again, but needs a reliable publisher.
     """

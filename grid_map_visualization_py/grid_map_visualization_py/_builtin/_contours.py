@@ -31,8 +31,8 @@ class ContoursVisualization(LineMarker):
 
     Attributes:
         layer: the layer, usually heights [m].
-        interval: difference between the values of neighboring lines, which are at its multiples.
-        levels: values of the lines, in any order; replaces `interval`.
+        interval: difference between neighboring lines; their values are multiples of it.
+        levels: values of the lines, in any order, instead of `interval`.
         flat: draw the lines at height zero, for layers that are not heights. Otherwise a line
             is at the height of its value.
 

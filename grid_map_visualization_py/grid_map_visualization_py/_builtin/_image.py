@@ -20,10 +20,10 @@ class ImageVisualization:
 
     Attributes:
         layer: the layer to show.
-        color_mode: "intensity" maps its values by a color map, "color" reads packed colors.
-        color_map: name of a color map of Matplotlib.
+        color_mode: "intensity" colors the values with a color map, "color" reads packed colors.
+        color_map: name of a Matplotlib color map.
         lower: value at the lower end of the color map; by default the smallest.
-        upper: value at the upper end; by default the largest.
+        upper: value at the upper end of the color map; by default the largest.
         invert: swap the ends of the color map.
         encoding: order of the channels. Cells without a value are transparent if there is an alpha
             channel, otherwise gray.

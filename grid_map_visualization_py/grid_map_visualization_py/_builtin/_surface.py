@@ -25,16 +25,16 @@ class SurfaceVisualization:
     Attributes:
         height_layer: heights [m].
         flat: draw the surface at height zero.
-        color_mode: "intensity" maps the values of `color_layer` by the color map, "color" reads
-            packed colors from it, and "flat" draws the surface in `color`.
-        color_layer: layer that gives the colors; empty for the heights.
-        color_map: name of a color map of Matplotlib.
+        color_mode: "intensity" colors the values of `color_layer` with the color map, "color" reads
+            packed colors from `color_layer`, and "flat" draws the surface in `color`.
+        color_layer: layer for the colors; empty means the heights.
+        color_map: name of a Matplotlib color map.
         lower: value at the lower end of the color map; by default the smallest.
-        upper: value at the upper end; by default the largest.
+        upper: value at the upper end of the color map; by default the largest.
         invert: swap the ends of the color map.
         color: 0xRRGGBB.
         opacity: from 0 (invisible) to 1 (opaque).
-        max_drawn_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
+        max_drawn_cells: limit to which larger maps are thinned out; 0 means no limit.
 
     Raises:
         ConfigError: the color map is unknown, or a number is out of range.

@@ -18,7 +18,7 @@ class VectorsVisualization(LineMarker):
     """Draw a line from the surface along the vector of each cell, where both are finite.
 
     Attributes:
-        layer_prefix: prefix of the three layers of the components, which end in x, y and z.
+        layer_prefix: prefix of the component layers; `x`, `y` and `z` follow.
         position_layer: heights [m] at which the lines start.
         scale: length of the line of a vector of length 1 [m].
 

@@ -36,14 +36,14 @@ class GridMapVisualizationNode(ConfiguredNode):
         super().__init__("grid_map_visualization")
         self._topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         about = (
-            "also get the last map that was published before the node subscribed; maps of a "
-            "volatile publisher arrive only if false"
+            "also receive the last map published before the node subscribed; must be false to "
+            "receive maps from volatile publishers"
         )
         latched = self.read("transient_local", False, about)
         self._qos = map_qos(transient_local=latched)
         self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
-        about = "rate at which the node counts subscribers [Hz], for middleware without events"
+        about = "rate at which the node checks for subscribers [Hz], for middleware without events"
         rate = self.read_positive("activity_check_rate", 2.0, about)
         self._log = LogThrottle(self.get_logger())
         self._outputs = self._read_outputs()
@@ -60,7 +60,7 @@ class GridMapVisualizationNode(ConfiguredNode):
 
     def _read_outputs(self) -> list["Output"]:
         parameter = "grid_map_visualizations"
-        about = "names of the visualizations, which are also their topics"
+        about = "names of the visualizations, also used as topics"
         names = read_parameter(self, parameter, list[str], description=about)
         check(len(set(names)) == len(names), parameter, "every name once", names)
         about = "log a misconfigured visualization and continue with the others instead of ending"
