@@ -108,7 +108,7 @@ def _has_numba() -> bool:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Let compiled code call the Python functions that a function calls."""
+    """Register the functions that a function calls, so that compiled code can call them."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

@@ -115,7 +115,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Return a time as a date; "" outside the years 2001 to 2106, where it is no system time."""
+    """Format a time as a date; "" outside 2001 to 2106, where it is not a system time."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""

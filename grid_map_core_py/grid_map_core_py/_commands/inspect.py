@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dict[str, Any]:
-    """Return statistics of the finite values of a layer, and a histogram, as JSON has them.
+    """Return statistics and a histogram of the finite values of a layer as JSON values.
 
     Values are None and the histogram is empty if nothing is finite, and for packed colors.
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Occupancy maps of nav2's `map_server`: a YAML file and an image beside it.
 
-The YAML file says how pixels become occupancies. With `shade` from 0 (black) to 1 (white) and
+The YAML file defines how pixels become occupancies. With `shade` from 0 (black) to 1 (white) and
 `occ = 1 - shade`, or `occ = shade` with `negate`:
 
 - `trinary`: 100 above `occupied_thresh`, 0 below `free_thresh`, unknown between. Alpha counts as a
@@ -41,7 +41,7 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free), with which every written value is restored."""
+"""Default thresholds (occupied, free), which restore every written value."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
 """Pixels of occupied, unknown and free cells that `map_saver` writes in mode trinary."""
@@ -54,7 +54,7 @@ def load_map_server(
     occupancy_layer: str = LAYER,
     frame_id: str = "map",
 ) -> GridMap:
-    """Return an occupancy map of nav2's `map_server`.
+    """Load an occupancy map of nav2's `map_server`.
 
     Args:
         path: the YAML file, or a folder that holds `map.yaml`.
@@ -184,7 +184,7 @@ def _settings(document: Any) -> _Settings:
 
 
 def _occupancy(pixels: Image, settings: _Settings) -> Layer:
-    """Return (rows, cols) 0 to 100 or NaN of the pixels of an image."""
+    """Return (rows, cols) occupancies, 0 to 100 or NaN, from the pixels of an image."""
     if pixels.dtype.kind != "u":
         raise ValueError(f"expected an image of 8 or 16 bits, got {pixels.dtype}")
     largest = np.iinfo(pixels.dtype).max

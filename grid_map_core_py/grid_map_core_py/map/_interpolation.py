@@ -30,7 +30,7 @@ Places: TypeAlias = NDArray[np.intp]
 _PADDING = 2  # number of cells beyond the border that an axis repeats
 
 REACH = 3
-"""Cells around that of a position on which its value can depend, rounding included."""
+"""Largest distance of a cell that affects a value from the cell of the position [cells]."""
 
 
 class Interpolation(Enum):
@@ -76,7 +76,7 @@ def interpolate(
 
 
 def method_of(interpolation: object) -> Interpolation:
-    """Return a method, which may be given by its name."""
+    """Return the method, given as a member or by its name."""
     try:
         return Interpolation(interpolation)
     except ValueError:
@@ -89,7 +89,7 @@ def method_of(interpolation: object) -> Interpolation:
 def _value(
     geometry: GridGeometry, start: Size, layer: Layer, point: Pair, method: Interpolation
 ) -> float:
-    """Return the value at one position as `Surface.values` does, several times as fast."""
+    """Return the value at one position; scalar form of `Surface.values`, and faster."""
     if method is Interpolation.NEAREST:
         cell = geometry.cell_at(point, start)
         if cell is None:

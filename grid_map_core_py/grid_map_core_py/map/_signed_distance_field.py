@@ -160,7 +160,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`; it takes the time of `gradient`."""
+        """Return the results of `value` and `gradient`, in the time of `gradient` alone."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):
@@ -245,7 +245,7 @@ class SignedDistanceField:
         return index.astype(np.intp)
 
     def _corners(self, cells: _Coordinates, out: Nodes) -> Nodes:
-        """Return in `out` the nodes (8, N) around cells; the first axis changes slowest."""
+        """Write the nodes (8, N) around cells to `out`; the first axis changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._corner_nodes, strict=True):
             # Every index is in range; other modes would copy through a buffer.

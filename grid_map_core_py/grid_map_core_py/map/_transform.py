@@ -125,7 +125,7 @@ def _landed(
 ) -> tuple[_Indices, NDArray[np.float32]]:
     """Return the cells (N,) under points, counted column after column, and their heights (N,).
 
-    Points beside the grid get the height -inf.
+    Points outside the grid get the height -inf.
     """
     row, column = x - 0.5 * geometry.length[0], y - 0.5 * geometry.length[1]
     for axis, offsets in enumerate((row, column)):

@@ -8,7 +8,7 @@
   or not finite, and `OutOfMapError` for indices outside the map.
 - Windows around every cell: `sliding_windows`, `window_array`.
 - `Polygon`: vertices in the plane of the map.
-- `half_chords` and `BORDER_TOLERANCE`: discs and borders, as all packages understand them.
+- `half_chords` and `BORDER_TOLERANCE`: the rounding of discs and borders in all packages.
 """
 
 from ._polygon import Polygon as Polygon

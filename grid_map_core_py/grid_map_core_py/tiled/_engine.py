@@ -131,7 +131,7 @@ def _on_cluster(
 
 
 def _error(client: Any, result: Any = None) -> BaseException:
-    """Return the error of a task that gave no results, or that the cluster is lost."""
+    """Return the error of a task without results, or of a lost cluster."""
     from distributed import KilledWorker
 
     if not isinstance(result, tuple):

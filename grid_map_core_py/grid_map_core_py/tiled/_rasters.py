@@ -314,7 +314,7 @@ def _warn(raster: Any, path: str) -> None:
 
 
 def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
-    """Return the sides of a raster (west, north, east, south), in cells from the first corner.
+    """Return the sides of a raster (west, north, east, south) [cells from the first corner].
 
     Args:
         header, first: the raster and the first one of the mosaic.
@@ -440,7 +440,7 @@ def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
     """Build the overviews of a tiled file, and copy it with the layout of a COG."""
     with import_module("rasterio").open(tiles, "r+") as raster:
         levels = range(1, max(0, (max(raster.shape) - 1) // _FILE_BLOCK).bit_length() + 1)
-        # The nearest of four heights would be one of them by chance.
+        # The method "nearest" would pick an arbitrary one of four heights.
         average = import_module("rasterio.enums").Resampling.average
         raster.build_overviews([2**level for level in levels], average)
     packing = {"COMPRESS": "DEFLATE", "PREDICTOR": "YES"} if compress else {"COMPRESS": "NONE"}
