@@ -275,7 +275,7 @@ def with_params(type_name, **params):
             "filter 1: unknown entry 'parms'; expected name, type and params",
         ),
         ([{**GOOD, "params": [1]}], "filter 1 'n': params: expected a mapping, got [1] (list)"),
-        ([GOOD, GOOD], "filter 2: the name 'n' is already that of filter 1"),
+        ([GOOD, GOOD], "filter 2: the name 'n' is already used by filter 1"),
         (
             with_params("gridMapFilters/TresholdFilter"),
             "unknown type 'gridMapFilters/TresholdFilter'; did you mean gridMapFilters/Threshold",

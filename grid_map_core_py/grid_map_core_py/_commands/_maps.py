@@ -149,7 +149,7 @@ def open_records(
             bag = Path(options.source).resolve()
             if Path(destination.path).resolve() in (bag, bag.parent):
                 raise CommandError(
-                    f"{destination.path}: is the source, too; its other topics would be lost"
+                    f"{destination.path}: is also the source; its other topics would be lost"
                 )
             destination.usual_topic = destination.usual_topic or records.topic  # type: ignore[attr-defined]
         if destination.takes_many and index is None:
@@ -268,4 +268,4 @@ def check_free(path: str, *, force: bool) -> None:
     if file.exists() and not (file.is_file() or file.is_dir()):
         raise CommandError(f"{path}: is neither a file nor a folder, and not replaced")
     if not force:
-        raise CommandError(f"{path}: is there already; --force replaces it")
+        raise CommandError(f"{path}: already exists; --force replaces it")

@@ -106,7 +106,7 @@ def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
     with storage_errors(Path(path), "read"), gdal(path), open_raster(path) as raster:
         if unit := unit_of(raster):
             warnings.warn(
-                f"{path}: is in {unit}, which are taken for meters; "
+                f"{path}: is in {unit}, which are treated as meters; "
                 "'gdalwarp -t_srs EPSG:...' projects it",
                 stacklevel=5,
             )
@@ -195,7 +195,7 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     step = raster.transform
     if step.is_identity:
         raise ValueError(
-            "does not say where it lies (no geotransform); 'resolution' reads it as a height image"
+            "has no position (no geotransform); 'resolution' reads it as a height image"
         )
     square = abs(step.a + step.e) <= _LARGEST_DIFFERENCE * abs(step.a)
     if step.b or step.d or not step.a > 0 or not square:

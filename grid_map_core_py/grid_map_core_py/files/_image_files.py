@@ -184,7 +184,7 @@ def read_image(file: Path) -> Image:
         check_cells(f"{file}: image", _claimed_size(data))
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if pixels is None:
-        raise ValueError("no image, or a damaged one")
+        raise ValueError("not an image, or damaged")
     check_cells(f"{file}: image", pixels.shape)
     head = _PNM_HEAD.match(data)
     if head and head[1] in b"25":

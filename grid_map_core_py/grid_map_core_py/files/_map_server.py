@@ -234,6 +234,6 @@ def _old_image(file: Path) -> Path | None:
     document = load_yaml(file)
     name = document.get("image") if isinstance(document, Mapping) else None
     if not isinstance(name, str) or "grid_map" in document:
-        raise ValueError("the file that is there is no map of map_server")
+        raise ValueError("the existing file is not a map of map_server")
     is_ours = re.fullmatch(rf"{re.escape(file.stem)}(_\d+)?\.(pgm|png)", name)
     return file.with_name(name) if is_ours else None

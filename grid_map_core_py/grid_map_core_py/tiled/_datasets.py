@@ -342,7 +342,7 @@ def open_dataset(
     crs = crs_of(dataset)
     if _DEGREES.match(crs) or "degree" in str(dataset["x"].attrs.get("units")):
         warnings.warn(
-            f"{name}: x and y are in degrees, which are taken for meters; "
+            f"{name}: x and y are in degrees, which are treated as meters; "
             "dataset.rio.reproject(...) of rioxarray projects it",
             stacklevel=3,
         )

@@ -299,7 +299,7 @@ def _warn(raster: Any, path: str) -> None:
         zone = min(max(int((longitude + 180.0) // 6.0), 0), 59) + 1
         code = f"EPSG:{(32600 if latitude >= 0 else 32700) + zone}"
         warnings.warn(
-            f"{path}: is in {unit}, which are taken for meters; open_map(..., crs={code!r}) "
+            f"{path}: is in {unit}, which are treated as meters; open_map(..., crs={code!r}) "
             "projects it into meters",
             stacklevel=5,
         )
@@ -376,7 +376,7 @@ def to_geotiff(
         if not names:
             raise GridMapError("the map has no layers")
         if target.exists() and not overwrite:
-            raise GridMapError("exists already; 'overwrite' replaces it")
+            raise GridMapError("already exists; 'overwrite' replaces it")
         tiled_map.source.prepare()
         with new_file(target) as file:
             if not cog:

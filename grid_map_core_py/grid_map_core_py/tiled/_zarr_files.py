@@ -50,7 +50,7 @@ def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequenc
 
 
 def _refuse(path: Path) -> None:
-    raise GridMapError(f"{path}: exists already")
+    raise GridMapError(f"{path}: already exists")
 
 
 def to_zarr(
@@ -69,7 +69,7 @@ def to_zarr(
     with data_errors(target, "written"):
         if target.exists():
             if not overwrite:
-                raise GridMapError("exists already; 'overwrite' replaces it")
+                raise GridMapError("already exists; 'overwrite' replaces it")
             # Raises an error if the folder is not a store.
             metadata_file(target)
         # A later run continues this one only if all of this is equal.

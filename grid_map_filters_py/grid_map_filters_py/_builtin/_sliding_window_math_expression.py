@@ -14,7 +14,7 @@ from ..parts._layer_filter import LayerFilter
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingWindowMathExpression(LayerFilter):
-    """Compute a layer by an expression over the window around each cell; it must give a scalar.
+    """Compute a layer with an expression that returns a scalar for the window around each cell.
 
     Attributes:
         input_layer: layer to filter, and name of the window in the expression.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The operators and functions of the expression language.
 
-Each is written once, with the primitives of `Matrices`, so that it computes the same with whole
-layers and with the windows of all cells.
+Each is written once, with the primitives of `Matrices`, so that it works with whole layers and with
+the windows of all cells.
 """
 
 import math
@@ -191,18 +191,17 @@ def _length(value: Value, argument: int) -> int:
 class Function:
     """A function of the language.
 
-    Its properties say how it treats NaN, for `skips_missing`: windows that are cropped at the
-    border are computed faster where these can be padded with NaN instead.
+    Its treatment of NaN tells `skips_missing` whether windows at the border can be padded with NaN,
+    which is faster than cropping them.
 
     Attributes:
         apply: takes the algebra and `least` to `most` arguments.
         axis: the second argument is an axis, 0 or 1.
         elementwise: an element of the result depends on the same element of the arguments alone.
         keeps_nan: elementwise, and NaN wherever an argument is NaN.
-        skips_nan: takes one argument, and gives the same number whether NaN elements are there or
-            left out.
-        reduces: number of arguments with which it gives a number, from folds of all elements of the
-            first one or from its shape; 0 if there is none.
+        skips_nan: takes one argument and ignores its NaN elements.
+        reduces: number of arguments with which it reduces the first one, or its shape, to a number;
+            0 if it does not.
     """
 
     apply: Callable[..., Any]
@@ -234,7 +233,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Return the reduction of the finite elements by `fold`; NaN if there are none."""
+    """Return a function that applies `fold` to the finite elements; NaN without any."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)
@@ -293,4 +292,4 @@ FUNCTIONS = {
     "ones": Function(_maker(lambda rows, columns: np.ones((rows, columns), np.float32)), most=2),
     "eye": Function(_maker(lambda rows, columns: np.eye(rows, columns, dtype=np.float32)), most=2),
 }
-"""All functions. A line here is all that a function needs to work on layers and in windows."""
+"""All functions of the language, for layers and windows alike."""

@@ -59,11 +59,11 @@ class Interpreter:
 
     def _end(self, end: int | None) -> Value:
         if end is None:
-            raise Fault("'end' stands only in an index")
+            raise Fault("'end' is valid only in an index")
         return float(end)
 
     def _all(self, _end: int | None) -> Value:
-        raise Fault("':' alone stands only in an index")
+        raise Fault("':' alone is valid only in an index")
 
     def _unary(self, end: int | None, operator: str, operand: Node) -> Value:
         value = self(operand, end)
@@ -197,7 +197,7 @@ def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
     if depth > _DEEPEST:
         raise Fault("the expression is nested too deeply", position=node.position)
     if node.kind in ("end", "all") and not indexing:
-        raise Fault("'end' and a lone ':' stand only in an index", position=node.position)
+        raise Fault("'end' and a lone ':' are valid only in an index", position=node.position)
     for child in node.children():
         check(child, indexing=indexing or node.kind in ("index", "call"), depth=depth + 1)
     with node.blamed():

@@ -88,7 +88,7 @@ def _wanted(accepted: set[str]) -> str:
 
 @v_args(inline=True)
 class _Builder(Transformer_NonRecursive[Token, Node]):
-    """Turns lark's tree into nodes."""
+    """Converts lark's tree to nodes."""
 
     def number(self, token: Token) -> Node:
         return _node("number", token, float(token))

@@ -95,7 +95,7 @@ def _recorded_offer(topic: Topic) -> dict[str, bool]:
     """
     profiles = parse_yaml(topic.qos, "quality of service") or [{}]
     if not (isinstance(profiles, list) and all(isinstance(one, dict) for one in profiles)):
-        raise CommandError(f"expected a list of profiles of quality, got {short(profiles)}")
+        raise CommandError(f"expected a list of QoS profiles, got {short(profiles)}")
     reliable = all(one.get("reliability") in ("reliable", 1, None) for one in profiles)
     latched = all(one.get("durability") in ("transient_local", 1) for one in profiles)
     return {"reliable": reliable, "latched": latched}

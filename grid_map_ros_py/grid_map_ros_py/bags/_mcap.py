@@ -143,7 +143,7 @@ class McapFile:
         self._scanned = []
         try:
             self._scan_records(self._file, len(MAGIC), self._size)
-        # Depending on the damage, the packages that unpack raise any kind of exception.
+        # On damaged data, the unpacking packages may raise any exception.
         except Exception as error:
             if not recover or isinstance(error, LimitError):
                 raise
@@ -266,6 +266,6 @@ class McapWriter:
         self._file.close()
 
     def close(self) -> None:
-        """Close the file, which is no bag unless it is finished."""
+        """Close the file; without `finish`, it is not a valid bag."""
         with suppress(OSError):
             self._file.close()

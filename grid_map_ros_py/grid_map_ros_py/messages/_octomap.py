@@ -126,7 +126,7 @@ def load_octomap(
     max_bound: npt.ArrayLike = ANYWHERE,
     frame_id: str = "map",
 ) -> GridMap:
-    """Return the map of a `.bt` or `.ot` file.
+    """Load a map from a `.bt` or `.ot` file.
 
     Args:
         layers: None, or the name of the layer.
@@ -148,7 +148,7 @@ def _read(path: Path, frame_id: str) -> Any:
         raise ValueError("expected a .bt or .ot file of OctoMap")
     entries = dict(line.partition(b" ")[::2] for line in lines if not line.startswith(b"#"))
     if not {b"id", b"res"} <= entries.keys():
-        raise ValueError("its head lacks 'id' or 'res'")
+        raise ValueError("its header lacks 'id' or 'res'")
     name, resolution = entries[b"id"].decode(), float(entries[b"res"])
     header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id=frame_id)
     return SimpleNamespace(

@@ -164,7 +164,7 @@ def from_point_cloud(
 ) -> GridMap:
     """Return a map whose cells hold heights and other fields of the points in them.
 
-    Points with a coordinate that is not finite, and those beside the map, are left out. The map has
+    Points outside the map, or with a coordinate that is not finite, are left out. The map has
     the frame and the time of the cloud.
 
     Args:
@@ -175,7 +175,7 @@ def from_point_cloud(
             `count`.
         onto: replaces resolution, length and position: a geometry, or a map whose other layers the
             result shares and whose frame must be that of the cloud.
-        more_layers: names of further layers made of the heights, each with its reduction.
+        more_layers: names of further layers from the heights, each with its reduction.
         fields: names of the fields that become layers, besides the heights. None means all that
             have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
             unless the cloud has a field of that name.
