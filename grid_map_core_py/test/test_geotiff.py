@@ -133,7 +133,7 @@ def test_rasters_without_map_are_refused(rasterio):
     ("crs", "warning"),
     [
         ("EPSG:4326", "is in degrees, which are treated as meters"),
-        ("EPSG:2263", r"is in units of 0.3048006 m \(US survey foot\), which are taken"),
+        ("EPSG:2263", r"is in units of 0.3048006 m \(US survey foot\), which are treated"),
         ("EPSG:25832", ""),
         ('LOCAL_CS["hall",UNIT["metre",1]]', ""),
     ],

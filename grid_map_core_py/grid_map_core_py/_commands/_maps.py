@@ -11,7 +11,8 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .._unfinished import scratch_folder
 from ..errors import GridMapError
@@ -122,16 +123,6 @@ def _is_address(source: str) -> bool:
     return "://" in source
 
 
-class _Only(NamedTuple):
-    """The record of a file that holds one map."""
-
-    time: int | None
-    made: "GridMap"
-
-    def grid_map(self, layers: object = None, *, unwrap: bool = True) -> "GridMap":  # noqa: ARG002
-        return self.made
-
-
 @contextmanager
 def open_records(
     options: argparse.Namespace, destination: "Destination", layers: Iterable[str] | None = None
@@ -141,7 +132,9 @@ def open_records(
     If both are bags and `--index` is not given, these are all maps of the bag, else one map.
     """
     if _choose(options)[0].open_maps is None:
-        yield [_Only(None, read_map(options, layers))]  # type: ignore[list-item]
+        grid_map = read_map(options, layers)
+        record: Any = SimpleNamespace(time=None, grid_map=lambda *_, **__: grid_map)
+        yield [record]
         return
     index = options.index
     with open_recording(options) as records:

@@ -32,23 +32,20 @@ def run(options: argparse.Namespace) -> int:
     elif "points" in facts:
         _print_cloud(facts)
     else:
-        _print_topics(topics, "last map" if options.index is None else f"map {options.index}")
+        rows = [
+            (
+                *(shown(topic["name"]), shown(topic["type"]), str(topic["count"])),
+                *(_seconds(topic["first"]), _seconds(topic["last"])),
+            )
+            for topic in topics
+        ]
+        print_table([("topic", "type", "messages", "first", "last"), *rows], numbers=(2,))
+        which = "last map" if options.index is None else f"map {options.index}"
+        for topic in topics:
+            if "map" in topic:
+                print(f"\n{shown(topic['name'])}, {which}")
+                _print_map(topic["map"])
     return 0
-
-
-def _print_topics(topics: list[dict[str, Any]], which: str) -> None:
-    rows = [
-        (
-            *(shown(topic["name"]), shown(topic["type"]), str(topic["count"])),
-            *(_seconds(topic["first"]), _seconds(topic["last"])),
-        )
-        for topic in topics
-    ]
-    print_table([("topic", "type", "messages", "first", "last"), *rows], numbers=(2,))
-    for topic in topics:
-        if "map" in topic:
-            print(f"\n{shown(topic['name'])}, {which}")
-            _print_map(topic["map"])
 
 
 def _print_cloud(facts: dict[str, Any]) -> None:
