@@ -187,7 +187,10 @@ def test_errors_of_a_filter_name_the_filter(grid_map):
     def empty(_):
         return None
 
-    for function, message in [(broken, "ZeroDivisionError: oops"), (empty, "gave None instead of")]:
+    for function, message in [
+        (broken, "ZeroDivisionError: oops"),
+        (empty, "returned None instead of"),
+    ]:
         name = f"filter 1 '{function.__name__}' "
         with pytest.raises(FilterError, match=rf"^{name}\(my/Filter\): {message}"):
             chain_of(function)(grid_map)

@@ -127,19 +127,6 @@ def _mean(algebra: Matrices, value: Value, axis: Value | None = None) -> Value:
     return algebra.elementwise(np.divide, total, float(count))
 
 
-def _mean_of_finites(algebra: Matrices, value: Value) -> Value:
-    count, total = algebra.fold(value, None, FINITE_COUNT, FINITE_SUM)
-    return algebra.elementwise(np.divide, total, count)
-
-
-def _absmax(algebra: Matrices, value: Value, axis: Value | None = None) -> Value:
-    """Return the extreme of largest magnitude with its sign, as EigenLab does."""
-    high, low = algebra.fold(value, _axis(axis), MAXIMUM, MINIMUM)
-    return algebra.elementwise(
-        lambda one, other: np.where(np.abs(one) >= np.abs(other), one, other), high, low
-    )
-
-
 def _trace(algebra: Matrices, value: Value) -> Value:
     diagonal = [
         algebra.take(value, np.array([place]), np.array([place]))
@@ -270,12 +257,27 @@ FUNCTIONS = {
     "cwiseMax": _cwise(np.maximum),
     "minOfFinites": of_finites(FINITE_MINIMUM),
     "maxOfFinites": of_finites(FINITE_MAXIMUM),
-    "meanOfFinites": Function(_mean_of_finites, skips_nan=True, reduces=1),
+    "meanOfFinites": Function(
+        lambda algebra, value: algebra.elementwise(
+            np.divide, *algebra.fold(value, None, FINITE_SUM, FINITE_COUNT)
+        ),
+        skips_nan=True,
+        reduces=1,
+    ),
     "sumOfFinites": of_finites(FINITE_SUM),
     "numberOfFinites": Function(_folding(FINITE_COUNT), skips_nan=True, reduces=1),
     "min": Function(_extreme(MINIMUM, np.minimum, "cwiseMin"), most=2, axis=True, reduces=1),
     "max": Function(_extreme(MAXIMUM, np.maximum, "cwiseMax"), most=2, axis=True, reduces=1),
-    "absmax": Function(_absmax, most=2, axis=True, reduces=1),
+    # The extreme of largest magnitude with its sign, as in EigenLab.
+    "absmax": Function(
+        lambda algebra, value, axis=None: algebra.elementwise(
+            lambda high, low: np.where(np.abs(high) >= np.abs(low), high, low),
+            *algebra.fold(value, _axis(axis), MAXIMUM, MINIMUM),
+        ),
+        most=2,
+        axis=True,
+        reduces=1,
+    ),
     "mean": Function(_mean, most=2, axis=True, reduces=1),
     "sum": Function(_folding(SUM), most=2, axis=True, reduces=1),
     "prod": Function(_folding(PRODUCT), most=2, axis=True, reduces=1),
