@@ -234,7 +234,15 @@ class McapWriter:
     def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
         """Append a message."""
         if self._reserves:
-            self._reserve(len(data))
+            written = self._file.tell()
+            if written != self._written:
+                self._written, self._waiting = written, 0
+            self._waiting += len(data) + _RESERVE_PER_MESSAGE
+            # The index of chunks takes less than a thousandth of them.
+            needed = written + written // 1024 + self._waiting + _RESERVE
+            if needed > self._reserved:
+                os.posix_fallocate(self._file.fileno(), self._reserved, needed - self._reserved)
+                self._reserved = needed
         if kind.type not in self._schemas:
             encoding = "ros2msg" if kind.definition else ""
             definition = kind.definition.encode()
@@ -245,18 +253,6 @@ class McapWriter:
                 topic, kind.encoding, self._schemas[kind.type], metadata
             )
         self._writer.add_message(self._channels[topic], time, data, time)
-
-    def _reserve(self, size: int) -> None:
-        """Allocate space for a message, for chunks that are not written yet, and for the index."""
-        written = self._file.tell()
-        if written != self._written:
-            self._written, self._waiting = written, 0
-        self._waiting += size + _RESERVE_PER_MESSAGE
-        # The index of chunks takes less than a thousandth of them.
-        needed = written + written // 1024 + self._waiting + _RESERVE
-        if needed > self._reserved:
-            os.posix_fallocate(self._file.fileno(), self._reserved, needed - self._reserved)
-            self._reserved = needed
 
     def finish(self, information: object) -> None:
         """Write the metadata of the bag and the index, and close the file."""

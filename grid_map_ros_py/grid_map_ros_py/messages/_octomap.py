@@ -101,7 +101,16 @@ def from_octomap(
     )
     if resolution is None or resolution == message.resolution:
         return grid_map
-    return _coarser(grid_map, layer, resolution)
+    if resolution < grid_map.resolution:
+        expected = f"at least that of the tree, {grid_map.resolution}"
+        raise MessageError("resolution", expected, resolution)
+    half = 0.5 * grid_map.length
+    geometry = fitting_geometry(
+        grid_map.position - half, grid_map.position + half, resolution, hold_edges=False
+    )
+    points = np.column_stack([grid_map.get_positions(), grid_map[layer].ravel("F")])
+    coarse = GridMap.from_geometry(geometry, frame_id=grid_map.frame_id, timestamp=timestamp)
+    return rasterize(points, coarse, {layer: "max"})
 
 
 def octomap_to_points(
@@ -196,18 +205,3 @@ def _box(
 def _meters(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
     """Return the coordinates of the centers of voxels, in the type of the keys."""
     return np.asarray((keys - (VOXELS // 2 - 0.5)) * resolution)
-
-
-def _coarser(grid_map: GridMap, layer: str, resolution: float) -> GridMap:
-    if resolution < grid_map.resolution:
-        expected = f"at least that of the tree, {grid_map.resolution}"
-        raise MessageError("resolution", expected, resolution)
-    half = 0.5 * grid_map.length
-    geometry = fitting_geometry(
-        grid_map.position - half, grid_map.position + half, resolution, hold_edges=False
-    )
-    points = np.column_stack([grid_map.get_positions(), grid_map[layer].ravel("F")])
-    coarse = GridMap.from_geometry(
-        geometry, frame_id=grid_map.frame_id, timestamp=grid_map.timestamp
-    )
-    return rasterize(points, coarse, {layer: "max"})
