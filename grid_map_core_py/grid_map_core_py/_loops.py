@@ -38,7 +38,7 @@ class Loop:
         takes: types of the arguments: "float32*" for an array, "const float32*" for a read-only
             one, "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
             Other types are compiled when they first occur.
-        instead: functions that are compiled in place of others that the function calls.
+        instead: replacements, in compiled code, of functions that the function calls.
     """
 
     function: Callable[..., None]

@@ -80,7 +80,7 @@ def grid_maps(
     allow_infinity: bool = True,
     allow_moved: bool = True,
 ) -> "SearchStrategy[GridMap]":
-    """Return a strategy for maps: non-square, odd and even, of one cell, empty, moved, infinite.
+    """Return a strategy for maps, including single cells, moved buffers and infinities.
 
     Args:
         layers: names of the layers; the first one is sometimes a basic layer.

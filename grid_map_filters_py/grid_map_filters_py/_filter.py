@@ -33,8 +33,8 @@ class Filter(Protocol):
 
     Filters with a type name in YAML are frozen dataclasses. Their fields are the YAML parameters:
     `grid_map_core_py.plugins.build` checks names and types, `__post_init__` the values. A filter
-    raises an error if it cannot do its work, and calls `warn` if the user should know something
-    about the result. The protocols below describe optional methods.
+    raises an error if it fails, and calls `warn` about results that need the user's attention. The
+    protocols below describe optional methods.
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
@@ -170,7 +170,7 @@ _kept = [0]
 def in_map_order(call: C) -> C:
     """Decorate `__call__` of a filter that needs maps in map order.
 
-    A moved map is unwrapped, and the result gets its start index again. Filters that look at
+    A moved map is unwrapped, and its start index is restored in the result. Filters that look at
     neighboring cells need the decorator outside of chains; a chain does the same. Memory that the
     filter frees is kept for the next one.
     """

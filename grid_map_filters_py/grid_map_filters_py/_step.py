@@ -19,7 +19,7 @@ from .errors import FilterConfigError, FilterError
 
 @dataclass(frozen=True)
 class Step:
-    """A filter and how it was configured."""
+    """A filter and its configuration."""
 
     config: StepConfig
     filter: Filter

@@ -30,7 +30,7 @@ HELP = {
     "info": "show the contents of a file: topics, layers, size, place and time",
     "inspect": "show range, mean, missing values and histogram of every layer",
     "convert": "convert maps between file formats; make maps from clouds, meshes and height images",
-    "submap": "cut a rectangle out of a map, also out of one that is larger than memory",
+    "submap": "cut a rectangle out of a map of any size",
     "doctor": "show versions, missing or broken packages, and the settings of ROS and DDS",
     "filter": "run a filter chain on a map of any size, or on all maps of a bag",
     "plot": "draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video",

@@ -32,7 +32,7 @@ _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 
 def add_tiles(parser: argparse.ArgumentParser) -> None:
-    """Add the options of runs on tiles, from Zarr or GeoTIFF to Zarr or GeoTIFF."""
+    """Add the options for tiled conversion between Zarr and GeoTIFF."""
     group = parser.add_argument_group("maps of any size, from .zarr or .tif to .zarr or .tif")
     where = group.add_mutually_exclusive_group()
     about = "start this number of processes (threads of this process)"
@@ -158,7 +158,7 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Run tiles on the processes or the cluster that the arguments of `add_tiles` name."""
+    """Select the processes or the cluster of `add_tiles` for computations in the context."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles", _REMEDY).config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):

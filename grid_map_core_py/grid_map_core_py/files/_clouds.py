@@ -112,7 +112,7 @@ def load_cloud(
     tight: bool = False,
     frame_id: str = "map",
 ) -> GridMap:
-    """Return a map that covers a point cloud or a mesh.
+    """Load a point cloud or a mesh as a map that covers it.
 
     Args:
         path: a PCD, PLY, OBJ or STL file.

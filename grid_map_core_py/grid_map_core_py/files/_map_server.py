@@ -155,8 +155,6 @@ def save_map_server(
 
 @dataclass(frozen=True, kw_only=True)
 class _Settings:
-    """Keys of a YAML file."""
-
     image: str
     resolution: float
     origin: tuple[float, ...]

@@ -313,11 +313,11 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     """Return the distance of each cell to the nearest end of a vertical gap over any cell.
 
-    The gap reaches from `lower` up to `upper`; one is a number, the other (rows, cols). The gap
-    has no height where they are the other way round. With its height f(c) the squared distance of a
-    cell is the smallest of (distance to the center of c)^2 + f(c)^2 over all cells c, the
-    generalised distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
-    Sampled Functions, 2012), for one axis after the other.
+    The gap reaches from `lower` up to `upper`; one is a number, the other (rows, cols). The gap has
+    no height where `lower` exceeds `upper`. With its height f(c) the squared distance of a cell is
+    the smallest of (distance to the center of c)^2 + f(c)^2 over all cells c, the generalised
+    distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled
+    Functions, 2012), for one axis after the other.
     """
     # In float64, because the difference of large heights may be small.
     shape = np.broadcast_shapes(np.shape(upper), np.shape(lower))

@@ -300,7 +300,7 @@ class DatasetSource:
         return str(required("dask.base", "tiled maps", REMEDY).tokenize(self.dataset))
 
     def prepare(self) -> None:
-        """Do nothing: windows share nothing."""
+        """Do nothing, because windows share no data."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         with data_errors(f"{self.name}/{names[0]}" if len(names) == 1 else self.name, "read"):

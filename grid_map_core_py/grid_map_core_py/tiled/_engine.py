@@ -149,7 +149,6 @@ _unpickled = lru_cache(maxsize=4)(pickle.loads)
 
 
 def _call_each(pickled: bytes, group: list[Any]) -> list[Any]:
-    """Call a function for some parts on a worker."""
     keep_memory()
     function = _unpickled(pickled)
     return [function(part) for part in group]

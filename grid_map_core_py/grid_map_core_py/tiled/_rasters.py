@@ -76,8 +76,6 @@ _FILE_BLOCK = 512
 
 
 class _Part(NamedTuple):
-    """A raster of a mosaic."""
-
     path: str
     place: Window
     """Rows and columns of the map that the raster covers."""
@@ -107,7 +105,7 @@ class RasterSource:
         return f"{[*self.parts]} in {self.crs}"
 
     def prepare(self) -> None:
-        """Do nothing: windows have nothing in common."""
+        """Do nothing, because windows share no data."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         layers = [np.full(shape(window), np.nan, np.float32, order="F") for _ in names]
@@ -397,7 +395,6 @@ def _write_windows(
     *,
     compress: bool,
 ) -> None:
-    """Write the layers into a file of blocks."""
     crs, origin = tiled_map.crs, tiled_map.origin
     geometry = tiled_map.geometry.at(tiled_map.position + origin)
     profile = raster_profile(geometry, len(names), crs, compress=compress)

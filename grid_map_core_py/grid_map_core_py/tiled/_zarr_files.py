@@ -150,8 +150,6 @@ def _compute(
 
 @dataclass(frozen=True)
 class _Write:
-    """Computes a tile and writes it."""
-
     tiled_map: TiledData
     store: str
     names: Sequence[str]

@@ -53,7 +53,7 @@ class StoreSource:
         return f"{path.absolute()} of {times}"
 
     def prepare(self) -> None:
-        """Do nothing: windows share nothing."""
+        """Do nothing, because windows share no data."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         source = self.opened()[1].source

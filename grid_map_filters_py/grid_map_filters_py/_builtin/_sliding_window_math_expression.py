@@ -49,7 +49,6 @@ class SlidingWindowMathExpression(LayerFilter):
         return self._cells(resolution) // 2
 
     def _cells(self, resolution: float) -> int:
-        """Return the side of the window in cells."""
         if self.window_length is None:
             return self.window_size
         cells = math.floor(self.window_length / resolution + 0.5)

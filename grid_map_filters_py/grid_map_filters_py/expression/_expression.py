@@ -208,7 +208,7 @@ class Expression:
 
 @dataclass(frozen=True)
 class _PartsOfTile:
-    """Computes parts of reductions on a tile.
+    """Computes partial reductions on a tile.
 
     Args:
         expression: holds the reductions.

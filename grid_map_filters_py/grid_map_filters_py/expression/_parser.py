@@ -84,8 +84,6 @@ def _explain(error: UnexpectedInput, text: str) -> Fault:
 
 @v_args(inline=True)
 class _Builder(Transformer_NonRecursive[Token, Node]):
-    """Converts lark's tree to nodes."""
-
     def number(self, token: Token) -> Node:
         return _node("number", token, float(token))
 

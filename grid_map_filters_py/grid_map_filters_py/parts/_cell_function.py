@@ -32,7 +32,6 @@ def choose(condition: Value, yes: Value, no: Value) -> Value:
 
 
 def _choose_one(condition: Value, yes: Value, no: Value) -> Value:
-    """Return what `choose` returns for one cell."""
     return yes if condition else no
 
 

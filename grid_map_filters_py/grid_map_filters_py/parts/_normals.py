@@ -47,7 +47,7 @@ def raster_normals(layer: Layer, resolution: float) -> Fields:
     """Return the normals from the slopes between neighboring cells.
 
     Slopes are central differences, also across an unknown cell, and one-sided beside one. Normals
-    are NaN at the border of the layer, and where a slope has no two finite cells.
+    are NaN at the border of the layer, and where a slope lacks two finite cells.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.

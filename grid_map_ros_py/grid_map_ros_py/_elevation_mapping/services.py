@@ -85,7 +85,6 @@ class MapServices:
 
 
 def _part_of(grid_map: GridMap, request: Any) -> Any:
-    """Return the requested part of a map as a message."""
     position = request.position_x, request.position_y
     length = request.length_x, request.length_y
     found = part(grid_map, frame_name(request.frame_id), position, length)

@@ -175,7 +175,6 @@ class GridMapWindowNode(ConfiguredNode):
         Node.destroy_node(self)
 
     def _details(self) -> Mapping[str, object]:
-        """Return further values for the diagnostics."""
         status = Path("/proc/self/status").read_text()
         sizes = {name: int(size) for name, size in re.findall(r"(\w+):\s+(\d+) kB", status)}
         return {
