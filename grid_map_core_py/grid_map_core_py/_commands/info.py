@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show the contents of a file: topics, layers, size, place and time."""
+"""Show the contents of a file: topics, layers, size, position and time."""
 
 import argparse
 from datetime import UTC, datetime

@@ -85,7 +85,7 @@ def load_height_image(
             position=position,
             frame_id=frame_id,
         )
-    select_layers(grid_map, layers)  # raises if it asks for another one
+    select_layers(grid_map, layers)  # raises if a layer is missing
     return grid_map
 
 

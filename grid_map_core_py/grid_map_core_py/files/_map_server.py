@@ -85,7 +85,7 @@ def load_map_server(
         geometry = GridGeometry.from_size((rows, columns), settings.resolution, position)
         layer = {occupancy_layer: occupancy}
         grid_map = GridMap.from_geometry(geometry, layer, frame_id=frame_id)
-    select_layers(grid_map, layers)  # raises if it asks for another one
+    select_layers(grid_map, layers)  # raises if a layer is missing
     return grid_map
 
 
@@ -216,7 +216,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
         gray = np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5))
         return np.dstack([gray, gray, gray, 255 * known]).astype(np.uint8)
-    # Between the thresholds; the usual pixel of unknown cells may lie outside of them.
+    # Between the thresholds, because the usual pixel of unknown cells may lie outside.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)

@@ -279,7 +279,7 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
-    """Return the heights (rows, cols) in map order, C order; -inf where there is no column."""
+    """Return the heights (rows, cols) in map order, C order; -inf where there is no ground."""
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")

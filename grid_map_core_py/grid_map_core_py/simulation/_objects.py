@@ -32,8 +32,8 @@ def with_box(
         grid_map: the terrain; it is not changed.
         center: (2,) center of the object [m], map frame; outside the map it is not visible.
         length: (2,) sides of the object along its own x and y [m].
-        height: its height above the mean of the ground under it [m]. Higher ground sticks out.
-        yaw: rotation of its x axis from that of the map [rad].
+        height: height of the object above the mean ground under it [m]; higher ground sticks out.
+        yaw: rotation of the object relative to the map [rad].
         layer: name of the layer of heights. Cells belong to the object if their centers do;
             those without ground get a height as well.
 

@@ -88,7 +88,7 @@ def cast_rays(
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
     """Return the ranges (2, N) between which beams may hit the surface; NaN if they cannot.
 
-    That is where a beam is over or under the map and not above its highest point.
+    Between them, a beam is over or under the map, and not above its highest point.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GeoTIFF files: rasters on one grid as the source of a tiled map, and writing window by window."""
+"""GeoTIFF files: reading rasters on one grid as a tiled map, and writing window by window."""
 
 import itertools
 import math

@@ -31,7 +31,7 @@ DISTORTIONS = {"plumb_bob": 8, "rational_polynomial": 8, "equidistant": 4, "fish
 """Numbers of coefficients of distortion models, by their names in `CameraInfo`."""
 
 MILLIMETERS = {"16UC1", "mono16"}
-"""Encodings of depths in millimeters (REP-118); other depths are floats in meters."""
+"""Encodings of depths in millimeters (REP-118); other encodings are floats in meters."""
 
 ROUNDS = 30
 """Iterations that remove the distortion of a lens."""
