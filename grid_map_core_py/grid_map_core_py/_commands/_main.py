@@ -27,7 +27,7 @@ GROUP = "grid_map_core_py.commands"
 BUILT_IN = ("info", "inspect", "convert", "submap", "doctor")
 
 HELP = {
-    "info": "show the contents of a file: topics, layers, size, place and time",
+    "info": "show the contents of a file: topics, layers, size, position and time",
     "inspect": "show range, mean, missing values and histogram of every layer",
     "convert": "convert maps between file formats; make maps from clouds, meshes and height images",
     "submap": "cut a rectangle out of a map of any size",
