@@ -76,7 +76,7 @@ def test_converted_bag_of_ros_1_is_read(bag):
 
 
 def test_bag_of_ros_1_is_refused_with_the_conversion_command(bag):
-    with pytest.raises(BagError, match="a bag of ROS 1; 'rosbags-convert' makes one of ROS 2"):
+    with pytest.raises(BagError, match="a bag of ROS 1; 'rosbags-convert' converts it"):
         load_from_bag(bag)
 
 

@@ -7,12 +7,12 @@
   layer; `cells_to_mask`, `sliding_windows`, `window_array`, `Polygon`.
 - Conversions: `to_image`, `from_image`, `change_resolution`, `from_points`, `from_mesh`, and colors
   as layer values.
-- Files: `load` and `save` choose the format by the name of the file.
+- Files: `load` and `save` choose the format from the file name.
 - Statistics of finite values: `mean_of_finites` and its siblings.
 - Errors: all derive from `GridMapError`.
 
 `map`, `regions`, `conversions`, `files`, `elevation`, `simulation`, `tiled`, `plugins`, `limits`,
-`errors` and `testing` offer more. They are imported when they are first used.
+`errors` and `testing` have more names and are imported lazily.
 """
 
 from importlib import import_module
@@ -81,15 +81,15 @@ _OFFERED = {
     "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
 }
 _ROOM_OF = {name: room for room, names in _OFFERED.items() for name in names.split()}
-_ROOMS = (*_OFFERED, "elevation", "limits", "plugins", "simulation", "testing")
-"""Rooms, which are imported when they are first used, so that programs such as `grid-map --help`
-need not wait for NumPy, SciPy and OpenCV."""
+_LAZY = (*_OFFERED, "elevation", "limits", "plugins", "simulation", "testing")
+"""Modules that are imported lazily, so that programs such as `grid-map --help`
+start without NumPy, SciPy and OpenCV."""
 
 __all__ = sorted(_ROOM_OF)
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOMS:
+    if name in _LAZY:
         return import_module(f"{__name__}.{name}")
     if name not in _ROOM_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -98,4 +98,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, *_ROOMS, *(name for name in globals() if name.startswith("__"))]
+    return [*__all__, *_LAZY, *(name for name in globals() if name.startswith("__"))]

@@ -38,7 +38,7 @@ class Loop:
         takes: types of the arguments: "float32*" for an array, "const float32*" for a read-only
             one, "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
             Other types are compiled when they first occur.
-        instead: functions that are compiled in place of others that the function calls.
+        instead: replacements, in compiled code, of functions that the function calls.
     """
 
     function: Callable[..., None]
@@ -108,7 +108,7 @@ def _has_numba() -> bool:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Let compiled code call the Python functions that a function calls."""
+    """Register the functions that a function calls, so that compiled code can call them."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

@@ -30,7 +30,7 @@ __all__ = [
 T = TypeVar("T")
 
 DEEPEST = 50
-"""Maximum number of nested levels of parameters and of YAML: functions that follow them recurse."""
+"""Maximum nesting depth of parameters and YAML, which are processed recursively."""
 
 
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
@@ -70,7 +70,7 @@ def descriptions(cls: type) -> dict[str, str]:
 
 
 def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the name of a node, such as `/robot/viewer`, and its parameters, from a ROS file."""
+    """Yield node names, such as `/robot/viewer`, and their parameters from a ROS file."""
     for key, value in content.items():
         if key == "ros__parameters" and isinstance(value, Mapping):
             yield path or "/", value
@@ -85,7 +85,7 @@ def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
 
     Args:
         parameters: values by name.
-        above: number of levels above them.
+        above: nesting depth of `parameters`.
 
     Raises:
         ConfigError: a parameter has both a value and parameters below it, or is nested more than
@@ -112,13 +112,13 @@ def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
 
 
 def cast(name: str, value: object, kind: Any) -> Any:
-    """Return the value of a parameter as the type that a field, or anything else, declares.
+    """Return the value of a parameter, cast to a declared type.
 
     Args:
         name: name of the parameter, for the error.
-        value: as YAML gave it; None, as which an empty list in a ROS parameter file arrives, is an
-            empty tuple or list where one is wanted.
-        kind: one of the types that `build` knows.
+        value: value from YAML. None becomes an empty tuple or list if one is expected, because ROS
+            reads an empty list as None.
+        kind: one of the types that `build` supports.
     """
     result = _try_cast(value, kind)
     if result is MISSING:

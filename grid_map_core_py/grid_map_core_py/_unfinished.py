@@ -13,7 +13,7 @@ _paths: set[Path] = set()
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Remove a file, a link or a folder at the end, if it still has this name then."""
+    """Remove a file, link or folder on exit, if it still has this name."""
     _paths.add(path)
     try:
         yield path

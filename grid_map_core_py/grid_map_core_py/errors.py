@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The errors of this package, each below its base class, and values in their messages.
+"""Error classes of this package, and values in their messages.
 
 GridMapError
 ├── LayerNotFoundError (KeyError)
@@ -69,7 +69,7 @@ class ConfigError(GridMapError, ValueError):
 
 
 class LimitError(GridMapError, ValueError):
-    """A message, a file or a request would cost more than `grid_map_core_py.limits` allow."""
+    """A message, a file or a request exceeds the limits in `grid_map_core_py.limits`."""
 
 
 class MissingPackageError(GridMapError, ImportError):
@@ -121,7 +121,7 @@ def required(module: str, feature: str, remedy: str) -> Any:
 
 
 def cut(text: str) -> str:
-    """Return a text of at most 500 characters: of a longer one, the middle is left out."""
+    """Shorten a text to 500 characters by cutting out its middle."""
     if len(text) <= _LONGEST_TEXT:
         return text
     return f"{text[: _LONGEST_TEXT - _END - 5]} ... {text[-_END:]}"

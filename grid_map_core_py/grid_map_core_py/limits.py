@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Limits of what a message, a file or a request may cost, checked before memory is allocated.
+"""Limits on the size of messages, files and requests, checked before memory is allocated.
 
-A few bytes can claim a map of any size. `GridMap(...)` and other calls that name the size in Python
-have no limit. Set limits for the process, or for a block::
+A few bytes can announce a map of any size. Sizes given in Python, as in `GridMap(...)`, have no
+limit. Set limits for the process, or for a block::
 
     from grid_map_core_py.limits import changed_limits, set_limits
 
     set_limits(max_cells=100_000_000)
     with changed_limits(max_bytes=1e10):
-        grid_map = load("site.npz")
+        grid_map = load("map.npz")
 
 Both hold for the whole process, all threads included.
 """
@@ -29,10 +29,10 @@ __all__ = [
 ]
 
 FREE_BYTES = 100_000_000
-"""Unpacked bytes that `max_ratio` always allows: uniform maps compress extremely well."""
+"""Unpacked bytes that `max_ratio` always allows, because uniform maps compress well."""
 
 VISITS = 4
-"""Factor of `max_cells` that limits how often cells are visited: two seconds for triangles."""
+"""Maximum number of visits to cells, as a multiple of `max_cells`."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Limits:
         max_cells: largest number of cells (rows times columns) of a map.
         max_bytes: largest size of all layers of a map, of unpacked data, or of a file of an image,
             points, a mesh or an octomap.
-        max_ratio: largest quotient of unpacked and packed bytes, where the unpacked ones are more
-            than 100 MB; of a part of a file, and of all that is unpacked at once.
+        max_ratio: largest ratio of unpacked to packed bytes beyond 100 MB of unpacked bytes, for
+            each part of a file and for all data unpacked at once.
     """
 
     max_cells: float = 16_000_000
@@ -66,7 +66,7 @@ def current_limits() -> Limits:
 
 
 def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
-    """Set the limits of the process and return those that it had before.
+    """Set the limits of the process and return the previous ones.
 
     Args:
         limits: new limits; None keeps the current ones.
@@ -94,7 +94,7 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
     Args:
         name: subject of the error message.
         size: rows and columns; they may be infinite.
-        layers: number of layers that will be made; 0 if each one takes bytes of the input.
+        layers: number of layers to allocate; 0 if the input contains their bytes.
     """
     cells = size[0] * size[1]
     if not cells <= current_limits().max_cells:
@@ -116,7 +116,7 @@ def check_visits(name: str, visits: float) -> None:
 
 
 def most_bytes(packed: float) -> float:
-    """Return the limit of the size of data that is unpacked from `packed` bytes."""
+    """Return the maximum size of data unpacked from `packed` bytes."""
     return min(current_limits().max_bytes, _most_by_ratio(packed))
 
 
@@ -133,7 +133,7 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
 
 
 def check_ratio(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if data that is unpacked in pieces has too many bytes for its size."""
+    """Raise `LimitError` if data unpacked in pieces exceeds `max_ratio`."""
     if unpacked > _most_by_ratio(packed):
         _refuse("max_ratio", name, "bytes from one byte", f"{unpacked} unpacked from {packed}")
 

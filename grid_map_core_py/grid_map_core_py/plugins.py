@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts for plug-ins: registries of classes, and the check of a parameter.
+"""Helpers for plug-ins: class registries and parameter checks.
 
 Filters and visualizations are dataclasses whose fields are their parameters. A `Registry` finds
-such classes by their type names in YAML, in all installed packages; `check` refuses a value.
+such classes by their YAML type names in all installed packages; `check` validates a value.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Registry(Generic[T]):
-    """Types that are built into a package, and types that entry points add.
+    """Classes by type name: those built into a package, and those of entry points.
 
     Attributes:
         built_in: classes by type name.

@@ -50,10 +50,10 @@ def assert_maps_equal(
 def register_profiles() -> None:
     """Register and load profiles of hypothesis, for the `conftest.py` of a package.
 
-    The profile `grid_map`, which is loaded, tries the same examples every time, so that a change is
-    judged by its effect. `explore` tries new and more examples every time:
-    `pytest --hypothesis-profile=explore`, or `make explore`. Neither limits the time
-    of an example, which depends on the machine.
+    The profile `grid_map`, which is loaded, tries the same examples every time, so that results are
+    reproducible. `explore` tries new and more examples every time: `pytest
+    --hypothesis-profile=explore`, or `make explore`. Neither limits the time of an example, which
+    depends on the machine.
     """
     from hypothesis import settings
 
@@ -80,7 +80,7 @@ def grid_maps(
     allow_infinity: bool = True,
     allow_moved: bool = True,
 ) -> "SearchStrategy[GridMap]":
-    """Return a strategy for maps: non-square, odd and even, of one cell, empty, moved, infinite.
+    """Return a strategy for maps, including single cells, moved buffers and infinities.
 
     Args:
         layers: names of the layers; the first one is sometimes a basic layer.

@@ -78,7 +78,7 @@ def test_convert_runs_on_tiles(command):
     code, _, error = command("convert site.zarr b.zarr")
     assert (code, error) == (
         1,
-        "grid-map: error: b.zarr: is there already; --force replaces it\n",
+        "grid-map: error: b.zarr: already exists; --force replaces it\n",
     )
     lines = command("convert site.zarr b.zarr --force --json")[1].splitlines()
     assert [json.loads(line)["tiles"] for line in (lines[0], lines[-1])] == [0, 12]

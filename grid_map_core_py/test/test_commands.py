@@ -220,7 +220,7 @@ WRONG = {
     "inspect site.npz --layer none": (1, "no layer 'none'; available: elevation"),
     "inspect site.npz --bins 0": (2, "--bins: expected a number from 1"),
     "inspect site.npz --from zip": (1, "format: expected one that is read, npz"),
-    "convert site.npz chain.yaml": (1, "chain.yaml: is there already; --force replaces it"),
+    "convert site.npz chain.yaml": (1, "chain.yaml: already exists; --force replaces it"),
     "convert site.npz site.jpg": (2, "expected a name of one of the formats npz"),
     "convert site.npz - --to geotiff": (2, "standard output takes npz, not geotiff"),
     "convert - x.npz --from geotiff": (2, "standard input takes npz, not geotiff"),
@@ -252,7 +252,7 @@ def test_only_force_replaces_a_file(command):
         assert command(line)[0] == 0
         before = Path(name).stat().st_ino
         code, _, error = command(line)
-        assert (code, f"{name}: is there already; --force replaces it" in error) == (1, True)
+        assert (code, f"{name}: already exists; --force replaces it" in error) == (1, True)
         assert Path(name).stat().st_ino == before
         assert command(f"{line} --force")[0] == 0
         assert Path(name).stat().st_ino != before

@@ -117,7 +117,7 @@ def test_a_cropped_raster_keeps_its_place_and_names(rasterio):
 @pytest.mark.filterwarnings("ignore:.*geotransform")
 def test_rasters_without_map_are_refused(rasterio):
     write(rasterio, transform=rasterio.Affine.identity())
-    with pytest.raises(GridMapError, match="does not say where it lies"):
+    with pytest.raises(GridMapError, match="has no position"):
         load("dem.tif")
     Path("text.tif").write_text("no raster")
     with pytest.raises(GridMapError, match=r"text\.tif: cannot be read"):
@@ -132,8 +132,8 @@ def test_rasters_without_map_are_refused(rasterio):
 @pytest.mark.parametrize(
     ("crs", "warning"),
     [
-        ("EPSG:4326", "is in degrees, which are taken for meters"),
-        ("EPSG:2263", r"is in units of 0.3048006 m \(US survey foot\), which are taken"),
+        ("EPSG:4326", "is in degrees, which are treated as meters"),
+        ("EPSG:2263", r"is in units of 0.3048006 m \(US survey foot\), which are treated"),
         ("EPSG:25832", ""),
         ('LOCAL_CS["hall",UNIT["metre",1]]', ""),
     ],

@@ -173,6 +173,6 @@ def test_invalid_options_write_nothing(tmp_path):
         with pytest.raises(GridMapError, match=message):
             save_map_server(grid_map, tmp_path / "a.yaml", **options)
     (tmp_path / "a.yaml").write_text("topics: {}")
-    with pytest.raises(GridMapError, match="that is there is no map of map_server"):
+    with pytest.raises(GridMapError, match="the existing file is not a map of map_server"):
         save_map_server(grid_map, tmp_path / "a.yaml", layer="a")
     assert [file.name for file in tmp_path.iterdir()] == ["a.yaml"]

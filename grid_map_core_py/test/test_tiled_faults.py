@@ -230,7 +230,7 @@ def test_overwrite_replaces_stores_only(
     site = waves(tmp_path)
     waves(tmp_path, size=(5, 5)).to_zarr(target)
     old = files(target)
-    with pytest.raises(GridMapError, match=r"out.zarr: exists already; 'overwrite' replaces it"):
+    with pytest.raises(GridMapError, match=r"out.zarr: already exists; 'overwrite' replaces it"):
         site.to_zarr(target)
     (tmp_path / "fail").write_text("48 32")
     with pytest.raises(GridMapError, match="no waves"):

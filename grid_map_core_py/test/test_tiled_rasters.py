@@ -258,7 +258,7 @@ def test_first_value_of_a_mosaic_wins(chunks):
         ({"transform": (4, 0, 2.5)}, "expected the pixels of a.tif, 2, got 2.5"),
         ({"transform": (4.3, 2.0)}, r"grid of a.tif, got ones that are shifted by \(0.3, .*0\)"),
         ({"names": ["slope"]}, "expected the layers of a.tif, elevation, got slope"),
-        ({"transform": None}, "does not say where it lies"),
+        ({"transform": None}, "has no position"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:Dataset has no")
@@ -368,7 +368,7 @@ def test_degrees_warn_and_say_what_projects_them():
     from rasterio import Affine
 
     write("a.tif", heights(5, 5), crs="EPSG:4326", transform=Affine(1e-5, 0, 11.5, 0, -1e-5, 48.1))
-    with pytest.warns(UserWarning, match="are taken for meters; .*crs='EPSG:32632'") as found:
+    with pytest.warns(UserWarning, match="are treated as meters; .*crs='EPSG:32632'") as found:
         open_map("a.tif")
     assert found[0].filename == __file__
     with warnings.catch_warnings():
@@ -476,7 +476,7 @@ def test_map_is_computed_by_cluster_in_another_folder(cluster):
 def test_existing_file_is_replaced_only_on_request():
     site = a_site(20, 30)
     Path("out.tif").write_text("precious")
-    with pytest.raises(GridMapError, match=r"^out\.tif: .*exists already; 'overwrite' replaces it"):
+    with pytest.raises(GridMapError, match=r"^out\.tif: .*already exists; 'overwrite' replaces it"):
         site.to_geotiff("out.tif")
     assert Path("out.tif").read_text() == "precious"
     site.to_geotiff("out.tif", overwrite=True)

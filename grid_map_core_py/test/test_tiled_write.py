@@ -255,7 +255,7 @@ def test_names_that_a_store_cannot_hold(tmp_path: Path, name: str) -> None:
 
 
 def test_create_keeps_what_is_there(store: Path) -> None:
-    with pytest.raises(GridMapError, match=r"site.zarr: exists already"):
+    with pytest.raises(GridMapError, match=r"site.zarr: already exists"):
         make_store(store)
     with pytest.raises(GridMapError, match="a folder of this machine"):
         make_store("s3://bucket/site.zarr")  # type: ignore[arg-type]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping_robot`: a simulated robot with a lidar and a depth camera.
 
-It drives around on real terrain with boxes, a ramp and stairs, and a person crosses its way. It
-starts when a node subscribes to the lidar. Publishes the clouds of both sensors, odometry that
-drifts, with its covariance, and the true terrain around the robot in the frame of the odometry.
+It drives on real terrain with boxes, a ramp and stairs, and a person crosses its path. It starts
+when a node subscribes to the lidar. Publishes the clouds of both sensors, odometry that drifts,
+with its covariance, and the true terrain around the robot in the frame of the odometry.
 """
 
 import array

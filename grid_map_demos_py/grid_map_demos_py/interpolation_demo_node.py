@@ -95,7 +95,7 @@ def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -
 def measure(
     world: World, data: GridMap, geometry: GridGeometry, method: Interpolation
 ) -> tuple[float, float, float]:
-    """Return mean and largest error [m] of an interpolation, and the time of a query [us]."""
+    """Return mean and largest error [m] of an interpolation, and the time per query [us]."""
     start = time.perf_counter()
     result = interpolated(data, geometry, method)
     duration = time.perf_counter() - start

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `large_map_robot`: a simulated robot that drives to and fro along the way of `large_site`.
+"""Node `large_map_robot`: a simulated robot that drives back and forth on the path of `large_site`.
 
 Publishes odometry.
 """
@@ -17,7 +17,7 @@ from .large_site import END, way_at
 
 
 class LargeMapRobotNode(Demo):
-    """Publishes where the robot is."""
+    """Publishes the odometry of the robot."""
 
     def __init__(self) -> None:
         super().__init__("large_map_robot")
@@ -39,7 +39,7 @@ class LargeMapRobotNode(Demo):
 
 
 def position_at(distance: float) -> tuple[float, float]:
-    """Return x, y [m] after a distance along x [m] from the begin of the way, to and fro."""
+    """Return x, y [m] after a distance along x [m] from the start of the path, back and forth."""
     x = END - abs(math.remainder(distance, 4 * END))
     return x, float(way_at(x))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A site of 10^9 cells on disk, of which the ground along a way is known, and that way."""
+"""A tiled map of 10^9 cells with known ground along a path, and that path."""
 
 import math
 from collections.abc import Iterator
@@ -17,13 +17,13 @@ GEOMETRY = GridGeometry.from_size((32768, 32768), 0.1)
 LAYER = "elevation"
 
 CORRIDOR = 30.0
-"""Distance along y from the way up to which the ground is known [m]."""
+"""Largest distance of known ground from the path, along y [m]."""
 
 BEND, WAVE = 300.0, 2000.0
-"""Amplitude and wavelength of the way [m]."""
+"""Amplitude and wavelength of the path [m]."""
 
 END = 1500.0
-"""The way leads from x = END to x = -END [m]."""
+"""The path leads from x = END to x = -END [m]."""
 
 _TILE = 1024
 """Side of a chunk [cells]."""
@@ -33,15 +33,15 @@ _LENGTHS = np.geomspace(1.5, 400.0, 24)
 
 
 def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return the y of the way at some x [m]."""
+    """Return the y of the path at x [m]."""
     return BEND * np.sin(2 * math.pi / WAVE * np.asarray(x, np.float64))
 
 
 def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
     """Return the heights (rows, cols) of the ground under the cells of a grid [m].
 
-    A sum of waves in all directions, of which longer ones are higher. The sine of a sum is a sum of
-    products of x and y, so that one product of matrices makes all cells.
+    A sum of waves in all directions; longer waves are higher. The sine of a sum is a sum of
+    products of terms in x and in y, so that one matrix product computes all cells.
     """
     random = np.random.default_rng(5)
     angles = random.uniform(0, 2 * math.pi, _LENGTHS.size)
@@ -57,7 +57,7 @@ def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
 
 
 def make_site(path: Path) -> Iterator[None]:
-    """Write the site into a Zarr store, from the begin of the way; chunks off it take no room.
+    """Write the map to a Zarr store, along the path; other chunks use no disk space.
 
     Raises:
         GridMapError: the store cannot be written.
@@ -68,7 +68,7 @@ def make_site(path: Path) -> Iterator[None]:
         geometry = site.geometry.cropped(rows, columns)
         x, y = geometry.axes_in_map_order()
         middle = way_at(x)
-        # Most chunks are far from the way; looking at each cell would take longer than writing.
+        # Most chunks are far from the path; checking each cell would take longer than writing.
         if max(np.abs(x).min() - END, middle.min() - y[0], y[-1] - middle.max()) > CORRIDOR:
             continue
         is_known = np.abs(y - middle[:, None]) <= CORRIDOR

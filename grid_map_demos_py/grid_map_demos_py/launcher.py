@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Demos of several nodes, without launch files: each node is a process, and ends with the demo.
+"""Demos of several nodes without launch files: each node is a process that ends with the demo.
 
     filters_demo, elevation_mapping_demo, large_map_demo [--report DIRECTORY] [--view [PORT]]
 
@@ -39,7 +39,7 @@ WINDOW = "grid_map_ros_py._executables.grid_map_window"
 
 @dataclass(frozen=True)
 class NodesDemo:
-    """A demo that starts nodes, and a report or the viewer of the browser if they are wanted.
+    """A demo that starts nodes and, on request, a report or the viewer in the browser.
 
     The files `NAME.yaml` and `NAME_viewer.yaml` in `config` have the parameters of the report and
     of the viewers.
@@ -71,8 +71,8 @@ class NodesDemo:
 
         Args:
             arguments: the command line, None for that of the process.
-            steps: what is done before the nodes start, step by step; an interrupt ends it.
-            parameters: another parameter of a node, as `name:=value`, by module.
+            steps: work before the nodes start, one step per item; an interrupt ends it.
+            parameters: an additional parameter, as `name:=value`, by module of the node.
         """
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
         about = "write pictures there, print a table and end"
@@ -130,7 +130,7 @@ elevation_mapping_demo = NodesDemo(
 
 
 def large_map_demo(arguments: Sequence[str] | None = None) -> int:
-    """Write a large map into a temporary folder, and run the demo of its windows."""
+    """Write a large map to a temporary folder, and run the demo of its windows."""
     from .large_site import GEOMETRY, make_site
 
     demo = NodesDemo(
@@ -184,7 +184,7 @@ class ProcessGroup:
 
     def __exit__(self, *_: object) -> None:
         for process in self._processes.values():
-            # Unlike SIGINT, this prints nothing while Python is still starting.
+            # Unlike SIGINT, SIGTERM prints nothing while Python is still starting.
             process.terminate()
         deadline = time.monotonic() + PATIENCE
         for process in self._processes.values():

@@ -3,7 +3,7 @@
 
 Requests an octomap from a service such as octomap_server every 10 s, or reads one from a file.
 Publishes `grid_map` with the layer `elevation`, the height of the highest occupied voxel of each
-column, and passes the octomap of the service on to `octomap`, for the RViz display of OctoMap.
+column, and republishes the octomap of the service on `octomap` for the OctoMap display of RViz.
 
 For robots use `octomap_to_grid_map` in `grid_map_ros_py`, which also subscribes to a topic.
 """

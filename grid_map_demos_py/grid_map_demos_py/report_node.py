@@ -138,7 +138,7 @@ class DemoReportNode(ReportNode):
         for status in message.status:
             if status.name == FILTER_CHAIN:
                 times = [(v.key[3:], v.value) for v in status.values if v.key.startswith("ms ")]
-                with suppress(ValueError):  # Another program may report text.
+                with suppress(ValueError):  # Another program may publish text values.
                     for name, milliseconds in [(name, float(ms)) for name, ms in times]:
                         self._times.setdefault(name, []).append(milliseconds)
                     self._count(DIAGNOSTICS)
@@ -184,7 +184,7 @@ RAW = "/elevation_mapping/elevation_map_raw"
 POSTPROCESSED = "/elevation_mapping/elevation_map"
 
 WRONG = 0.1
-"""Error [m] of cells that are wrong, such as where an obstacle was a moment ago."""
+"""Error above which a cell is wrong, for example after an obstacle has moved [m]."""
 
 
 class ElevationMappingReportNode(ReportNode):
@@ -299,7 +299,7 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
 
 
 def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
-    """Return when maps showed the person of the true terrains, in seconds since `begin` [ns]."""
+    """Return the times at which maps showed the person, in seconds since `begin` [ns]."""
     way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
     walk: list[float] = []
     shown: list[float] = []
@@ -342,7 +342,7 @@ THINNED = 64
 
 
 class LargeMapReportNode(ReportNode):
-    """Collects windows of a large map for some time, then reports on how they arrived."""
+    """Collects windows of a large map for some time, then reports their rates and delays."""
 
     def __init__(self) -> None:
         super().__init__("large_map_report")
@@ -396,13 +396,13 @@ class LargeMapReportNode(ReportNode):
                 "worst": f"{worst:.1f} ms",
             },
             f"Resident memory of {WINDOW_NODE}": {
-                "at the begin": f"{self._memory[0]:.1f} MB",
+                "at the start": f"{self._memory[0]:.1f} MB",
                 "in the middle": f"{self._memory[len(self._memory) // 2]:.1f} MB",
                 "at the end": f"{self._memory[-1]:.1f} MB",
             },
         }
         colors = {"color_map": "gist_earth", "label": "elevation [m]"}
-        way = {**colors, "title": "Windows on their way over the site"}
+        way = {**colors, "title": "Windows along the path of the robot"}
         last = {**colors, "title": "The last window"}
         self.finish(tables, {"way": (self._overview, LAYER, way), "window": (window, LAYER, last)})
 

@@ -31,7 +31,7 @@ WALK = 0.003
 
 LIDAR = np.eye(4)
 LIDAR[2, 3] = 0.45
-"""From the lidar, which is above the middle of the robot, to the frame of the robot."""
+"""Transform from the lidar, above the middle of the robot, to the frame of the robot."""
 
 TILT = 0.3
 """Angle by which the camera looks down [rad]."""
@@ -41,11 +41,11 @@ CAMERA[:3, 0] = 0.0, -1.0, 0.0
 CAMERA[:3, 1] = -math.sin(TILT), 0.0, -math.cos(TILT)
 CAMERA[:3, 2] = math.cos(TILT), 0.0, -math.sin(TILT)
 CAMERA[:3, 3] = 0.3, 0.0, 0.3
-"""From the camera, which looks ahead and down, to the frame of the robot."""
+"""Transform from the camera, which looks ahead and down, to the frame of the robot."""
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the terrain of the demos, larger and without holes, with objects beside the way.
+    """Return the terrain of the demos, larger and without holes, with objects along the path.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.
@@ -60,7 +60,7 @@ def load_course(path: Path) -> GridMap:
 
 @dataclass
 class RobotCourse:
-    """Positions of the robot and of what moves, by the time since the start.
+    """Positions of the robot and of moving objects, as functions of the time since the start.
 
     Attributes:
         ground: terrain with a layer `elevation` [m], frame of the world.

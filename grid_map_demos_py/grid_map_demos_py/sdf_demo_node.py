@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
-Subscribes to maps. The field of a map reaches from a little below its lowest to a little above its
-highest cell. Its points have the distance to the surface as `intensity` [m]. Below the topic of the
+Subscribes to maps. The field of a map reaches from just below its lowest cell to just above its
+highest one. Its points have the distance to the surface as `intensity` [m]. Below the topic of the
 point clouds, `full_sdf` has all points, `free_space` those in the air and `occupied_space` those in
 the ground. Cells without a height get the lowest height.
 """

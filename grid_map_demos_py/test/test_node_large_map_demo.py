@@ -21,7 +21,7 @@ pytestmark = pytest.mark.needs("xarray", "zarr")
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
-    """Return the store of the first chunks: those at the begin of the way."""
+    """Return the store of the first chunks: those at the start of the path."""
     path = tmp_path_factory.mktemp("large") / "site.zarr"
     assert len([*islice(make_site(path), 12)]) == 12
     return path
@@ -72,5 +72,5 @@ def test_report_measures_windows_of_the_node(site, tmp_path):
             report.kill()
     assert {path.stem for path in tmp_path.iterdir()} == {"way", "window"}
     values = dict(re.findall(r"^ +(.+?) {2,}(-?[\d.]+)(?: ms| MB| Hz)$", report.text, re.MULTILINE))
-    for name in ("rate", "median", "worst", "at the begin", "at the end"):
+    for name in ("rate", "median", "worst", "at the start", "at the end"):
         assert float(values[name]) > 0

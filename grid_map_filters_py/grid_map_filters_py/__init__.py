@@ -2,9 +2,8 @@
 """Chains of grid map filters, configured in YAML, and an expression language over layers; no ROS.
 
 A filter takes a `GridMap` and returns another. `FilterChain` builds a sequence of them from the
-YAML that the C++ filters read. The registry `FILTERS` has the filters as Python classes,
-`expression` the expression language, `parts` helpers for fast filters of your own. The executable
-`filter_chain` runs a chain on a topic; it alone needs ROS.
+YAML that the C++ filters read. `expression` has the expression language, `parts` has helpers for
+fast filters of your own. The executable `filter_chain` runs a chain on a topic; it alone needs ROS.
 """
 
 from ._chain import FilterChain

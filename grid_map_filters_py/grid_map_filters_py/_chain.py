@@ -41,10 +41,10 @@ class FilterChain:
     Args:
         steps: the filters in their order.
         threads: number of threads that the filters may use, from 1 to 1000. Results do not depend
-            on it; small maps take one.
+            on it; small maps use one.
 
     Raises:
-        FilterConfigError: `threads` is no such integer.
+        FilterConfigError: `threads` is not an integer from 1 to 1000.
 
     Example:
         >>> chain = FilterChain.from_config([{
@@ -68,7 +68,7 @@ class FilterChain:
         """Build a chain from the mapping under `filters:`, or from a list of {name, type, params}.
 
         Raises:
-            FilterConfigError: naming the filter, its type and the parameter.
+            FilterConfigError: the message names the filter, its type and the parameter.
         """
         return cls(map(Step.from_config, parse_steps(config)), threads=threads)
 
@@ -84,8 +84,8 @@ class FilterChain:
             threads: see the class.
 
         Raises:
-            FilterConfigError: naming the filter, its type and the parameter.
-            OSError: the file cannot be read.
+            FilterConfigError: the message names the filter, its type and the parameter. OSError:
+                the file cannot be read.
         """
         return cls.from_config(read_chain(path, name), threads=threads)
 
@@ -120,12 +120,12 @@ class FilterChain:
         *,
         warnings: list[str] | None = None,
     ) -> tuple[GridMap, Size]:
-        """Return the filtered map in map order, and the start index that a call would give it.
+        """Return the filtered map in map order, and the start index of a call's result.
 
         Layers that no filter has changed are those of the input, unless it has moved. All layers
-        are read-only. Nodes use this to write the result into a message at once.
+        are read-only. Nodes use this to write the result directly into a message.
 
-        Arguments and errors: see a call.
+        Arguments and errors: see `__call__`.
         """
         result = grid_map
         if grid_map.start_index != (0, 0):
@@ -213,7 +213,7 @@ def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _names_in(params: object) -> Iterator[str]:
-    """Yield the names of all values, those in mappings with dots: `min.color`."""
+    """Yield the names of all values; nested ones are joined with dots: `min.color`."""
     for name, value in params.items() if isinstance(params, Mapping) else ():
         inner = [f"{name}.{below}" for below in _names_in(value)]
         yield from inner or [str(name)]

@@ -37,7 +37,7 @@ def parse_steps(config: object) -> list[StepConfig]:
         config: the mapping `{filter1: step, filter2: step, ...}` or a list of steps.
 
     Raises:
-        FilterConfigError: naming the filter, the expected and the found configuration.
+        FilterConfigError: the message names the filter, and what was expected and found.
     """
     if isinstance(config, Mapping):
         numbered = {}
@@ -63,7 +63,7 @@ def parse_steps(config: object) -> list[StepConfig]:
         first = numbers.setdefault(step.name, step.number)
         if first != step.number:
             raise FilterConfigError(
-                f"filter {step.number}: the name {step.name!r} is already that of filter {first}"
+                f"filter {step.number}: the name {step.name!r} is already used by filter {first}"
             )
     return steps
 
@@ -105,17 +105,17 @@ def read_chain(path: str | Path, name: str) -> object:
 
 
 def field_name(name: str) -> str:
-    """Return the name of the field for a parameter: `min_value` for `min/value` and `min.value`."""
+    """Return the field name of a parameter: `min_value` for `min/value` and `min.value`."""
     return re.sub("[/.]", "_", name)
 
 
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:
-    """Return the parameters of a filter under the names of its fields.
+    """Return the parameters of a filter by field name.
 
     `min: {value: 1}`, ROS 1's `min/value: 1` and `min.value: 1` become `min_value: 1`.
 
     Raises:
-        FilterConfigError: two spellings of one parameter.
+        FilterConfigError: a parameter occurs in two spellings.
     """
     result: dict[str, object] = {}
     for key, value in parameters.items():

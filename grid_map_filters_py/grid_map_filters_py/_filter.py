@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled._source import Window
 
 WHOLE_MAP = math.inf
-"""Reach of filters that may look at all cells; the default of filters without a reach."""
+"""Reach of filters that may look at all cells, and of filters without a `reach`."""
 
 
 class Filter(Protocol):
@@ -33,8 +33,8 @@ class Filter(Protocol):
 
     Filters with a type name in YAML are frozen dataclasses. Their fields are the YAML parameters:
     `grid_map_core_py.plugins.build` checks names and types, `__post_init__` the values. A filter
-    raises an error if it cannot do its work, and calls `warn` if the user should know something
-    about the result. The protocols below it describe methods that a filter may have besides.
+    raises an error if it fails, and calls `warn` about results that need the user's attention. The
+    protocols below describe optional methods.
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
@@ -65,17 +65,17 @@ class GlobalFilter(Filter, Protocol):
     """Filter that needs quantities of the whole map, such as a mean, but is local otherwise."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
-        """Return the filter for the tiles of a map: a `LocalFilter` that knows the quantities.
+        """Compute the quantities, and return a `LocalFilter` for the tiles.
 
         Args:
-            tiled_map: the map before the filter, whose `over_tiles` reduces.
+            tiled_map: the input map; its `over_tiles` helps to compute the quantities.
             options: choices of the user.
         """
 
 
 @runtime_checkable
 class PartlyLocalFilter(Filter, Protocol):
-    """Filter that runs on tiles with some parameters only."""
+    """Filter that runs on tiles with certain parameters only."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
         """Return why a map with these layers cannot be tiled; empty if it can."""
@@ -83,17 +83,17 @@ class PartlyLocalFilter(Filter, Protocol):
 
 @runtime_checkable
 class WideningFilter(LocalFilter, Protocol):
-    """Filter whose reach depends on the data; `reach` is where it begins."""
+    """Filter whose reach depends on the data; `reach` is the initial value."""
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:
-        """Return by how many cells the border around a window of a tile is too narrow."""
+        """Return the number of cells by which the border of a tile is too narrow."""
 
 
 class CellFilter:
-    """Base class of filters whose cells depend on the same cell of the input alone."""
+    """Base class of filters that compute each cell from the same cell of the input."""
 
     def reach(self, _resolution: float) -> float:
-        """Return 0: the filter looks at no other cells."""
+        """Return 0."""
         return 0
 
 
@@ -101,7 +101,7 @@ def reach_of(function: Filter, resolution: float) -> float:
     """Return how far a filter looks: a whole number of cells, or `WHOLE_MAP`.
 
     Raises:
-        FilterError: the filter gives neither.
+        FilterError: `reach` returned anything else.
     """
     cells = function.reach(resolution) if isinstance(function, LocalFilter) else WHOLE_MAP
     is_number = isinstance(cells, int | float | np.integer | np.floating)
@@ -164,13 +164,13 @@ def pass_on(texts: Iterable[str], collected: list[str] | None, stacklevel: int =
 C = TypeVar("C", bound=Callable[..., GridMap])
 
 _kept = [0]
-"""Bytes of the largest block that `in_map_order` has freed."""
+"""Largest block that `in_map_order` has freed [bytes]."""
 
 
 def in_map_order(call: C) -> C:
     """Decorate `__call__` of a filter that needs maps in map order.
 
-    A moved map is unwrapped, and the result gets its start index again. Filters that look at
+    A moved map is unwrapped, and its start index is restored in the result. Filters that look at
     neighboring cells need the decorator outside of chains; a chain does the same. Memory that the
     filter frees is kept for the next one.
     """

@@ -14,7 +14,7 @@ BUILT_IN: dict[str, type[Filter]] = {
     f"gridMap{'Cv' if name == 'Inpaint' else 'Filters'}/{name}Filter": getattr(_builtin, name)
     for name in _builtin.__all__
 }
-"""The built-in filters, by the types of C++."""
+"""The built-in filters by their C++ type names."""
 
 ALIASES: dict[str, type[Filter]] = {
     alias: filter_class
@@ -23,11 +23,11 @@ ALIASES: dict[str, type[Filter]] = {
     for alias in (f"gridMapFilters/{name}Filter", f"gridMapCv/{name}Filter", name)
     if alias != type_name
 }
-"""Other types of the same filters: with the other prefix, and the short form."""
+"""Aliases of the same filters: with the other prefix, and the short form."""
 
 
 class FilterRegistry(Registry[Filter]):
-    """Finds filters by their aliases too, and lists each filter once."""
+    """Registry that finds filters by type or alias, and lists each filter once."""
 
     @property
     def types(self) -> tuple[str, ...]:

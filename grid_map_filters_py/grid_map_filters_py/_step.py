@@ -19,7 +19,7 @@ from .errors import FilterConfigError, FilterError
 
 @dataclass(frozen=True)
 class Step:
-    """A filter and how it was configured."""
+    """A filter and its configuration."""
 
     config: StepConfig
     filter: Filter
@@ -29,7 +29,7 @@ class Step:
         """Build the filter of a configuration.
 
         Raises:
-            FilterConfigError: naming the filter, its type and the parameter.
+            FilterConfigError: the message names the filter, its type and the parameter.
         """
         try:
             kind: Any = FILTERS[config.type]
@@ -42,7 +42,7 @@ class Step:
                 if field.name.endswith("_layer") and field.default is MISSING:
                     value = getattr(made, field.name)
                     check(value != "", field.name, "the name of a layer", value)
-        # Classes of other packages may raise anything.
+        # Classes of other packages may raise any exception.
         except Exception as error:
             raise FilterConfigError(f"{config}: {message_of(error)}") from error
         return cls(config, made)
@@ -51,7 +51,7 @@ class Step:
         """Return how far the filter looks: a number of cells, or `WHOLE_MAP`.
 
         Raises:
-            FilterError: the filter gives neither; the message names it.
+            FilterError: the filter returned anything else; the message names it.
         """
         try:
             return reach_of(self.filter, resolution)
@@ -76,7 +76,7 @@ class Step:
                 )
             raise FilterError(f"{self.config}: {message}") from error
         if not isinstance(result, GridMap):
-            raise FilterError(f"{self.config}: gave {result!r} instead of a GridMap")
+            raise FilterError(f"{self.config}: returned {result!r} instead of a GridMap")
         # A filter may move its map, but the next filter expects map order.
         return result if result.start_index == (0, 0) else result.with_start_index((0, 0))
 
@@ -103,7 +103,7 @@ def own_layer(layer: Layer, taken: set[int]) -> Layer:
 
     Args:
         layer: a layer whose memory is that of an array of a filter, or of the input.
-        taken: addresses of memory that belongs to the input or to other layers; grows.
+        taken: addresses of memory that belongs to the input or to other layers; is extended.
     """
     own, address = layer.view(), address_of(layer)
     try:

@@ -35,7 +35,7 @@ _CORNER = 3
 """Side of the small map on which a chain is tried [cells]."""
 
 _MOST = 1.05
-"""Cells of the largest map that is not cropped, relative to the cells that are wanted."""
+"""Ratio of computed to requested cells above which a map is cropped."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class _TileStep:
 
     Args:
         step: the filter and its configuration.
-        reads: layers of its input that it looks at.
+        reads: layers of its input that it reads.
         writes: layers of its result that are new or changed.
         layers: all layers of its result.
         basic_layers: basic layers of its result.
@@ -65,7 +65,7 @@ class FilteredTiles:
     steps: tuple[_TileStep, ...]
     options: TileOptions
     _bound: dict[int, Filter] = field(default_factory=dict, repr=False)
-    """Filters for tiles by the number of their step, with quantities of the whole map put in."""
+    """Filters for tiles by step number, with the quantities of the whole map."""
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -97,7 +97,7 @@ class FilteredTiles:
                     if reach_of(function, given.resolution) == WHOLE_MAP:
                         expected = "a filter whose reach is a number of cells"
                         raise FilterError(f"for_tiles_of: expected {expected}, got {function!r}")
-            # Classes of other packages may raise anything.
+            # Classes of other packages may raise any exception.
             except Exception as error:
                 raise FilterError(f"{config}: {message_of(error)}") from error
             self._bound[number] = function
@@ -115,9 +115,9 @@ class FilteredTiles:
         """Return a window after the first `count` steps, with the named layers.
 
         Returns:
-            The map of a window, and this window: the wanted one, or one that is little larger. It
-            is not cropped, since all layers would be copied. Cells beside the wanted ones are
-            those of a map that ends there.
+            The map of a window, and the window: the requested one or a slightly larger one, because
+                cropping would copy all layers. The additional cells are not exact: they see the
+                border of the window as that of the map.
         """
         while count and not self.steps[count - 1].writes & names:
             count -= 1
@@ -181,7 +181,7 @@ def filtered_tiles(
             name for name in result if name not in grid_map or result[name] is not given[name]
         )
         if type(step.filter) not in BUILT_IN.values():
-            # The layers that other filters look at, and change, may depend on the data.
+            # Other filters may read and change layers depending on the data.
             reads, writes = frozenset(grid_map), frozenset(result)
         tried.append(_TileStep(step, reads, writes, result.layers, result.basic_layers))
         grid_map = result
@@ -190,7 +190,7 @@ def filtered_tiles(
 
 
 class _Watched(GridMap):
-    """A map that records the names of layers that a filter looks at, or looks for."""
+    """Map that records which layers a filter reads or tests for."""
 
     __slots__ = ("looked_at",)
     looked_at: set[str]

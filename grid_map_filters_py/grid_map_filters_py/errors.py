@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The errors of this package, each below its base class.
+"""Error classes of this package.
 
 GridMapError (grid_map_core_py)
 └── FilterError

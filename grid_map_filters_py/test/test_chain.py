@@ -187,7 +187,10 @@ def test_errors_of_a_filter_name_the_filter(grid_map):
     def empty(_):
         return None
 
-    for function, message in [(broken, "ZeroDivisionError: oops"), (empty, "gave None instead of")]:
+    for function, message in [
+        (broken, "ZeroDivisionError: oops"),
+        (empty, "returned None instead of"),
+    ]:
         name = f"filter 1 '{function.__name__}' "
         with pytest.raises(FilterError, match=rf"^{name}\(my/Filter\): {message}"):
             chain_of(function)(grid_map)
@@ -275,7 +278,7 @@ def with_params(type_name, **params):
             "filter 1: unknown entry 'parms'; expected name, type and params",
         ),
         ([{**GOOD, "params": [1]}], "filter 1 'n': params: expected a mapping, got [1] (list)"),
-        ([GOOD, GOOD], "filter 2: the name 'n' is already that of filter 1"),
+        ([GOOD, GOOD], "filter 2: the name 'n' is already used by filter 1"),
         (
             with_params("gridMapFilters/TresholdFilter"),
             "unknown type 'gridMapFilters/TresholdFilter'; did you mean gridMapFilters/Threshold",

@@ -384,7 +384,7 @@ AT_EVALUATION = [
     ("cwiseMin(1, elevation)", 9, "the matrix comes first"),
     ("[elevation; row]", 12, "this row has 5 columns, the first row 4"),
     ("0:elevation", 2, "a range needs numbers, this is 3 x 4"),
-    ("sum(:)", 4, "stands only in an index"),
+    ("sum(:)", 4, "is valid only in an index"),
     ("row(1.5 + elevation(0, 0) - 1)", 26, "must be a whole number"),
 ]
 

@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 @contextmanager
 def place_below(directory: str, path: str) -> Iterator[Path]:
-    """Yield the path of a bag below a directory; errors of its use name the path of the request.
+    """Yield the path of a bag below a directory; errors name the requested path.
 
     Args:
         directory: the directory; an empty name refuses all paths.
@@ -98,7 +98,7 @@ def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
 def open_source(
     source: str | list[str], frame_id: str = "", origin: Sequence[float] = ()
 ) -> TiledMap:
-    """Return a map of any size, of which only the description is read.
+    """Open a map of any size; only its metadata is read.
 
     Args:
         source: path of a Zarr store or of a raster, or paths of rasters.
@@ -143,10 +143,10 @@ def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequenc
 
 
 class LatestOnly(Generic[T]):
-    """Calls a function in a thread with the newest of the things that wait for it.
+    """Calls a function in a thread with the newest waiting item; older ones are dropped.
 
     Args:
-        function: called with one thing at a time.
+        function: called with one item at a time.
     """
 
     def __init__(self, function: Callable[[T], object]) -> None:
@@ -160,18 +160,18 @@ class LatestOnly(Generic[T]):
         self._thread.start()
 
     def put(self, thing: T) -> None:
-        """Replace the waiting thing."""
+        """Replace the waiting item."""
         with self._change:
             self._waiting = thing
             self._change.notify()
 
     def outcomes(self) -> Iterator[Exception | None]:
-        """Yield for each finished call its error, or None."""
+        """Yield the error, or None, of each finished call."""
         while self._outcomes:
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Finish the waiting thing, and stop; return whether that took at most `timeout` [s]."""
+        """Process the waiting item, and stop; return whether that took at most `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

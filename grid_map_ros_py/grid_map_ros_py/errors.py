@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The errors of this package, each below its base class.
+"""Error classes of this package.
 
 GridMapError (grid_map_core_py)
 ├── BagError
@@ -28,7 +28,7 @@ def reason(error: Exception) -> str:
 
 
 class MessageError(GridMapError, ValueError):
-    """A message, or a value for a message, contradicts itself or the requirements.
+    """A message, or a value for a message, is inconsistent or invalid.
 
     Attributes:
         field: path of the field in the message, such as `data[0].layout.dim[1].size`.
@@ -59,7 +59,7 @@ class BagError(GridMapError):
 
 
 class NodeFailedError(GridMapError):
-    """A callback finds that its node cannot continue: the executable ends with one message."""
+    """Raised by callbacks whose node cannot continue; the executable ends with one message."""
 
 
 class RequestError(GridMapError):

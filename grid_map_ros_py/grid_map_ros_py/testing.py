@@ -48,7 +48,7 @@ OTHER_WAS_FASTER = "open_and_lock_file failed"
 """Fast DDS logs this if two processes take the same port, of any domain; one takes the next."""
 
 TIMEOUT = 30.0
-"""Seconds to wait for anything before a test fails."""
+"""Time to wait before a test fails [s]."""
 
 REFUSALS = """
 import json, sys
@@ -111,7 +111,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Do `step` until the condition holds; fail with `what` after `timeout` seconds."""
+    """Call `step` until the condition holds; fail with `what` after `timeout` seconds."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -253,7 +253,7 @@ class Peer:
         wait_until(condition, what, step=lambda: self._executor.spin_once(timeout_sec=0.05))
 
     def spin(self, seconds: float) -> None:
-        """Serve callbacks for a time [s]."""
+        """Process callbacks for a time [s]."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             self._executor.spin_once(timeout_sec=0.05)

@@ -128,11 +128,11 @@ def test_one_map_is_the_last_or_the_chosen_one(command):
         ("inspect two", 1, "2 topics of maps, name one"),
         ("inspect survey --index 7", 1, "no map 7: 3 maps on /grid_map"),
         ("inspect site.npz --index 1", 2, "--index is for bag, and this is npz"),
-        ("convert site.npz survey", 1, "survey: is there already; --force replaces it"),
-        ("convert survey survey --force", 1, "is the source, too"),
+        ("convert site.npz survey", 1, "survey: already exists; --force replaces it"),
+        ("convert survey survey --force", 1, "is also the source"),
         ("convert site.npz map.mcap", 2, "map.mcap: expected a name of one of the formats"),
         ("convert site.npz copy --recover", 2, "--recover is for bag, and this is npz"),
-        ("info .", 1, "no bag: a folder without metadata.yaml"),
+        ("info .", 1, "not a bag: a folder without metadata.yaml"),
     ],
 )
 def test_mistakes_are_one_line(line, code, text, refused):

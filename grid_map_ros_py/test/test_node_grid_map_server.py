@@ -172,7 +172,7 @@ def test_parts_of_a_source_are_read_for_each_request(client: Client, tmp_path: P
         topics = dict(client.peer.node.get_topic_names_and_types())
         assert "/grid_map" not in topics
     for reason in (
-        "set_grid_map: the map is that of the parameter 'source'",
+        "set_grid_map: the map is fixed by the parameter 'source'",
         "get_grid_map: map: expected at most 50000 cells, got 401 x 253",
         "get_grid_map: frame_id: expected 'map', that of the map, got 'odom'",
         "get_grid_map: no layer 'slope'; available: elevation, variance",

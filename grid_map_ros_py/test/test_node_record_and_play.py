@@ -151,7 +151,7 @@ def test_recorder_replaces_a_bag_only_when_forced(tmp_path):
     save_to_bag(numbered_map(1), tmp_path / "bag", MAP)
     with command("record", MAP, tmp_path / "bag") as recorder:
         assert recorder.wait() == 1
-    assert "there is a bag already" in recorder.text
+    assert "already exists" in recorder.text
     with peer() as node, command("record", MAP, tmp_path / "bag", "-f", "--count", 1) as recorder:
         node.publish(MAP, to_message(numbered_map(2)))
         assert recorder.wait() == 0

@@ -36,7 +36,7 @@ REFUSED = {
         ({"file_path": BAG, "bag_topic": "/map"}, "no topic '/map'; topics: /grid_map ("),
     ],
     "grid_map_saver": [
-        ({"file_path": "."}, "is no bag and not replaced; it holds cut_off.mcap"),
+        ({"file_path": "."}, "is not a bag and is not replaced; it holds cut_off.mcap"),
         (
             {"file_path": "bag", "compression": "gzip"},
             "expected 'none' or 'lz4' or 'zstd', got 'gzip'",

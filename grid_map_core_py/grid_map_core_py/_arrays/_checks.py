@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array types, and checked conversions of arguments: arrays, numbers, names of layers."""
+"""Array types, and checked conversion of arguments to arrays, numbers and layer names."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Pair: TypeAlias = tuple[float, float]
 """x, y in meters, map frame, as plain numbers."""
 
 _ROTATION_TOLERANCE = 1e-3
-"""Tolerance of R^T R = I for a rotation R, so that rounded numbers pass."""
+"""Tolerance of R^T R = I for a rotation R given with rounded numbers."""
 
 _EXACT = 2**53  # integers up to this one are exact in float64
 
@@ -64,7 +64,7 @@ def as_pair(values: ArrayLike, name: str) -> Pair:
 
 
 def as_point(values: ArrayLike, name: str) -> Pair:
-    """Return `values` as the numbers of one position (2,), which may be NaN or infinite."""
+    """Return the x and y of one position (2,), which may be NaN or infinite."""
     pair = plain_pair(values)
     if pair is None:
         point = as_positions(values, name)
@@ -75,7 +75,7 @@ def as_point(values: ArrayLike, name: str) -> Pair:
 
 
 def plain_pair(values: Any) -> Pair | None:
-    """Return two numbers if `values` is clearly such a pair, else None; faster than arrays."""
+    """Return `values` if it is a plain pair of numbers, else None; skips the array conversion."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind not in "fiu":
@@ -157,7 +157,7 @@ def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
 
 
 def as_rigid(transform: ArrayLike) -> Positions:
-    """Return a transform as (4, 4) float64 after checking that it keeps distances."""
+    """Return a transform as (4, 4) float64 after checking that it is rigid."""
     matrix: Positions = as_array(transform, np.float64, "transform")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise GeometryError(f"transform: expected (4, 4) finite numbers, got {short(transform)}")
@@ -187,7 +187,7 @@ def as_size(values: ArrayLike, name: str) -> Size:
 
 
 def plain_cell(values: Any) -> Size | None:
-    """Return two integers if `values` is clearly such a pair, as `plain_pair` does."""
+    """Return `values` if it is a plain pair of integers, else None."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind != "i":
@@ -209,8 +209,8 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
     """Return cells as (rows, cols).
 
     Args:
-        values: a tuple (rows, cols), as for NumPy indexing, or (N, 2) rows and columns.
-            One cell is (row, col) either way.
+        values: a tuple (rows, cols), as for NumPy indexing, or (N, 2) rows and columns; one cell is
+            (row, col).
         name: name of the parameter, for the message.
     """
     if isinstance(values, tuple):
@@ -230,7 +230,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Return a copy of a scalar or a (rows, cols) array as a layer; warn beyond float32."""
+    """Copy a scalar or a (rows, cols) array to a layer; warn if a value exceeds float32."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""
@@ -252,9 +252,9 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
 
 
 def is_name(text: object) -> bool:
-    """Return whether layers and frames can have this name.
+    """Return whether `text` is a valid name of a layer or a frame.
 
-    It is a string that is not empty, without control characters and halves of surrogate pairs.
+    A valid name is a non-empty string without control characters and lone surrogates.
     """
     if not isinstance(text, str) or not text:
         return False
@@ -270,7 +270,7 @@ def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names in `layers`, each once, or all that are available for None."""
+    """Return the names in `layers` without duplicates; None means all available ones."""
     if layers is None:
         return tuple(available)
     names = as_names(layers)
@@ -282,7 +282,7 @@ def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) 
 
 
 def as_text(values: ArrayLike) -> str:
-    """Return a pair of numbers as the text of a tuple, for messages."""
+    """Format a pair of numbers as a tuple, for messages."""
     return str(tuple(np.asarray(values, dtype=np.float64).tolist()))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reuse of freed memory, with the C library glibc."""
+"""Reuse of freed memory with glibc."""
 
 import ctypes
 from contextlib import suppress
@@ -7,15 +7,15 @@ from contextlib import suppress
 _M_TRIM_THRESHOLD, _M_MMAP_MAX = -1, -4  # options of `mallopt`
 
 LARGEST_BLOCK = 2**25
-"""Bytes above which glibc gets every block from the system, and returns it when it is freed."""
+"""Size [bytes] above which glibc returns each freed block to the system."""
 
 
 def keep_memory() -> None:
     """Keep up to 1 GB of freed memory, for messages above 32 MB and for tiles.
 
     By default, glibc returns such blocks to the system at once, and the system clears the pages of
-    the next one, which takes longer than copying a message. Subscriptions of this suite call this
-    function for large messages; a node that only publishes them calls it itself.
+    the next one, which takes longer than copying a message. The subscriptions of this suite call
+    this function for large messages; a node that only publishes them must call it itself.
     """
     with suppress(AttributeError):  # Other C libraries have no such function.
         mallopt = ctypes.CDLL(None).mallopt

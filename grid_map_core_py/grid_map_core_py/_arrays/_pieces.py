@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Work on arrays in pieces: the temporaries of a piece stay small and in the cache."""
+"""Piecewise computation on arrays, which keeps temporaries small enough for the cache."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -45,7 +45,7 @@ def elementwise(
 def piece_of(count: int) -> int:
     """Return the number of elements in a piece of an array of `count` elements.
 
-    In a small array a piece is a small part of it, so that its temporaries do not outweigh it.
+    Small arrays have smaller pieces, so that temporaries stay smaller than the array.
     """
     return max(_SMALL_PIECE, min(PIECE, count // 16))
 

@@ -14,8 +14,8 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     """Add the file to read and the options of its formats.
 
     Args:
-        parser: of the command.
-        which: the map of a bag without `--index`, for the help.
+        parser: parser of the command.
+        which: help text that says which map of a bag is read without `--index`.
     """
     parser.add_argument("source", help="file or folder of any format, or - for .npz from a pipe")
     group = parser.add_argument_group("reading")
@@ -61,7 +61,7 @@ def add_layers(parser: argparse.ArgumentParser, text: str) -> None:
 
 
 def add_destination(parser: argparse.ArgumentParser) -> None:
-    """Add the file to write, and how to write it."""
+    """Add the output file and the options of its format."""
     parser.add_argument(
         "destination",
         help="name without ending (a bag), .npz, .tif, .zarr, .png, .rrd (Rerun), .yaml (nav2's "
@@ -89,7 +89,7 @@ def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:
 
 
 def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> None:
-    """Set the `completer` of an argument, which argcomplete calls."""
+    """Set the `completer` of an argument for argcomplete."""
     action.completer = completer  # type: ignore[attr-defined]
 
 

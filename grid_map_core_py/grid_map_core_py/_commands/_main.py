@@ -27,10 +27,10 @@ GROUP = "grid_map_core_py.commands"
 BUILT_IN = ("info", "inspect", "convert", "submap", "doctor")
 
 HELP = {
-    "info": "show the contents of a file: topics, layers, size, place and time",
+    "info": "show the contents of a file: topics, layers, size, position and time",
     "inspect": "show range, mean, missing values and histogram of every layer",
     "convert": "convert maps between file formats; make maps from clouds, meshes and height images",
-    "submap": "cut a rectangle out of a map, also out of one that is larger than memory",
+    "submap": "cut a rectangle out of a map of any size",
     "doctor": "show versions, missing or broken packages, and the settings of ROS and DDS",
     "filter": "run a filter chain on a map of any size, or on all maps of a bag",
     "plot": "draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video",
@@ -39,7 +39,7 @@ HELP = {
     "record": "record topics of any type to a bag, until Ctrl-C",
     "play": "publish the messages of a bag at the pace of the recording",
 }
-"""Help of the commands of the suite: `grid-map --help` imports none of them."""
+"""Help texts of the suite's commands, so that `grid-map --help` imports none of them."""
 
 _NO_READER = 128 + signal.SIGPIPE
 
@@ -47,7 +47,7 @@ Handler: TypeAlias = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 
 class Parser(argparse.ArgumentParser):
-    """Reports an error in one line, and takes numbers such as -1e-3 as values of options."""
+    """Parser that reports errors in one line and accepts numbers such as -1e-3 as values."""
 
     def __init__(self, **options: Any) -> None:
         # An abbreviation that is unique today may be ambiguous with the next option.
@@ -110,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """End the process; an exception could be caught or replaced by a library."""
+    """End the process without an exception, which a library could catch."""
     remove_all()
     signal.signal(number, signal.SIG_DFL)
     signal.raise_signal(number)
@@ -166,7 +166,7 @@ def _failed(text: str) -> int:
 
 
 def on_end(handler: Handler) -> dict[signal.Signals, Any]:
-    """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the handlers before.
+    """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
     A SIGHUP that is ignored, as under `nohup`, stays ignored.
     A handler must not use locks such as those of `threading.Event`: the thread that it interrupts
@@ -186,7 +186,7 @@ def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], Non
 
     def prepare() -> None:
         control(set_parent_death_signal, number)
-        # The parent may have ended already. It may also be process 1, for example in a container.
+        # The parent may have ended already; in a container it may also be process 1.
         if os.getppid() != parent:
             os._exit(0)
 

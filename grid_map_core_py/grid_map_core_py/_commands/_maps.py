@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps from and to the files that a command line names.
+"""Reading and writing the map files that a command line names.
 
-Modules that are slow to import are imported by the functions that need them.
+Slow imports are inside the functions that need them.
 """
 
 import argparse
@@ -11,7 +11,8 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .._unfinished import scratch_folder
 from ..errors import GridMapError
@@ -23,10 +24,10 @@ if TYPE_CHECKING:
     from ..map import GridMap
 
 TimedMap: TypeAlias = "tuple[int | None, GridMap]"
-"""A map and its time of recording [ns], None if that is unknown."""
+"""A map and its recording time [ns], None if unknown."""
 
 STANDARD = "-"
-"""Names standard input or output, which are of the format npz."""
+"""File name that stands for standard input or output, in the format npz."""
 
 _READING = (
     *("topic", "index", "recover", "resolution", "black", "white", "height_layer"),
@@ -37,7 +38,7 @@ _WRITING = (
     *("black", "white"),
 )
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
-"""Options of the command line by where argparse keeps them, and their other names in formats."""
+"""Options of formats whose name differs from that of the command-line option."""
 
 _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 
@@ -55,8 +56,8 @@ def _choose(
     from ..files._formats import formats
 
     writes = of_source is not None
-    # Black and white may be meant for source or destination; the destination raises if neither
-    # format uses them.
+    # Black and white may belong to source or destination; the destination raises if neither format
+    # uses them.
     shared = ("lower", "upper") if hasattr(options, "destination") else ()
     elsewhere = shared if of_source is None else of_source
 
@@ -93,14 +94,14 @@ def source_format(options: argparse.Namespace) -> str:
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Return the map, or only some of its layers, that the arguments of `add_source` name."""
+    """Read the map that the arguments of `add_source` name, or only some of its layers."""
     found, given = _choose(options)
     with _source(options.source) as path:
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
 
 
 def describe(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the format, the size and the facts of the source, as JSON has them."""
+    """Return the format, size and metadata of the source as JSON values."""
     from .._files import map_facts, options_of
 
     found, given = _choose(options)
@@ -122,26 +123,18 @@ def _is_address(source: str) -> bool:
     return "://" in source
 
 
-class _Only(NamedTuple):
-    """The record of a file that holds one map."""
-
-    time: int | None
-    made: "GridMap"
-
-    def grid_map(self, layers: object = None, *, unwrap: bool = True) -> "GridMap":  # noqa: ARG002
-        return self.made
-
-
 @contextmanager
 def open_records(
     options: argparse.Namespace, destination: "Destination", layers: Iterable[str] | None = None
 ) -> "Iterator[Sequence[MapRecord]]":
-    """Yield records of the maps that go from the source to the destination.
+    """Yield records of the maps to copy from the source to the destination.
 
-    These are all maps of a bag if both are bags and `--index` is not given, else one map.
+    If both are bags and `--index` is not given, these are all maps of the bag, else one map.
     """
     if _choose(options)[0].open_maps is None:
-        yield [_Only(None, read_map(options, layers))]  # type: ignore[list-item]
+        grid_map = read_map(options, layers)
+        record: Any = SimpleNamespace(time=None, grid_map=lambda *_, **__: grid_map)
+        yield [record]
         return
     index = options.index
     with open_recording(options) as records:
@@ -149,7 +142,7 @@ def open_records(
             bag = Path(options.source).resolve()
             if Path(destination.path).resolve() in (bag, bag.parent):
                 raise CommandError(
-                    f"{destination.path}: is the source, too; its other topics would be lost"
+                    f"{destination.path}: is also the source; its other topics would be lost"
                 )
             destination.usual_topic = destination.usual_topic or records.topic  # type: ignore[attr-defined]
         if destination.takes_many and index is None:
@@ -171,7 +164,7 @@ def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]
 
 @contextmanager
 def _source(path: str) -> Iterator[Path | str]:
-    """Yield the file, an address, or a copy of standard input, which has no random access."""
+    """Yield the path or address; standard input is first copied, for random access."""
     if path != STANDARD:
         yield path if _is_address(path) else Path(path)
         return
@@ -222,7 +215,7 @@ class Destination:
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:
-        """Return whether all messages of a bag go there: no topic, map or layer is chosen."""
+        """Return whether to copy a whole bag, because no topic, map or layer is selected."""
         chosen = (options.topic, options.index, options.layers)
         is_whole = all(one is None for one in chosen)
         return self.format.save_all is not None and self._holds_many and is_whole
@@ -234,7 +227,7 @@ class Destination:
         message(f"{count} messages in {self.path}")
 
     def write(self, maps: Iterable[TimedMap]) -> int:
-        """Write maps, and return their number; each is written before the next is asked for."""
+        """Write maps one at a time, and return their number."""
         if self.format.save_maps is not None:
             topic = {"topic": self.usual_topic or "/grid_map"}
             return self.format.save_maps(self.path, maps, **topic | self._given)
@@ -261,11 +254,11 @@ class Destination:
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Raise `CommandError` if a file is there; with `force` only for devices, pipes, sockets."""
+    """Raise `CommandError` if a file exists; with `force` only for devices, pipes, sockets."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)
     if file.exists() and not (file.is_file() or file.is_dir()):
         raise CommandError(f"{path}: is neither a file nor a folder, and not replaced")
     if not force:
-        raise CommandError(f"{path}: is there already; --force replaces it")
+        raise CommandError(f"{path}: already exists; --force replaces it")

@@ -47,7 +47,7 @@ def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> N
 
 
 def shown(text: str) -> str:
-    """Return a text with control characters escaped, and at most 500 characters of it."""
+    """Return a text of at most 500 characters with control characters escaped."""
     return cut("".join(one if one.isprintable() else repr(one)[1:-1] for one in cut(text)))
 
 
@@ -56,7 +56,7 @@ def number(value: float) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Return a length or coordinate; a northing keeps its millimeters."""
+    """Format a length or coordinate, to the millimeter even for northings."""
     return f"{value:.12g}"
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Options and execution of commands that run on tiles."""
+"""Options and execution of commands on tiles."""
 
 import argparse
 import logging
@@ -25,14 +25,14 @@ _RECTANGLE = ("position", "lat", "lon", "length")
 """Options of `add_rectangle`."""
 
 _OPTIONS = ("workers", "memory", "scheduler", "resume", "cog")
-"""Options of runs on tiles."""
+"""Options that apply to tiles only."""
 
-_PATIENCE = 30  # time that a cluster has to answer [s]
+_PATIENCE = 30  # maximum time a cluster takes to answer [s]
 _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 
 def add_tiles(parser: argparse.ArgumentParser) -> None:
-    """Add the options of runs on tiles, from Zarr or GeoTIFF to Zarr or GeoTIFF."""
+    """Add the options for tiled conversion between Zarr and GeoTIFF."""
     group = parser.add_argument_group("maps of any size, from .zarr or .tif to .zarr or .tif")
     where = group.add_mutually_exclusive_group()
     about = "start this number of processes (threads of this process)"
@@ -97,10 +97,10 @@ def has_rectangle(options: argparse.Namespace) -> bool:
 def tiled_source(
     options: argparse.Namespace, destination: Destination | None = None, *, also_small: bool = False
 ) -> "TiledMap | None":
-    """Return the map of the source if it is read window by window, else None.
+    """Return the map of the source if it is to be read window by window, else None.
 
-    These are Zarr stores and GeoTIFF files; without a destination, and from GeoTIFF to GeoTIFF,
-    only those that are too large to be read at once, or all of them for `also_small`.
+    This applies to Zarr stores and GeoTIFF files. Without a destination, and from GeoTIFF to
+    GeoTIFF, small files are read at once unless `also_small` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -130,7 +130,7 @@ def write_tiles(
     threads: int | None = None,
     **progress: Any,
 ) -> None:
-    """Compute a map tile by tile into a store or a raster, and tell where it is.
+    """Compute a map tile by tile, write it to a store or a raster, and print the path.
 
     Args:
         tiled_map: the map.
@@ -158,14 +158,14 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Run tiles on the processes or the cluster that the arguments of `add_tiles` name."""
+    """Select the processes or the cluster of `add_tiles` for computations in the context."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles", _REMEDY).config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):
             yield
         return
     distributed = required("distributed", "a cluster", _REMEDY)
-    # Its errors are raised as well.
+    # Errors are raised too, so their log would repeat them.
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     if options.scheduler is None:
@@ -181,7 +181,7 @@ def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[Non
     try:
         yield
     finally:
-        # A scheduler that is lost does not answer.
+        # A lost scheduler does not answer.
         client.close(timeout=2)
 
 
@@ -204,7 +204,7 @@ def _processes(distributed: Any, count: int, memory: str) -> Iterator[None]:
             memory_limit=limit,
             local_directory=str(folder),
             silence_logs=logging.CRITICAL,
-            # No page, and no port that other machines can reach.
+            # No dashboard, and no port that other machines can reach.
             dashboard_address="127.0.0.1:0",
             scheduler_kwargs={"dashboard": False},
         )

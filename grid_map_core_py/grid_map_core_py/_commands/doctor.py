@@ -45,7 +45,7 @@ PACKAGES = {
     "nav2_msgs.msg": ("costmaps of nav2", "apt install ros-jazzy-nav2-msgs"),
     "tf2_ros": ("clouds in other frames", "apt install ros-jazzy-tf2-ros-py"),
 }
-"""Modules, what they are good for, and how to install them."""
+"""Modules with their purpose and the command that installs them."""
 
 REQUIRED = ("numpy", "scipy", "cv2", "yaml", "grid_map_core_py")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show the contents of a file: topics, layers, size, place and time."""
+"""Show the contents of a file: topics, layers, size, position and time."""
 
 import argparse
 from datetime import UTC, datetime
@@ -32,23 +32,20 @@ def run(options: argparse.Namespace) -> int:
     elif "points" in facts:
         _print_cloud(facts)
     else:
-        _print_topics(topics, "last map" if options.index is None else f"map {options.index}")
+        rows = [
+            (
+                *(shown(topic["name"]), shown(topic["type"]), str(topic["count"])),
+                *(_seconds(topic["first"]), _seconds(topic["last"])),
+            )
+            for topic in topics
+        ]
+        print_table([("topic", "type", "messages", "first", "last"), *rows], numbers=(2,))
+        which = "last map" if options.index is None else f"map {options.index}"
+        for topic in topics:
+            if "map" in topic:
+                print(f"\n{shown(topic['name'])}, {which}")
+                _print_map(topic["map"])
     return 0
-
-
-def _print_topics(topics: list[dict[str, Any]], which: str) -> None:
-    rows = [
-        (
-            *(shown(topic["name"]), shown(topic["type"]), str(topic["count"])),
-            *(_seconds(topic["first"]), _seconds(topic["last"])),
-        )
-        for topic in topics
-    ]
-    print_table([("topic", "type", "messages", "first", "last"), *rows], numbers=(2,))
-    for topic in topics:
-        if "map" in topic:
-            print(f"\n{shown(topic['name'])}, {which}")
-            _print_map(topic["map"])
 
 
 def _print_cloud(facts: dict[str, Any]) -> None:
@@ -115,7 +112,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Return a time as a date; "" outside the years 2001 to 2106, where it is no system time."""
+    """Format a time as a date; "" outside 2001 to 2106, where it is not a system time."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""

@@ -41,12 +41,20 @@ def run(options: argparse.Namespace) -> int:
     head = ("layer", "min", "max", "mean", "std", "NaN", "infinite", "histogram")
     print_table([head, *map(_row, layers)], numbers=range(1, 7))
     for layer in layers if options.histogram else ():
-        _print_histogram(layer)
+        counts, edges = layer["histogram"]["counts"], layer["histogram"]["edges"]
+        if counts:
+            print(f"\n{shown(layer['name'])}")
+            bars = [BLOCKS[-1] * round(WIDTH * count / max(counts)) for count in counts]
+            rows = [
+                (number(low), "..", number(high), str(count), bar)
+                for low, high, count, bar in zip(edges[:-1], edges[1:], counts, bars, strict=True)
+            ]
+            print_table(rows, numbers=(0, 2, 3))
     return 0
 
 
 def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dict[str, Any]:
-    """Return statistics of the finite values of a layer, and a histogram, as JSON has them.
+    """Return statistics and a histogram of the finite values of a layer as JSON values.
 
     Values are None and the histogram is empty if nothing is finite, and for packed colors.
     """
@@ -89,16 +97,3 @@ def sparkline(counts: list[int]) -> str:
     """Return a bar character for each number; only zeros are blank."""
     highest, steps = max(counts, default=0), len(BLOCKS) - 1
     return "".join(BLOCKS[-(-steps * count // highest)] if count else BLOCKS[0] for count in counts)
-
-
-def _print_histogram(layer: dict[str, Any]) -> None:
-    counts, edges = layer["histogram"]["counts"], layer["histogram"]["edges"]
-    if not counts:
-        return
-    print(f"\n{shown(layer['name'])}")
-    highest = max(counts)
-    rows = [
-        (number(low), "..", number(high), str(count), BLOCKS[-1] * round(WIDTH * count / highest))
-        for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
-    ]
-    print_table(rows, numbers=(0, 2, 3))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cut a rectangle out of a map, also out of one that is larger than memory."""
+"""Cut a rectangle out of a map of any size."""
 
 import argparse
 

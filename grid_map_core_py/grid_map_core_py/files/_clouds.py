@@ -80,8 +80,8 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
 def load_mesh(path: str | PathLike[str]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     """Read a mesh from a PLY, OBJ or STL file.
 
-    Polygons come as triangles. The objects of an OBJ file come as one mesh. A binary PLY file can
-    be read only if all its faces have the same number of vertices.
+    Polygons are split into triangles, and the objects of an OBJ file are merged. A binary PLY file
+    can be read only if all its faces have the same number of vertices.
 
     Args:
         path: the file; its ending selects the format.
@@ -112,14 +112,14 @@ def load_cloud(
     tight: bool = False,
     frame_id: str = "map",
 ) -> GridMap:
-    """Return a map that covers a point cloud or a mesh.
+    """Load a point cloud or a mesh as a map that covers it.
 
     Args:
         path: a PCD, PLY, OBJ or STL file.
-        layers: names of the layers to make: that of the heights and fields of the points; None
-            makes all.
+        layers: names of the layers to create, from the heights and fields of the points; None
+            creates all.
         resolution: side of a cell [m]; required.
-        kind: "points" or "mesh"; None takes the mesh if the file has faces.
+        kind: "points" or "mesh"; None means the mesh if the file has faces.
         height_layer: name of the layer of the heights.
         reduction: reduction of the heights of the points in a cell, as in `from_points`.
         min_height, max_height: points below and above are left out [m].
@@ -193,7 +193,7 @@ def _extent(path: str | PathLike[str], points: npt.NDArray[Any]) -> tuple[list[f
 
 
 def _read_meshes(file: Path) -> list[Any]:
-    """Return the meshes and point clouds of a file as trimesh has them."""
+    """Return the meshes and point clouds of a file as trimesh objects."""
     ending = file.suffix.lower()
     if ending not in _MESHES:
         known = ", ".join(_MESHES)
@@ -205,7 +205,7 @@ def _read_meshes(file: Path) -> list[Any]:
             options = {"process": False, "skip_materials": True}
             scene = trimesh.load_scene(BytesIO(file.read_bytes()), ending, **options)
         except ImportError as error:
-            # Trimesh would let another package guess what encoding this is.
+            # Otherwise trimesh would guess the encoding with another package.
             raise ValueError("neither valid nor text in UTF-8") from error
         except ValueError as error:
             hint = " (the faces of a binary PLY file must all have the same number of vertices)"
@@ -220,7 +220,7 @@ def _read_meshes(file: Path) -> list[Any]:
 
 
 def _check_complete(mesh: Any) -> None:
-    """Refuse what trimesh accepts: PLY text that ends early, faces without vertices, no x, y, z."""
+    """Refuse files that trimesh accepts: cut PLY text, faces without vertices, no x, y, z."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(getattr(mesh, "faces", ()))
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"expected x, y, z of every vertex, got an array {vertices.shape}")

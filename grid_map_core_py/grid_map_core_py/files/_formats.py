@@ -44,12 +44,12 @@ class Format:
         description: a few words for tables and messages.
         endings: endings of file names, in lower case, such as ".npz".
         reads: returns whether a path can be read, for folders and for endings that several formats
-            share; None goes by the endings.
+            share; None compares the endings.
         writes: returns whether a name can be written to; None compares the endings.
         load: `load(path, layers=None, **options)` returns one map; None if the format is not read.
         save: `save(grid_map, path, **options)` writes one map; None if it is not written.
         describe: `describe(path, **options)` quickly returns the metadata of a file as JSON values;
-            "map" holds those of its map. None loads the map for them.
+            "map" holds those of its map. If None, the map is loaded.
         open_maps: for formats of many maps: `open_maps(path, **options)` with the options of `load`
             but `layers` and `index` returns a context manager of a sequence of `MapRecord` with an
             attribute `topic`.
@@ -84,7 +84,7 @@ def load(
     format: str | None = None,  # noqa: A002
     **options: Any,
 ) -> GridMap:
-    """Return the map in a file or folder, in the format that its name selects.
+    """Load a map from a file or folder; the name selects the format.
 
     `formats()` lists the formats; [bags and files] in the documentation lists their options. If
     several formats share an ending, the first that has all given options is taken: `load("a.tif")`
@@ -112,7 +112,7 @@ def save(
     format: str | None = None,  # noqa: A002
     **options: Any,
 ) -> None:
-    """Write a map to a file or folder, in the format that its name selects.
+    """Write a map to a file or folder; the name selects the format.
 
     The file or folder is written atomically; one of the same format is replaced. If
     several formats share an ending, the first that has all given options is taken.
@@ -140,7 +140,7 @@ def formats() -> dict[str, Format]:
     of the format and a `Format`. A format that cannot be loaded is left out, with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
-    # Those of this package come first: a bag may be any folder.
+    # Built-in formats come first, because any folder may be a bag.
     own = f"{__package__.partition('.')[0]}."
     entries = entry_points(group=GROUP)
     for entry in sorted(entries, key=lambda one: (not one.value.startswith(own), one.name)):
@@ -198,7 +198,7 @@ def find_format(
 
 
 def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapError:
-    """Return the error that no format fits; the format may be that of a missing package."""
+    """Return the error for a path without a format; its package may be missing."""
     endings = {".mcap": "bag", ".db3": "bag", ".bt": "octomap", ".ot": "octomap"}
     kind = "bag" if (path / "metadata.yaml").exists() else endings.get(path.suffix.lower())
     if kind is not None and kind not in formats():

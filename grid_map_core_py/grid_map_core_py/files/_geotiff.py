@@ -2,7 +2,7 @@
 """GeoTIFF files: one float32 band per layer, with its name as description; NaN is no data.
 
 Rows of a raster run to -y and columns to +x. A tag holds the frame, the time and the basic layers
-of the map. The position comes from the raster, so a raster that was cropped elsewhere is right.
+of the map. The position comes from the raster, so rasters cropped by other programs are correct.
 
 The first part reads and writes whole maps. `grid_map_core_py.tiled` reads and writes windows with
 the functions of the second part.
@@ -43,7 +43,7 @@ def save_geotiff(
 ) -> None:
     """Write a map to a GeoTIFF file.
 
-    The file is written atomically; an existing one is replaced. Memory for the whole file is taken.
+    The file is written atomically; an existing one is replaced. It is built in memory.
 
     Args:
         grid_map: the map; a moved one is stored in map order.
@@ -73,18 +73,18 @@ def save_geotiff(
 
 
 def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
-    """Return the map in a GeoTIFF file of this or another program.
+    """Load a map from a GeoTIFF file of this or another program.
 
     A single band without a name becomes `elevation`, several become `band_1` and so on. Masked
-    pixels are NaN. Scales and offsets of bands are applied. A warning tells if the coordinates are
-    not meters.
+    pixels are NaN. Scales and offsets of bands are applied. Warns if the coordinates are not in
+    meters.
 
     Args:
         path: the file, or a virtual file of GDAL, such as `/vsicurl/https://...`.
         layers: names of the layers to read; None means all.
 
     Raises:
-        GridMapError: the file is damaged or no GeoTIFF, its pixels are no squares along the axes,
+        GridMapError: the file is damaged or not a GeoTIFF, its pixels are not axis-aligned squares,
             it lacks a layer, or rasterio is not installed.
     """
     with _opened(path) as (_, stored):
@@ -106,7 +106,7 @@ def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
     with storage_errors(Path(path), "read"), gdal(path), open_raster(path) as raster:
         if unit := unit_of(raster):
             warnings.warn(
-                f"{path}: is in {unit}, which are taken for meters; "
+                f"{path}: is in {unit}, which are treated as meters; "
                 "'gdalwarp -t_srs EPSG:...' projects it",
                 stacklevel=5,
             )
@@ -190,12 +190,12 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     """Return the geometry of an open raster.
 
     Raises:
-        ValueError: the pixels are no squares with north up, or the raster does not say where it is.
+        ValueError: the pixels are not squares with north up, or the raster has no position.
     """
     step = raster.transform
     if step.is_identity:
         raise ValueError(
-            "does not say where it lies (no geotransform); 'resolution' reads it as a height image"
+            "has no position (no geotransform); 'resolution' reads it as a height image"
         )
     square = abs(step.a + step.e) <= _LARGEST_DIFFERENCE * abs(step.a)
     if step.b or step.d or not step.a > 0 or not square:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Height maps as gray images, and reading and writing of images for all formats.
+"""Height maps as gray images, and image files for all formats.
 
 In files, up is +y and right is +x, as in GeoTIFF, nav2's `map_server` and RViz's view from above.
 In arrays of `grid_map_core_py.conversions`, up is +x, as in the images of the C++ package.
@@ -49,7 +49,7 @@ def load_height_image(
     position: npt.ArrayLike = (0.0, 0.0),
     frame_id: str = "map",
 ) -> GridMap:
-    """Return a map with one layer that holds the heights in an image.
+    """Load a gray image as a map with one height layer.
 
     Pixels that are transparent by more than half are NaN, and so is NaN in an image of floats.
     Colors are converted to their luma.
@@ -85,7 +85,7 @@ def load_height_image(
             position=position,
             frame_id=frame_id,
         )
-    select_layers(grid_map, layers)  # raises if it asks for another one
+    select_layers(grid_map, layers)  # raises if a layer is missing
     return grid_map
 
 
@@ -163,7 +163,7 @@ def encode_image(image: Image, ending: str) -> bytes:
 
 
 def write_image(file: Path, image: Image) -> None:
-    """Write an image to a file, complete or not at all."""
+    """Write an image to a file, atomically."""
     data = encode_image(image, file.suffix.lower())
     with new_file(file) as temporary:
         temporary.write_bytes(data)
@@ -184,7 +184,7 @@ def read_image(file: Path) -> Image:
         check_cells(f"{file}: image", _claimed_size(data))
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if pixels is None:
-        raise ValueError("no image, or a damaged one")
+        raise ValueError("not an image, or damaged")
     check_cells(f"{file}: image", pixels.shape)
     head = _PNM_HEAD.match(data)
     if head and head[1] in b"25":
@@ -196,7 +196,7 @@ def read_image(file: Path) -> Image:
 
 
 def _claimed_size(data: bytes) -> tuple[int, int]:
-    """Return rows and columns from the head of a PNG, BMP, PNM or TIFF image, else zeros."""
+    """Return rows and columns from a PNG, BMP, PNM or TIFF header, else zeros."""
     if data.startswith(b"\x89PNG"):
         columns, rows = struct.unpack_from(">II", data, 16)
         return rows, columns

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Occupancy maps of nav2's `map_server`: a YAML file and an image beside it.
 
-The YAML file says how pixels become occupancies. With `shade` from 0 (black) to 1 (white) and
+The YAML file defines how pixels become occupancies. With `shade` from 0 (black) to 1 (white) and
 `occ = 1 - shade`, or `occ = shade` with `negate`:
 
 - `trinary`: 100 above `occupied_thresh`, 0 below `free_thresh`, unknown between. Alpha counts as a
@@ -41,7 +41,7 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free), with which every written value is restored."""
+"""Default thresholds (occupied, free), which restore every written value."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
 """Pixels of occupied, unknown and free cells that `map_saver` writes in mode trinary."""
@@ -54,7 +54,7 @@ def load_map_server(
     occupancy_layer: str = LAYER,
     frame_id: str = "map",
 ) -> GridMap:
-    """Return an occupancy map of nav2's `map_server`.
+    """Load an occupancy map of nav2's `map_server`.
 
     Args:
         path: the YAML file, or a folder that holds `map.yaml`.
@@ -85,7 +85,7 @@ def load_map_server(
         geometry = GridGeometry.from_size((rows, columns), settings.resolution, position)
         layer = {occupancy_layer: occupancy}
         grid_map = GridMap.from_geometry(geometry, layer, frame_id=frame_id)
-    select_layers(grid_map, layers)  # raises if it asks for another one
+    select_layers(grid_map, layers)  # raises if a layer is missing
     return grid_map
 
 
@@ -155,8 +155,6 @@ def save_map_server(
 
 @dataclass(frozen=True, kw_only=True)
 class _Settings:
-    """Keys of a YAML file."""
-
     image: str
     resolution: float
     origin: tuple[float, ...]
@@ -184,7 +182,7 @@ def _settings(document: Any) -> _Settings:
 
 
 def _occupancy(pixels: Image, settings: _Settings) -> Layer:
-    """Return (rows, cols) 0 to 100 or NaN of the pixels of an image."""
+    """Return (rows, cols) occupancies, 0 to 100 or NaN, from the pixels of an image."""
     if pixels.dtype.kind != "u":
         raise ValueError(f"expected an image of 8 or 16 bits, got {pixels.dtype}")
     largest = np.iinfo(pixels.dtype).max
@@ -218,7 +216,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
         gray = np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5))
         return np.dstack([gray, gray, gray, 255 * known]).astype(np.uint8)
-    # Between the thresholds; the usual pixel of unknown cells may lie outside of them.
+    # Between the thresholds, because the usual pixel of unknown cells may lie outside.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)
@@ -234,6 +232,6 @@ def _old_image(file: Path) -> Path | None:
     document = load_yaml(file)
     name = document.get("image") if isinstance(document, Mapping) else None
     if not isinstance(name, str) or "grid_map" in document:
-        raise ValueError("the file that is there is no map of map_server")
+        raise ValueError("the existing file is not a map of map_server")
     is_ours = re.fullmatch(rf"{re.escape(file.stem)}(_\d+)?\.(pgm|png)", name)
     return file.with_name(name) if is_ours else None

@@ -65,7 +65,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
 
 
 def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
-    """Return the map in an `.npz` file that `save_npz` has written.
+    """Load a map from an `.npz` file written by `save_npz`.
 
     Args:
         path: the file.
@@ -76,7 +76,7 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the facts about the map of a file without reading a layer."""
+    """Return the metadata of the map in a file without reading a layer."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 

@@ -30,7 +30,7 @@ _KNOWN = (
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
-    """Refuse a name that ends like another kind of file."""
+    """Refuse a name whose ending belongs to another format."""
     ending = Path(path).suffix.lower()
     if ending in _KNOWN and ending not in own:
         raise GridMapError(f"{path}: expected a name that ends in {' or '.join(own)}, got {ending}")
@@ -38,7 +38,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Turn every error of reading or writing a file into one GridMapError that names it.
+    """Convert all errors of reading or writing a file to a GridMapError that names it.
 
     Args:
         file: the file.
@@ -78,7 +78,7 @@ def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
 
 
 def map_facts(grid_map: GridMap) -> dict[str, Any]:
-    """Return frame, time, size, place and names of layers of a map, as JSON has them."""
+    """Return frame, time, size, position and layer names of a map as JSON values."""
     return {
         "frame_id": grid_map.frame_id,
         "timestamp": grid_map.timestamp,
@@ -136,8 +136,8 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
     Args:
         path: path of the folder.
-        check_old: called with an existing folder or file, before anything is written and before it
-            is replaced; it raises to keep it.
+        check_old: called with an existing folder or file before writing and again before replacing
+            it; raises an error to keep it.
 
     Raises:
         OSError: the parent folder is missing or cannot be written to; it names `path`.
@@ -157,7 +157,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Replace a folder by another one; the old one has a hidden name for an instant."""
+    """Replace a folder with another one; the old one briefly has a hidden name."""
     old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
     target.rename(old)
     try:
@@ -170,7 +170,7 @@ def replace_folder(temporary: Path, target: Path) -> None:
 
 @contextmanager
 def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
-    """Yield a temporary name, which errors do not show, and the target without links."""
+    """Yield a temporary name and the target with links resolved; errors name `path`."""
     target = Path(path).resolve()
     if not target.parent.is_dir():
         raise FileNotFoundError(2, f"there is no folder {Path(path).parent}", str(path))
@@ -197,7 +197,7 @@ def _sync(path: Path) -> None:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML in which `1e-3` is a number and the keys of a mapping are unique."""
+    """YAML loader that reads `1e-3` as a number and refuses duplicate keys."""
 
     def flatten_mapping(self, node: Any) -> None:
         """Check the keys of a mapping before merged ones are added to them."""
@@ -221,7 +221,7 @@ _Loader.add_implicit_resolver(
 def load_yaml(path: str | PathLike[str]) -> Any:
     """Return the content of a YAML file.
 
-    Numbers such as `1e-3` are read as ROS reads them, and keys are unique.
+    Numbers such as `1e-3` are read as in ROS; duplicate keys are an error.
     """
     try:
         text = Path(path).read_bytes()
@@ -234,7 +234,7 @@ def parse_yaml(text: str | bytes, name: object) -> Any:
     """Return the content of a YAML text; `name` names it in errors.
 
     Raises:
-        GridMapError: the text is no YAML, or a key occurs twice.
+        GridMapError: the text is not valid YAML, or a key occurs twice.
     """
     try:
         return yaml.load(text, _Loader)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The arithmetic between coordinates and cells, along x or y.
+"""Conversion between coordinates and cells along x or y.
 
 Cells are counted from the border with the largest coordinate, as if the map had never moved.
 """
@@ -18,13 +18,13 @@ Coordinate = TypeVar("Coordinate", float, NDArray[Any])
 """One coordinate [m], or an array of them. NumPy and Python round both alike."""
 
 BORDER_TOLERANCE = 1e-9
-"""Tolerance [m] within which an edge or a rim counts as on a cell border or a cell center."""
+"""Distance [m] at which an edge or rim counts as on a cell border or center."""
 
 
 class Axis:
     """The cells along x, or along y.
 
-    All attributes are plain numbers, which are several times faster than scalars of NumPy; those of
+    All attributes are plain numbers, which are several times faster than NumPy scalars; those of
     `both_axes` are arrays.
 
     Attributes:

@@ -33,7 +33,7 @@ from . import _ring_buffer as ring_buffer
 from ._axis import Axis, both_axes
 
 _SUBNORMAL = float(np.nextafter(np.finfo(np.float64).tiny, 0.0))
-"""Largest number [m] that is too small for a resolution, because such numbers lose digits."""
+"""Largest subnormal number; as a resolution [m], subnormal numbers lose digits."""
 
 _LARGEST_SIDE = 2**31  # largest number of cells along a side; larger layers cannot be addressed
 _LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot count single cells
@@ -134,7 +134,7 @@ class GridGeometry:
         return inside.reshape(positions.shape[:-1])
 
     def contains(self, position: Pair) -> bool:
-        """Return whether one position x, y [m] is on the map, as `is_inside` of an array does."""
+        """Return whether one position x, y [m] is on the map; scalar form of `is_inside`."""
         x, y = position
         return bool(self._x.contains(x) and self._y.contains(y))
 
@@ -184,7 +184,7 @@ class GridGeometry:
         return (rows, columns), inside.reshape(positions.shape[:-1])
 
     def center_of(self, cell: Size, start_index: Size = (0, 0)) -> Pair:
-        """Return the center x, y [m] of one cell on the map, as `centers` does of many."""
+        """Return the center x, y [m] of one cell on the map; scalar form of `centers`."""
         x, y = self._x, self._y
         row, column = (cell[0] - start_index[0]) % x.size, (cell[1] - start_index[1]) % y.size
         return x.center_of(row), y.center_of(column)
@@ -303,7 +303,7 @@ class GridGeometry:
         return int(rows), int(columns)
 
     def shifted(self, shift: Size) -> GridGeometry:
-        """Return the grid moved by whole cells, as counted by `index_shift`."""
+        """Return the grid moved by whole cells, in the units of `index_shift`."""
         return self._of(self._x.shifted(shift[0]), self._y.shifted(shift[1]))
 
     def __reduce__(self) -> tuple[object, ...]:

@@ -495,7 +495,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Moving and cutting
 
     def move(self, position: ArrayLike) -> list[BufferRegion]:
-        """Move the map, while its data stays at its place in the frame.
+        """Move the map; its data keeps its position in the frame.
 
         The map moves by whole cells to within half a cell of `position`. Data outside the map is
         lost, new cells are NaN in all layers. No data is copied.
@@ -752,7 +752,7 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return layers; those of another map from the start index of this map."""
+        """Return layers, stored from the start index of this map."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
@@ -775,7 +775,7 @@ class GridMap(MutableMapping[str, Layer]):
         geometry: GridGeometry | None = None,
         start: Size | None = None,
     ) -> GridMap:
-        """Return a map with these layers; the rest is from this map and needs no check."""
+        """Return a map with these layers; the other attributes are copied without checks."""
         result = GridMap.__new__(GridMap)
         result._put(
             geometry or self._geometry,

@@ -30,7 +30,7 @@ Places: TypeAlias = NDArray[np.intp]
 _PADDING = 2  # number of cells beyond the border that an axis repeats
 
 REACH = 3
-"""Cells around that of a position on which its value can depend, rounding included."""
+"""Largest distance of a cell that affects a value from the cell of the position [cells]."""
 
 
 class Interpolation(Enum):
@@ -76,7 +76,7 @@ def interpolate(
 
 
 def method_of(interpolation: object) -> Interpolation:
-    """Return a method, which may be given by its name."""
+    """Return the method, given as a member or by its name."""
     try:
         return Interpolation(interpolation)
     except ValueError:
@@ -89,7 +89,7 @@ def method_of(interpolation: object) -> Interpolation:
 def _value(
     geometry: GridGeometry, start: Size, layer: Layer, point: Pair, method: Interpolation
 ) -> float:
-    """Return the value at one position as `Surface.values` does, several times as fast."""
+    """Return the value at one position; scalar form of `Surface.values`, and faster."""
     if method is Interpolation.NEAREST:
         cell = geometry.cell_at(point, start)
         if cell is None:
@@ -181,7 +181,13 @@ class Surface:
         below = below.astype(np.intp)
         weights = np.array(_weights(t, reach))
         if closed_above:
-            _continue_slopes(weights, below, self._geometry.size)
+            # Beyond the border, the slope of the border cell continues.
+            size = np.array(self._geometry.size)[:, np.newaxis]
+            for beyond, near, far in ((below >= size, 0, 3), (below <= 0, 3, 0)):
+                if beyond.any():
+                    weights[far][beyond], weights[near][beyond] = _continued(
+                        weights[far][beyond], weights[near][beyond]
+                    )
         # Half of the neighbors along an axis are below each position.
         rows, columns = offsets = np.empty((2, reach, xy.shape[1]), np.intp)
         for known, numbers, outs in zip(self._places, below, offsets, strict=True):
@@ -259,15 +265,6 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
     rest -= lowest
     rest += bend
     return lowest, rest, t - highest - bend, highest
-
-
-def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
-    """Continue the slope of the border cell beyond the border, in cubic weights (4, 2, N)."""
-    for beyond, near, far in ((below >= np.array(size)[:, np.newaxis], 0, 3), (below <= 0, 3, 0)):
-        if beyond.any():
-            weights[far][beyond], weights[near][beyond] = _continued(
-                weights[far][beyond], weights[near][beyond]
-            )
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Growing a map, and copying data of another map into it."""
+"""Growing maps, and copying data between maps."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
 
 
 def check_frames(frame_id: str, other: GridMap) -> None:
-    """Raise `GridMapError` unless `other` is a map in this frame, or one of both has no name."""
+    """Raise `GridMapError` unless `other` is a map in this frame, or a frame has no name."""
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {short(other)}")
     if frame_id and other.frame_id and frame_id != other.frame_id:
@@ -91,7 +91,7 @@ def check_frames(frame_id: str, other: GridMap) -> None:
 def lines_under(
     centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return the row (axis 0) or column (axis 1) of `other` under each one of a parallel grid.
+    """Return the row (axis 0) or column (axis 1) of `other` under each line of a parallel grid.
 
     Args:
         centers: (N,) x of the rows, or y of the columns, of the grid [m].

@@ -37,7 +37,7 @@ def resize_flag(interpolation: Interpolation | str | int) -> int:
 def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Layer:
     """Interpolate a layer with OpenCV's `resize`; both grids begin at the same corner.
 
-    A target cell whose nearest source cell is not finite takes its value, NaN or an infinity. All
+    A target cell whose nearest source cell is NaN or infinite gets that value. All
     other target cells are finite: they are computed from finite source cells only.
 
     Args:

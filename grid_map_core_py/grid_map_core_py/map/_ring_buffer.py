@@ -13,7 +13,7 @@ import numpy as np
 
 from .._arrays._checks import Integers, Layer, Size
 
-_FEW = 2**14  # number of cells from which on arithmetic is faster than looking up
+_FEW = 2**14  # number of cells above which arithmetic is faster than a lookup
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def place(numbers: Integers, start: int, size: int) -> None:
     if start and numbers.size < _FEW:
         lines(size, start).take(numbers, mode="clip", out=numbers)
     elif start:
-        # Two passes of arithmetic are faster than looking up, but begin more slowly.
+        # Two passes of arithmetic are faster than a lookup, but only for many cells.
         numbers += start
         unsigned = numbers.view(np.uint64)
         # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.

@@ -86,7 +86,14 @@ class SignedDistanceField:
         self.timestamp = grid_map.timestamp
         heights = _heights(grid_map, layer, unknown)
         self.levels = _levels(self.geometry, min_height, max_height)
-        self.distances = _distances(heights, self.levels, self.resolution)
+        levels = np.empty((self.levels.size, *heights.shape), np.float32)
+        lowest, highest = heights.min(), heights.max()
+        for level, z in zip(levels, self.levels, strict=True):
+            # In the air the distance to free space is 0, in the ground that to filled space.
+            level[...] = _to_nearest(z, heights, self.resolution) if z > lowest else 0.0
+            if z < highest:
+                level -= _to_nearest(heights, z, self.resolution)
+        self.distances = np.moveaxis(levels, 0, 2)
         self.distances.flags.writeable = False
         self.shape = (*self.geometry.size, self.levels.size)
         x, y = self.geometry.axes_in_map_order()
@@ -160,7 +167,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`; it takes the time of `gradient`."""
+        """Return the results of `value` and `gradient`, in the time of `gradient` alone."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):
@@ -245,7 +252,7 @@ class SignedDistanceField:
         return index.astype(np.intp)
 
     def _corners(self, cells: _Coordinates, out: Nodes) -> Nodes:
-        """Return in `out` the nodes (8, N) around cells; the first axis changes slowest."""
+        """Write the nodes (8, N) around cells to `out`; the first axis changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._corner_nodes, strict=True):
             # Every index is in range; other modes would copy through a buffer.
@@ -272,7 +279,7 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
-    """Return the heights (rows, cols) in map order, C order; -inf where there is no column."""
+    """Return the heights (rows, cols) in map order, C order; -inf where there is no ground."""
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")
@@ -303,47 +310,32 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
     return levels
 
 
-def _distances(heights: Layer, levels: Positions, resolution: float) -> Nodes:
-    """Return the signed distances (rows, cols, levels) to the columns under `heights`."""
-    distances = np.empty((levels.size, *heights.shape), np.float32)
-    lowest, highest = heights.min(), heights.max()
-    for level, z in zip(distances, levels, strict=True):
-        # In the air the distance to free space is 0, in the ground the distance to filled space.
-        level[...] = _to_nearest(z, heights, resolution) if z > lowest else 0.0
-        if z < highest:
-            level -= _to_nearest(heights, z, resolution)
-    return np.moveaxis(distances, 0, 2)
-
-
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     """Return the distance of each cell to the nearest end of a vertical gap over any cell.
 
-    The gap reaches from `lower` up to `upper`; one is a number, the other (rows, cols). The gap
-    has no height where they are the other way round. With its height f(c) the squared distance of a
-    cell is the smallest of (distance to the center of c)^2 + f(c)^2 over all cells c, the
-    generalised distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
-    Sampled Functions, 2012), for one axis after the other.
+    The gap reaches from `lower` up to `upper`; one is a number, the other (rows, cols). The gap has
+    no height where `lower` exceeds `upper`. With its height f(c) the squared distance of a cell is
+    the smallest of (distance to the center of c)^2 + f(c)^2 over all cells c, the generalised
+    distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled
+    Functions, 2012), for one axis after the other.
     """
     # In float64, because the difference of large heights may be small.
-    squares = np.empty(np.broadcast_shapes(np.shape(upper), np.shape(lower)), np.float32)
+    shape = np.broadcast_shapes(np.shape(upper), np.shape(lower))
+    squares: Layer = np.empty(shape, np.float32)
     np.subtract(upper, lower, out=squares, dtype=np.float64, casting="same_kind")
     np.maximum(squares, 0, out=squares)
     # A squared distance beyond float32 becomes infinite, so that the column is never the nearest.
     with np.errstate(over="ignore"):
         np.multiply(squares, squares, out=squares)
     for _ in ("x", "y"):
-        squares = _transformed(squares, resolution)
+        rows, columns = squares.shape
+        turned = np.empty((columns, rows), np.float32)
+        width = max(1, _STRIP // rows)
+        for first in range(0, columns, width):
+            strip = slice(first, first + width)
+            turned[strip] = _spread(np.ascontiguousarray(squares[:, strip]), resolution).T
+        squares = turned
     return np.sqrt(squares, out=squares)
-
-
-def _transformed(costs: Layer, resolution: float) -> Layer:
-    rows, columns = costs.shape
-    result: Layer = np.empty((columns, rows), np.float32)
-    width = max(1, _STRIP // rows)
-    for first in range(0, columns, width):
-        strip = slice(first, first + width)
-        result[strip] = _spread(np.ascontiguousarray(costs[:, strip]), resolution).T
-    return result
 
 
 def _spread(costs: Layer, resolution: float) -> Layer:

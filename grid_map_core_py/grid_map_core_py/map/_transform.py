@@ -33,7 +33,15 @@ def transformed_map(
     steps = [(0.0, 0.0)]
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    geometry = _footprint(grid_map.geometry, matrix)
+    # The smallest grid around the moved corners at height 0. Summed in this order, the mean of the
+    # corners is rounded as in the C++ library; their differences would lose digits far away.
+    x, y = (grid_map.position + np.outer((0.5, -0.5), grid_map.length)).T
+    center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
+    length = np.abs(matrix[:2, :2]) @ grid_map.length
+    size = np.ceil((length - BORDER_TOLERANCE) / grid_map.resolution)
+    # Seen edge-on, the corners have no extent.
+    sides = np.maximum(size, 1) * grid_map.resolution
+    geometry = GridGeometry(sides, grid_map.resolution, center)
     highest, sources = _seen_from_above(grid_map, height_layer, geometry, matrix[:3], steps)
     is_empty = ~np.isfinite(highest)
     layers = {}
@@ -44,18 +52,6 @@ def transformed_map(
     result = grid_map._with(layers, geometry, (0, 0))
     result.frame_id = frame_id
     return result
-
-
-def _footprint(geometry: GridGeometry, matrix: Positions) -> GridGeometry:
-    """Return the smallest grid around the moved corners at height 0."""
-    x, y = (geometry.position + np.outer((0.5, -0.5), geometry.length)).T
-    # Summed in this order, the mean is rounded as in the C++ library.
-    center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
-    # Differences of corners would lose digits far from the origin.
-    length = np.abs(matrix[:2, :2]) @ geometry.length
-    size = np.ceil((length - BORDER_TOLERANCE) / geometry.resolution)
-    # Seen edge-on, the corners have no extent.
-    return GridGeometry(np.maximum(size, 1) * geometry.resolution, geometry.resolution, center)
 
 
 def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) -> Positions:
@@ -125,7 +121,7 @@ def _landed(
 ) -> tuple[_Indices, NDArray[np.float32]]:
     """Return the cells (N,) under points, counted column after column, and their heights (N,).
 
-    Points beside the grid get the height -inf.
+    Points outside the grid get the height -inf.
     """
     row, column = x - 0.5 * geometry.length[0], y - 0.5 * geometry.length[1]
     for axis, offsets in enumerate((row, column)):

@@ -3,12 +3,12 @@
 
 - Shapes: `circle_cells`, `ellipse_cells`, `polygon_cells`, `spiral_cells`, `submap_cells`,
   `map_cells`; lines: `line_cells`, `line_cells_between`. Each returns (rows, cols), which index a
-  layer; `cells_to_mask` makes a mask of them.
-  They leave out cells beyond the map, and raise `GeometryError` for numbers that are negative
-  or not finite, and `OutOfMapError` for indices outside the map.
+  layer; `cells_to_mask` makes a mask of them. Cells beyond the map are left out. The functions
+  raise `GeometryError` for numbers that are negative or not finite, and `OutOfMapError` for indices
+  outside the map.
 - Windows around every cell: `sliding_windows`, `window_array`.
 - `Polygon`: vertices in the plane of the map.
-- `half_chords` and `BORDER_TOLERANCE`: discs and borders, as all packages understand them.
+- `half_chords` and `BORDER_TOLERANCE`: the rounding of discs and borders in all packages.
 """
 
 from ._polygon import Polygon as Polygon

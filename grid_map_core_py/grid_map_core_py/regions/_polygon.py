@@ -67,7 +67,7 @@ class Polygon:
 
     @classmethod
     def of(cls, polygon: Polygon | ArrayLike) -> Polygon:
-        """Return a polygon itself, or the one with these (V, 2) vertices [m]."""
+        """Return a polygon unchanged, or make one from (V, 2) vertices [m]."""
         return polygon if isinstance(polygon, Polygon) else cls(polygon)
 
     @classmethod
@@ -229,7 +229,7 @@ class Polygon:
         return a, 1.0 + a @ mean
 
     def triangulate(self) -> list[Polygon]:
-        """Return the triangles between the first vertex and each edge, which cover it if convex."""
+        """Return the triangles between the first vertex and each edge of a convex polygon."""
         return [Polygon([self._vertices[0], *pair]) for pair in pairwise(self._vertices[1:])]
 
     def __len__(self) -> int:

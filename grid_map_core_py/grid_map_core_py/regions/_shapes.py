@@ -280,7 +280,7 @@ def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
 def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -> Cells:
     """Return the cells (rows, cols) of a block where `mask` is true, row after row."""
     (row, column), (height, width) = grid_map.start_index, grid_map.size
-    # Views without copies; `broadcast_to` makes the same in more time.
+    # Views without copies, faster than `broadcast_to`.
     row_of = np.ndarray(mask.shape, np.int64, lines(height, row)[rows], strides=(8, 0))
     column_of = np.ndarray(mask.shape, np.int64, lines(width, column)[columns], strides=(0, 8))
     return row_of[mask], column_of[mask]
@@ -293,5 +293,5 @@ def empty_cells(count: int) -> Cells:
 
 
 def checked_radius(radius: float) -> float:
-    """Return a checked radius [m], enlarged by the tolerance of the closed rim."""
+    """Check a radius [m], and enlarge it by the tolerance of the closed rim."""
     return as_finite(radius, "radius", least=0.0) + BORDER_TOLERANCE

@@ -2,10 +2,10 @@
 """Simulated range sensors over a map, for tests and demos of elevation mapping.
 
 - `cast_rays` returns where beams meet a layer of heights, which is the true terrain.
-- `SpinningLidar` and `DepthCamera` have the directions of the beams of a sensor, and `scan` returns
-  the points that the sensor measures, with the noise of a sensor model of the room `elevation`.
-- `with_box`, `with_ramp` and `with_stairs` put objects on a terrain; a box that is put elsewhere
-  for every scan walks.
+- `SpinningLidar` and `DepthCamera` hold the beam directions of a sensor, and `scan` returns
+  the points that the sensor measures, with the noise of a sensor model from `elevation`.
+- `with_box`, `with_ramp` and `with_stairs` place objects on a terrain; a box with a new center for
+  each scan is a moving obstacle.
 """
 
 from ._objects import with_box as with_box, with_ramp as with_ramp, with_stairs as with_stairs

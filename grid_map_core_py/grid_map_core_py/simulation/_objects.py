@@ -14,7 +14,7 @@ from ..map import GridMap
 from ..regions import polygon_cells
 
 _Profile: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Share of the full height, from the share of the length."""
+"""Fraction of the height as a function of the fraction of the length."""
 
 
 def with_box(
@@ -26,16 +26,16 @@ def with_box(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with a box on the ground; a box of another center for every scan walks.
+    """Return a map with a box on the ground.
 
     Args:
-        grid_map: the terrain, which stays as it is.
-        center: (2,) center of the object [m], map frame; beside the map there is nothing to see.
+        grid_map: the terrain; it is not changed.
+        center: (2,) center of the object [m], map frame; outside the map it is not visible.
         length: (2,) sides of the object along its own x and y [m].
-        height: its height above the mean of the ground under it [m]. Higher ground sticks out.
-        yaw: rotation of its x axis from that of the map [rad].
+        height: height of the object above the mean ground under it [m]; higher ground sticks out.
+        yaw: rotation of the object relative to the map [rad].
         layer: name of the layer of heights. Cells belong to the object if their centers do;
-            those without ground become known.
+            those without ground get a height as well.
 
     Raises:
         GeometryError: an argument is not finite.
@@ -53,7 +53,7 @@ def with_ramp(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with a ramp that rises to `height` along its x axis; else as `with_box`."""
+    """Return a map with a ramp that rises to `height` along its x axis; see `with_box`."""
     return _with_object(grid_map, center, length, height, yaw, layer, lambda share: share)
 
 
@@ -67,7 +67,7 @@ def with_stairs(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with stairs of equal steps that rise along their x axis; else as `with_box`."""
+    """Return a map with stairs of equal steps that rise along their x axis; see `with_box`."""
     count = as_finite(steps, "steps", "a number of steps", least=1.0)
 
     def profile(share: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Beams against a layer of heights."""
+"""Intersections of beams with a height layer."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ def cast_rays(
     layer: str = "elevation",
     max_range: float = np.inf,
 ) -> Positions:
-    """Return how far beams go until they meet the surface of a layer.
+    """Return the ranges at which beams hit the surface of a layer.
 
-    The surface is bilinear between the centers of cells and goes on level from the outermost
-    centers to the border, as `GridMap.at_position` with `Interpolation.LINEAR` has it. A step
-    between neighboring cells is therefore as wide as a cell. Between four centers of which one is
-    not finite, there is a hole. The ground below the surface is solid: a beam that comes from
-    beside the map or out of a hole returns from the side of the ground.
+    The surface is that of `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between cell
+    centers, and level from the outermost centers to the border. A step between neighboring cells is
+    therefore as wide as a cell. Four centers enclose a hole if one of their values is not finite.
+    The ground below the surface is solid: a beam from outside the map or through a hole hits the
+    side of the ground.
 
     Args:
         grid_map: the terrain, which may have been moved.
-        origins: (N, 3) where the beams begin, or (3,) for all of them [m], map frame.
+        origins: (N, 3) start points of the beams, or (3,) for all of them [m], map frame.
         directions: (N, 3) of any length but 0, map frame.
         layer: name of the layer of heights [m].
-        max_range: range from which on a beam does not return [m].
+        max_range: range from which no beam returns [m].
 
     Returns:
         (N,) ranges [m]; NaN for beams that do not return, begin on or below the surface, or are not
@@ -86,9 +86,9 @@ def cast_rays(
 
 
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
-    """Return the ranges (2, N) between which beams may meet the surface; NaN if they cannot.
+    """Return the ranges (2, N) between which beams may hit the surface; NaN if they cannot.
 
-    That is where a beam is over or under the map and not above its highest point.
+    Between them, a beam is over or under the map, and not above its highest point.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
@@ -111,7 +111,7 @@ def march(
     Units along the surface are cells: the height `[i, k]` is at `(i, k)`, and the patch `[i, k]` is
     between the heights `[i, k]` and `[i + 1, k + 1]`. Beams cross patches in order (Amanatides and
     Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). Each crossing is computed from
-    the begin of the beam, so that rounding does not add up.
+    the start of the beam, so that rounding errors do not add up.
 
     Args:
         heights: (rows, columns).
@@ -150,7 +150,7 @@ def march(
                 k += 1 if d_column > 0.0 else -1
             crosses = crosses and i >= 0 and i < rows - 1 and k >= 0 and k < columns - 1
             begin = max(begin, leave)
-        # A beam that begins in the ground meets it at once.
+        # A beam that begins in the ground hits it at once.
         ranges[ray] = found if found > 0.0 else np.nan
 
 
@@ -188,7 +188,7 @@ def _root(f0: float, f1: float, f2: float) -> float:
 
 
 def _march_arrays(heights: Any, rays: Positions, span: Positions, ranges: Positions) -> None:
-    """Do what `march` does, with NumPy: all beams cross one patch at a time."""
+    """Compute `march` with NumPy: all beams cross one patch at a time."""
     last = np.array(heights.shape)[:, None] - 2
     ranges[...] = np.nan
     numbers = np.arange(len(ranges))

@@ -22,7 +22,7 @@ class SpinningLidar:
     """Directions of a lidar that spins around its z axis; x is forward.
 
     Attributes:
-        rings: number of rings, at elevation angles with equal distances.
+        rings: number of rings, at equally spaced elevation angles.
         lowest, highest: elevation angles of the outermost rings [rad].
         azimuths: number of beams per ring and turn.
     """
@@ -92,14 +92,14 @@ def scan(
     """Return the points that a sensor measures on a terrain, all at the same time.
 
     Args:
-        grid_map: the terrain; `cast_rays` says what its surface is.
+        grid_map: the terrain; `cast_rays` defines its surface.
         directions: (N, 3) of the beams, sensor frame, such as `SpinningLidar().directions`.
         transform: (4, 4) from the sensor frame to the map frame.
         sensor: model of the noise, which is normal with the covariance of the model at the true
-            point; points that the sensor cannot measure do not return. None is without noise.
-        random: source of the noise; None takes another one in every call.
+            point; points that the sensor cannot measure do not return. None means no noise.
+        random: source of the noise; None makes a new one in every call.
         layer: name of the layer of heights [m].
-        max_range: range from which on a beam does not return [m].
+        max_range: range from which no beam returns [m].
 
     Returns:
         (N, 3) in the order of the beams, sensor frame; NaN for beams that do not return.
@@ -139,7 +139,7 @@ def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
 
 
 def _noise(covariances: NDArray[np.float64], random: np.random.Generator) -> Positions:
-    """Return a normal sample (N, 3) of each covariance, which may be singular; NaN of NaN."""
+    """Draw a normal sample (N, 3) with each covariance, which may be singular or NaN."""
     measured = np.isfinite(covariances.sum(axis=(1, 2)))
     variances, axes = np.linalg.eigh(np.where(measured[:, None, None], covariances, 0.0))
     normal = random.standard_normal(variances.shape) * np.sqrt(np.maximum(variances, 0.0))

@@ -51,10 +51,10 @@ _LARGEST_DIFFERENCE = 1e-3
 _WKT = re.compile(r"\s*[A-Z]\w*\s*\[", re.IGNORECASE)
 
 _DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
-"""Beginning of the WKT of latitudes and longitudes."""
+"""Start of the WKT of a geographic reference system."""
 
 _ORIGINS = WeakValueDictionary[tuple[str, str], TiledData]()
-"""Tiled maps by the names of layers and of their Dask arrays."""
+"""Tiled maps by the names of a layer and of its Dask array."""
 
 # --- from maps ------------------------------------------------------------------------------------
 
@@ -147,9 +147,9 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 
 
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
-    """Return the dataset of a dataset or an array, with one variable per band.
+    """Return a dataset or an array as a dataset with one variable per band.
 
-    Bands without names are numbered behind the name of their variable. Values marked as missing
+    Bands without names are named after their variable, with a number. Values marked as missing
     become NaN; scales and offsets are applied.
     """
     xr = required("xarray", "a dataset", REMEDY)
@@ -184,7 +184,7 @@ def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bo
     """Return the geometry of a dataset in the frame, and whether x and y ascend.
 
     Raises:
-        GeometryError: a coordinate is missing or not evenly spaced, or cells are no squares.
+        GeometryError: a coordinate is missing or not evenly spaced, or cells are not square.
     """
     axes: list[Positions] = []
     for name in DIMENSIONS:
@@ -223,7 +223,7 @@ def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
-    """Return the side of a cell: as the attributes say, if the coordinates fit it."""
+    """Return the side of a cell, from the attributes if it fits the coordinates."""
     steps = [abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes if axis.size > 1]
     if steps and max(steps) - min(steps) > _LARGEST_DIFFERENCE * min(steps):
         raise GeometryError(
@@ -300,7 +300,7 @@ class DatasetSource:
         return str(required("dask.base", "tiled maps", REMEDY).tokenize(self.dataset))
 
     def prepare(self) -> None:
-        """Do nothing: windows share nothing."""
+        """Do nothing, because windows share no data."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         with data_errors(f"{self.name}/{names[0]}" if len(names) == 1 else self.name, "read"):
@@ -342,7 +342,7 @@ def open_dataset(
     crs = crs_of(dataset)
     if _DEGREES.match(crs) or "degree" in str(dataset["x"].attrs.get("units")):
         warnings.warn(
-            f"{name}: x and y are in degrees, which are taken for meters; "
+            f"{name}: x and y are in degrees, which are treated as meters; "
             "dataset.rio.reproject(...) of rioxarray projects it",
             stacklevel=3,
         )
@@ -363,7 +363,7 @@ def open_dataset(
 
 
 def turned(ascends: Sequence[bool]) -> dict[str, slice]:
-    """Return the index that turns ascending coordinates around, for `isel`."""
+    """Return the `isel` index that reverses ascending coordinates."""
     return {
         name: slice(None, None, -1) for name, each in zip(DIMENSIONS, ascends, strict=True) if each
     }
@@ -424,7 +424,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
 
 
 def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray[np.object_]:
-    """Return the layers of a tile in an array of one element, the form of blocks in Dask."""
+    """Return the layers of a tile in an array of one element, as Dask requires."""
     tiles, result = tiled_map.tiles, np.empty((1, 1), object)
     window = tiles[block_id[0] * tiles.counts[1] + block_id[1]]
     result[0, 0] = tiled_map.source.read(window, names)
@@ -438,9 +438,9 @@ def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
 
 
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
-    """Return the map whose layers these are, all of them, unchanged and not yet computed.
+    """Return the map that has exactly these layers, unchanged and not yet computed.
 
-    Windows of the map cost less than windows of Dask arrays, which compute all tiles around.
+    Reading windows of the map is cheaper than computing whole tiles of Dask arrays.
     """
     arrays = {name: dataset[name].data for name in layers if dataset[name].chunks}
     found = {_ORIGINS.get((name, array.name)) for name, array in arrays.items()}

@@ -131,7 +131,7 @@ def _on_cluster(
 
 
 def _error(client: Any, result: Any = None) -> BaseException:
-    """Return the error of a task that gave no results, or that the cluster is lost."""
+    """Return the error of a task without results, or of a lost cluster."""
     from distributed import KilledWorker
 
     if not isinstance(result, tuple):
@@ -149,7 +149,6 @@ _unpickled = lru_cache(maxsize=4)(pickle.loads)
 
 
 def _call_each(pickled: bytes, group: list[Any]) -> list[Any]:
-    """Call a function for some parts on a worker."""
     keep_memory()
     function = _unpickled(pickled)
     return [function(part) for part in group]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`open_map`: stores, rasters and datasets as tiled maps; stores as files of `load` and `save`."""
+"""`open_map` for stores, rasters and datasets; Zarr stores as a format of `load` and `save`."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -27,7 +27,7 @@ def open_map(
     crs: str = "",
     origin: tuple[float, float] | None = None,
 ) -> TiledMap:
-    """Open a map of any size; only its description is read.
+    """Open a map of any size; only its metadata is read.
 
     Several GeoTIFF files are one map if their pixels are on one grid: gaps are NaN, and where files
     overlap, the first one with a value wins.
@@ -39,13 +39,13 @@ def open_map(
             chunks of the store, otherwise 1024.
         crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
             when they are read, with bilinear interpolation and square pixels.
-        origin: latitude and longitude [deg, WGS 84] of the place that is (0, 0) in the frame; None
+        origin: latitude and longitude [deg, WGS 84] of the origin of the frame; None
             keeps the coordinates of the reference system. See `TiledMap.with_origin`.
 
     Raises:
         ConfigError: `crs` is malformed, or given for another kind of map.
         MissingPackageError: a package that the kind of map needs is not installed.
-        GridMapError: the map cannot be read, or is no map.
+        GridMapError: `path` cannot be read, or is not a map.
     """
     check(chunks is None or chunks >= 1, "chunks", "a number of cells", chunks)
     side = (chunks, chunks) if chunks else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GeoTIFF files: rasters on one grid as the source of a tiled map, and writing window by window."""
+"""GeoTIFF files: reading rasters on one grid as a tiled map, and writing window by window."""
 
 import itertools
 import math
@@ -76,8 +76,6 @@ _FILE_BLOCK = 512
 
 
 class _Part(NamedTuple):
-    """A raster of a mosaic."""
-
     path: str
     place: Window
     """Rows and columns of the map that the raster covers."""
@@ -107,7 +105,7 @@ class RasterSource:
         return f"{[*self.parts]} in {self.crs}"
 
     def prepare(self) -> None:
-        """Do nothing: windows have nothing in common."""
+        """Do nothing, because windows share no data."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         layers = [np.full(shape(window), np.nan, np.float32, order="F") for _ in names]
@@ -299,7 +297,7 @@ def _warn(raster: Any, path: str) -> None:
         zone = min(max(int((longitude + 180.0) // 6.0), 0), 59) + 1
         code = f"EPSG:{(32600 if latitude >= 0 else 32700) + zone}"
         warnings.warn(
-            f"{path}: is in {unit}, which are taken for meters; open_map(..., crs={code!r}) "
+            f"{path}: is in {unit}, which are treated as meters; open_map(..., crs={code!r}) "
             "projects it into meters",
             stacklevel=5,
         )
@@ -314,7 +312,7 @@ def _warn(raster: Any, path: str) -> None:
 
 
 def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
-    """Return the sides of a raster (west, north, east, south), in cells from the first corner.
+    """Return the sides of a raster (west, north, east, south) [cells from the first corner].
 
     Args:
         header, first: the raster and the first one of the mosaic.
@@ -376,7 +374,7 @@ def to_geotiff(
         if not names:
             raise GridMapError("the map has no layers")
         if target.exists() and not overwrite:
-            raise GridMapError("exists already; 'overwrite' replaces it")
+            raise GridMapError("already exists; 'overwrite' replaces it")
         tiled_map.source.prepare()
         with new_file(target) as file:
             if not cog:
@@ -397,7 +395,6 @@ def _write_windows(
     *,
     compress: bool,
 ) -> None:
-    """Write the layers into a file of blocks."""
     crs, origin = tiled_map.crs, tiled_map.origin
     geometry = tiled_map.geometry.at(tiled_map.position + origin)
     profile = raster_profile(geometry, len(names), crs, compress=compress)
@@ -440,7 +437,7 @@ def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
     """Build the overviews of a tiled file, and copy it with the layout of a COG."""
     with import_module("rasterio").open(tiles, "r+") as raster:
         levels = range(1, max(0, (max(raster.shape) - 1) // _FILE_BLOCK).bit_length() + 1)
-        # The nearest of four heights would be one of them by chance.
+        # The method "nearest" would pick an arbitrary one of four heights.
         average = import_module("rasterio.enums").Resampling.average
         raster.build_overviews([2**level for level in levels], average)
     packing = {"COMPRESS": "DEFLATE", "PREDICTOR": "YES"} if compress else {"COMPRESS": "NONE"}

@@ -30,7 +30,7 @@ class Source(Protocol):
     """Layers that are read window by window.
 
     Sources are pickled and sent to other processes and machines, so they open files only when they
-    read. A source for which several layers cost as much together as one after the other may set
+    read. A source that reads several layers together no faster than one after the other may set
     `reads_layers_alone`.
     """
 
@@ -39,10 +39,10 @@ class Source(Protocol):
         """Names of the layers in their order."""
 
     def describe(self) -> str:
-        """Return a text that is equal in a later process if, and only if, the data are the same."""
+        """Return a text that is equal in another process if, and only if, the data are equal."""
 
     def prepare(self) -> None:
-        """Compute what all windows share; called once before windows are read in parallel."""
+        """Prepare data that all windows share; called once before they are read in parallel."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         """Return the named layers of a window: float32, (rows, cols), Fortran order, own memory.
@@ -95,7 +95,7 @@ class TiledData:
         return self.geometry.length
 
     def _in_frame_at(self, origin: Sequence[float]) -> Self:
-        """Return the map in a frame whose origin is at x, y in the present frame [m]."""
+        """Return the map in a frame with its origin at x, y of the current frame [m]."""
         x, y = origin
         geometry = self.geometry.at(self.position - np.array([x, y]))
         return replace(self, geometry=geometry, origin=(self.origin[0] + x, self.origin[1] + y))
@@ -173,7 +173,7 @@ def tile_name(window: Window) -> str:
 
 @contextmanager
 def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
-    """Turn every error of reading or writing layers into one GridMapError that names them.
+    """Convert all errors of reading or writing layers to a GridMapError that names them.
 
     Args:
         path: name of a store or dataset, or of a part of it.

@@ -61,6 +61,5 @@ def _runs(size: int, side: int, step: int) -> list[_Run]:
 
 
 def _read(source: Source, step: int, names: Sequence[str], runs: tuple[_Run, _Run]) -> list[Layer]:
-    """Return every `step`-th cell of a tile."""
     layers = source.read((runs[0][0], runs[1][0]), names)
     return [np.asfortranarray(layer[::step, ::step]) for layer in layers]

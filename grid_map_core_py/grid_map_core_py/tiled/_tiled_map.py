@@ -224,11 +224,11 @@ class TiledMap(TiledData):
         """Return every `step`-th row and column as a map in memory, for pictures.
 
         Cells of the result are `step` times as large; the center of each is that of the cell whose
-        value it has. A raster is read from its overviews, whose cells count instead. If very many
-        tiles would have to be read, `step` becomes larger than given.
+        value it has. Rasters are read from their overviews if they have any. If very many tiles
+        would have to be read, `step` becomes larger than given.
 
         Args:
-            step: number of rows, and of columns, for one of the result.
+            step: rows and columns of the map per row and column of the result.
             layers: names of the layers to read; None means all.
         """
         from ._thinned import thinned_map
@@ -244,7 +244,7 @@ class TiledMap(TiledData):
     def over_tiles(
         self, function: Callable[[GridMap], T], layers: Iterable[str] | None = None
     ) -> list[T]:
-        """Return `function` of the map of every tile, in the order of the tiles.
+        """Apply `function` to the map of every tile; return the results in tile order.
 
         The Dask scheduler of the program computes the tiles.
 
@@ -293,13 +293,13 @@ class TiledMap(TiledData):
             path: the folder of the store.
             layers: names of the layers to write; None means all.
             resume: continue a run that did not finish: only missing tiles are computed, and the
-                bytes equal those of a run without a break.
+                bytes equal those of an uninterrupted run.
             overwrite: replace an existing store.
             progress: called after each tile.
 
         Raises:
             GridMapError: a tile cannot be read, computed or written; the store exists; another
-                process is writing it; or the unfinished run was another one.
+                process is writing it; or the unfinished run had other inputs.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -326,8 +326,8 @@ class TiledMap(TiledData):
         Raises:
             OutOfMapError: no cell of the map is on the store.
             GeometryError: the map has another resolution.
-            GridMapError: this map is not that of a Zarr store on this machine, the store lacks a
-                layer, the frames differ, or the store cannot be written.
+            GridMapError: this map was not opened from a Zarr store on this machine, the store lacks
+                a layer, the frames differ, or the store cannot be written.
         """
         merge(self, grid_map, position, layers)
 
@@ -363,7 +363,7 @@ class TiledMap(TiledData):
         to_geotiff(self, path, names, progress, overwrite=overwrite, **options)
 
     def position_of(self, latitude: ArrayLike, longitude: ArrayLike) -> Positions:
-        """Return positions in the frame of the map for places on the earth.
+        """Convert latitudes and longitudes to positions in the frame of the map.
 
         Args:
             latitude, longitude: numbers, or (N,) each [deg, WGS 84].
@@ -386,7 +386,7 @@ class TiledMap(TiledData):
         return _pairs(*_transformer(self.crs).transform(*angles)) - self.origin
 
     def latitude_longitude_of(self, positions: ArrayLike) -> Positions:
-        """Return the places on the earth of positions; the inverse of `position_of`.
+        """Convert positions to latitudes and longitudes; the inverse of `position_of`.
 
         Args:
             positions: (2,) or (N, 2) x, y [m], in the frame of the map.
@@ -399,7 +399,7 @@ class TiledMap(TiledData):
         return _pairs(latitude, longitude)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
-        """Return the map in a frame whose origin is a place on the earth.
+        """Return the map in a frame with its origin at a latitude and longitude.
 
         Coordinates in a reference system are millions of meters; those in a frame near the robot
         are small. The axes keep their directions. Datasets, stores and GeoTIFF files have the
@@ -407,10 +407,10 @@ class TiledMap(TiledData):
         `load_geotiff` restore the frame.
 
         Args:
-            latitude, longitude: the place [deg, WGS 84].
+            latitude, longitude: the new origin [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or the place has no coordinates in it.
+            GridMapError: the map has no reference system, or it does not cover the origin.
         """
         origin = self.position_of(latitude, longitude)
         if not np.isfinite(origin).all():
@@ -443,14 +443,14 @@ def _transformer(crs: str) -> Any:
 
 
 class GridMapAccessor:
-    """Abilities of a grid map, as `dataset.grid_map` and `array.grid_map`.
+    """Methods of grid maps for xarray, as `dataset.grid_map` and `array.grid_map`.
 
-    Datasets in memory are computed at once, those of Dask later and tile by tile, like a
+    Datasets in memory are computed at once, those of Dask lazily and tile by tile, like a
     `TiledMap`. `GridMap.from_xarray` says which datasets are maps.
     """
 
     def __init__(self, data: xarray.Dataset | xarray.DataArray) -> None:
-        """Take a dataset or an array; it is examined on the first call."""
+        """Wrap a dataset or an array, which is checked on the first call."""
         self._data = data
 
     @cached_property
@@ -481,7 +481,7 @@ class GridMapAccessor:
             options: for datasets of Dask, those of `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter fails, or needs the whole map, which Dask does not have in memory.
+            FilterError: a filter fails, or needs the whole map of a Dask dataset in memory.
         """
         mine, opened = self._dataset, self._opened
         if self._is_lazy:

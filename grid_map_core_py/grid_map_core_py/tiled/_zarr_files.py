@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes tiled maps into new Zarr stores, tile by tile; files and locks of stores.
+"""Writing tiled maps to new Zarr stores tile by tile; files and locks of stores.
 
 Stores have Zarr format 2, which zarr-python 2 and 3 write. A chunk is a file that holds a block of
 a layer in the memory order of layers; zarr-python writes it under another name and renames it.
@@ -34,14 +34,14 @@ from ._engine import REMEDY, in_any_order
 from ._source import Progress, TiledData, data_errors, tile_name
 
 _RUN = ".run.json"
-"""File in an unfinished store: says what the run computes, and is locked by its process."""
+"""File in an unfinished store that describes the run; its process keeps it locked."""
 
 _NEAR = 4
 """Tiles along the sides of a square of tiles that are computed one after the other."""
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
-    """Make a store without data, and return its path; see `TiledMap.create`."""
+    """Create an empty store, and return its path; see `TiledMap.create`."""
     target = check_local(path)
     check_ending(target, ".zarr")
     with data_errors(target, "written"), new_folder(target, _refuse) as folder:
@@ -50,7 +50,7 @@ def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequenc
 
 
 def _refuse(path: Path) -> None:
-    raise GridMapError(f"{path}: exists already")
+    raise GridMapError(f"{path}: already exists")
 
 
 def to_zarr(
@@ -69,10 +69,10 @@ def to_zarr(
     with data_errors(target, "written"):
         if target.exists():
             if not overwrite:
-                raise GridMapError("exists already; 'overwrite' replaces it")
-            # Raises an error if the folder is no store.
+                raise GridMapError("already exists; 'overwrite' replaces it")
+            # Raises an error if the folder is not a store.
             metadata_file(target)
-        # All that must be the same for a later run to continue this one.
+        # A later run continues this one only if all of this is equal.
         run = {
             "input and filters": sha256(tiled_map.source.describe().encode()).hexdigest(),
             "layers": [*names],
@@ -99,11 +99,11 @@ def to_zarr(
         if not part.exists():
             with new_folder(part, _refuse) as folder:
                 create_layers(folder, tiled_map, names)
-                # Zarr warns of files that are not its own.
+                # Zarr warns about files that it did not write.
                 (folder / _RUN).write_text(json.dumps(run), encoding="utf-8")
         with _locked(part):
             _compute(tiled_map, part, names, progress)
-            # Workers that were killed leave files that they had begun.
+            # Killed workers leave partial files.
             for leftover in part.glob("*/*.partial"):
                 leftover.unlink()
             if target.exists():
@@ -118,7 +118,7 @@ def to_zarr(
 
 @contextmanager
 def _locked(part: Path) -> Iterator[IO[str]]:
-    """Let one process at a time compute an unfinished store; yield the description of its run."""
+    """Lock an unfinished store for one process; yield the description of its run."""
     with (part / _RUN).open("r+") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -137,7 +137,7 @@ def _compute(
     missing = [
         n for n, (row, column) in places.items() if any(f"{row}.{column}" not in c for c in chunks)
     ]
-    # Tiles side by side share blocks of their borders, which the process that has them keeps.
+    # Neighboring tiles share blocks at their borders, which a process keeps in memory.
     missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
     done = len(tiles) - len(missing)
     if progress is not None:
@@ -150,8 +150,6 @@ def _compute(
 
 @dataclass(frozen=True)
 class _Write:
-    """Computes a tile and writes it."""
-
     tiled_map: TiledData
     store: str
     names: Sequence[str]
@@ -176,12 +174,12 @@ class _Write:
 
 
 def is_local(name: str) -> bool:
-    """Return whether a store is a folder, and not at an address of fsspec."""
+    """Return whether a store is a folder, not an address for fsspec."""
     return "://" not in name and "::" not in name
 
 
 def check_local(path: str | PathLike[str]) -> Path:
-    """Return the path of a store to write, which is a folder of this machine."""
+    """Return the path of a store to write; refuse all but local folders."""
     name = os.fspath(path)
     if not is_local(name):
         raise GridMapError(
@@ -192,7 +190,7 @@ def check_local(path: str | PathLike[str]) -> Path:
 
 
 def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> None:
-    """Make a store without chunks in an empty folder, for some layers of a map."""
+    """Create a store without chunks in an empty folder, for some layers of a map."""
     zarr = required("zarr", f"{path}: a Zarr store", REMEDY)
     blosc = required("numcodecs", "a Zarr store", REMEDY).Blosc
     taken = (*DIMENSIONS, CRS_VARIABLE)
@@ -262,7 +260,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
 
 
 def metadata_file(store: Path) -> Path:
-    """Return the file that every store has, and that does not change while data is written."""
+    """Return the metadata file of a store, which writing data does not change."""
     if not store.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(store))
     # Of formats 2 and 3.
@@ -274,9 +272,9 @@ def metadata_file(store: Path) -> Path:
 
 @contextmanager
 def locked(store: Path) -> Iterator[None]:
-    """Let one thread of one process at a time write into a store; others wait."""
+    """Lock a store for one thread of one process; others wait."""
     with metadata_file(store).open("r+") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
         yield
-        # Later runs see from the time that the content has changed.
+        # The time of the file tells later runs that the content has changed.
         os.utime(store)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Existing Zarr stores: windows are read from them, and maps are merged into them."""
+"""Reading windows of Zarr stores, and merging maps into them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -53,7 +53,7 @@ class StoreSource:
         return f"{path.absolute()} of {times}"
 
     def prepare(self) -> None:
-        """Do nothing: windows share nothing."""
+        """Do nothing, because windows share no data."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         source = self.opened()[1].source
@@ -78,7 +78,7 @@ def open_store(name: str, chunks: int | None = None) -> TiledData:
 
 
 def _stamp(name: str) -> object:
-    """Return a value that changes when a store is replaced by another one."""
+    """Return a value that changes when the store is replaced."""
     if not is_local(name):
         return None
     with data_errors(name, "read"):
@@ -92,7 +92,7 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
     with data_errors(name, "read"):
         xarray = required("xarray", f"{name}: a Zarr store", REMEDY)
         required("zarr", f"{name}: a Zarr store", REMEDY)
-        # Without the choice, xarray warns of stores without metadata in one place.
+        # Otherwise xarray warns about stores without consolidated metadata.
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
         dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
         layers = layers_of(dataset)

@@ -12,8 +12,8 @@ from ..parts._disc import Disc, disc_reach
 from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side
 
-# OpenCV's bilateral filter spreads NaN. Its table of weights divides the range of the layer into
-# equal steps, so that one outlier makes the steps too coarse for edges.
+# OpenCV's bilateral filter spreads NaN, and a single outlier makes its table of weights too coarse
+# for edges.
 
 _FAR = np.float32(12.0)
 """Standard deviations beyond which a value counts as missing; its weight would be 5e-32."""
@@ -81,8 +81,8 @@ class Bilateral(LayerFilter):
         distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
         shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)
         top, left = disc.reach
-        # Two cells see each other with the same weight, and differences of opposite sign. `first`
-        # has all cells of which one of the two is in `center`.
+        # Both cells of a pair have the same weight, and differences of opposite sign. `first` holds
+        # all pairs with a cell in `center`.
         pairs = [at for at in np.argwhere(shares) - disc.reach if tuple(at) > (0, 0)]
         for down, right in pairs:
             start, stop = left - max(right, 0), left + columns - min(right, 0)

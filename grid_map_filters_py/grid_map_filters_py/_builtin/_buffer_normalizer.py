@@ -12,8 +12,8 @@ from .._filter import CellFilter
 class BufferNormalizer(CellFilter):
     """Reorder the data so that the start index is (0, 0).
 
-    A `FilterChain` gives such maps to all filters. With this filter in the chain, the result does
-    not get the start index of the input again.
+    A `FilterChain` passes such maps to all filters, and then restores the start index of the input
+    unless this filter is in the chain.
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:

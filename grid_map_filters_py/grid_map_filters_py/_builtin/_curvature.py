@@ -16,7 +16,7 @@ _TWO, _ZERO, _NAN = np.float32(2), np.float32(0), np.float32(np.nan)
 
 @dataclass(frozen=True, kw_only=True)
 class Curvature(LayerFilter):
-    """Compute the curvature of a layer, positive on hilltops: minus its second differences.
+    """Compute the curvature of a layer from second differences; positive on hilltops.
 
     At the border of the map, the cell itself replaces the missing neighbor. A second difference
     with a cell that is not finite counts as 0. Cells that are not finite become NaN.

@@ -10,7 +10,7 @@ from .._filter import CellFilter, warn
 
 @dataclass(frozen=True, kw_only=True)
 class Deletion(CellFilter):
-    """Remove layers, and warn about names of layers that the map does not have.
+    """Remove layers, and warn about layers that the map lacks.
 
     Attributes:
         layers: names of the layers to remove.

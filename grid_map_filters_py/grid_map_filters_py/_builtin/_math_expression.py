@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap
 
 _CELLS = 4 * CELLS
-"""Cells that are computed together: walking the syntax tree takes as long as an operation."""
+"""Cells per block, large enough to outweigh the walk over the syntax tree."""
 
 
 @dataclass(frozen=True, kw_only=True)

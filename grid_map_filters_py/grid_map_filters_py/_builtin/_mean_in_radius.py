@@ -25,7 +25,7 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
 
     def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Layer:
         disc = Disc(self.radius, resolution, layer.shape)
-        # For a few values, sums in single precision are as exact as the layer.
+        # For few values, single-precision sums are as exact as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean, too_large = _mean(disc, layer, offset, dtype)
         # Only these cells, so that the others are the same in any block.

@@ -20,7 +20,7 @@ from ..parts._medians import put_window_medians
 
 _BLOCK = np.ones((3, 3), np.uint8)
 _TOLERANCE = 1e-9
-"""Cells by which a radius may fall short of a whole number."""
+"""Rounding tolerance of radii [cells]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class MedianFill:
 
     def reach(self, resolution: float) -> float:
         radii = [self.fill_hole_radius, self._existing_value_radius or 0.0]
-        # The opening looks two cells far; the closing dilates and erodes.
+        # The opening has a reach of two cells; the closing dilates and erodes.
         of_mask = 2 + 2 * self.num_erode_dilation_iterations
         return max(of_mask, *(disc_reach(radius, resolution) for radius in radii))
 

@@ -14,7 +14,7 @@ from ..parts._layer_filter import LayerFilter
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingWindowMathExpression(LayerFilter):
-    """Compute a layer by an expression over the window around each cell; it must give a scalar.
+    """Compute a layer with an expression that returns a scalar for the window around each cell.
 
     Attributes:
         input_layer: layer to filter, and name of the window in the expression.
@@ -50,7 +50,6 @@ class SlidingWindowMathExpression(LayerFilter):
         return self._cells(resolution) // 2
 
     def _cells(self, resolution: float) -> int:
-        """Return the side of the window in cells."""
         if self.window_length is None:
             return self.window_size
         cells = math.floor(self.window_length / resolution + 0.5)

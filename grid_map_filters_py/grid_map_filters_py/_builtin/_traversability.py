@@ -26,7 +26,7 @@ class Traversability(CellFilter):
     Attributes:
         input_layers: layers with costs such as slope, step height and roughness.
         output_layer: layer for the result.
-        critical_values: smallest impassable value of each layer.
+        critical_values: per layer, the smallest value that makes a cell impassable.
         weights: weight per layer; only their ratios matter. Equal by default.
     """
 

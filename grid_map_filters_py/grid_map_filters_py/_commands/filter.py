@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")
-"""Options of runs on tiles, and of others."""
+"""Options that apply on tiles only, and in memory only."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
         write_tiles(filtered, destination, options, options.threads, **shown)
         return 0
     if options.json and not options.timing:
-        raise UsageError("--json is for what --timing prints, and for maps on tiles")
+        raise UsageError("--json requires --timing, or a map on tiles")
     failures: list[Failure] | None = [] if options.keep_going else None
     times = StepTimes()
     with (

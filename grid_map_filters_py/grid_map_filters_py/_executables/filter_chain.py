@@ -92,7 +92,7 @@ class FilterChainNode(ConfiguredNode):
                 self._next_chain = FilterChain.from_config(nested(values), threads=self._threads)
         except GridMapError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        except Exception as error:  # A request, or a filter of another package, may cause any.
+        except Exception as error:  # A request or a plug-in may raise any exception.
             self._log.error(f"set_parameters: {error!r}")
             return SetParametersResult(successful=False, reason=cut(repr(error)))
         return SetParametersResult(successful=True)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Expressions of single cells: each cell of the result depends on the same cell of the layers.
+"""Cellwise expressions: each cell of the result depends on the same cell of the layers.
 
-Reductions such as `max(elevation)` depend on all cells, but are numbers: once they are known, the
-rest of an expression may be one of single cells.
+Reductions such as `max(elevation)` depend on all cells, but are numbers: once they are computed,
+the rest of an expression may be cellwise.
 """
 
 from collections.abc import Container, Iterator
@@ -22,31 +22,31 @@ class _Kind(Enum):
 
 @dataclass(frozen=True)
 class Analysis:
-    """The kinds of the parts of an expression.
+    """Finds cellwise parts and reductions of an expression.
 
     Args:
         layers: names of the layers, which hide functions and constants. None if they are unknown:
-            names of functions and constants must not be those of layers then, and what could be an
-            index is undecided.
-        reduced: take reductions for numbers.
+            then no layer may have the name of a function or a constant, and possible indices are
+            undecided.
+        reduced: treat reductions as numbers.
     """
 
     layers: Container[str] | None = None
     reduced: bool = False
 
     def is_cellwise(self, root: Node) -> bool:
-        """Return True if an expression is a number, or one of single cells."""
+        """Return True if an expression is a number or cellwise."""
         return self._kind(root) is not _Kind.OTHER
 
     def culprit(self, root: Node) -> Node | None:
-        """Return the first innermost part that is neither; None if there is none."""
+        """Return the first innermost part that is neither a number nor cellwise, or None."""
         if self.is_cellwise(root):
             return None
         inner = (self.culprit(child) for child in root.children())
         return next(filter(None, inner), root)
 
     def reductions(self, root: Node) -> Iterator[Node]:
-        """Yield the reductions that can be computed first: of single cells of the layers."""
+        """Yield the reductions of cellwise expressions, which can be computed first."""
         for node in root.descendants():
             if node.kind == "call" and not self._is_index(node) and self._reduces(*node.parts):
                 yield node

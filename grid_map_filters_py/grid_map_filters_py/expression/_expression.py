@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 class Expression:
     """A mathematical expression over layers, parsed once.
 
-    Immutable; equal when the text is.
+    Immutable; expressions with the same text are equal.
 
     Args:
         text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
 
     Raises:
-        ExpressionError: the text is not an expression, or is wrong for all layers; the message
-            shows the place.
+        ExpressionError: the text is not an expression, or is invalid for all layers; the message
+            shows the position.
 
     Example:
         >>> Expression("1 + 2 * [1, 2]")({})
@@ -50,7 +50,7 @@ class Expression:
     _root: Node = field(init=False, repr=False, compare=False)
     _places: dict[str, int] = field(init=False, repr=False, compare=False)
     _layers: frozenset[str] | None = field(init=False, repr=False, compare=False, default=None)
-    """Names of the layers of the tiled map that it is for; None if it is for any map."""
+    """Layers of the tiled map that the expression is for; None if it is for any map."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
@@ -71,7 +71,7 @@ class Expression:
         object.__setattr__(self, "_places", functions | names)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # An expression for tiles is not the one of its text.
+        # An expression for tiles also depends on its map.
         state = () if self._layers is None else (self.__dict__,)
         return Expression, (self.text,), *state
 
@@ -91,7 +91,7 @@ class Expression:
         return _shown("this part needs whole layers", self.text, culprit.position)
 
     def for_tiles_of(self, tiled_map: "TiledMap") -> "Expression":
-        """Return the expression for tiles of a map: its reductions are numbers.
+        """Return the expression for tiles of a map, with numbers in place of reductions.
 
         Reductions of single cells are computed tile by tile; parts are combined in double
         precision, in the order of the tiles. Reductions that contain others follow.
@@ -100,7 +100,7 @@ class Expression:
             tiled_map: its layers hide functions and constants.
 
         Raises:
-            ExpressionError: the rest of the expression is not one of single cells.
+            ExpressionError: the rest of the expression is not cellwise.
         """
         root, layers = self._root, frozenset(tiled_map.layers)
         while nodes := [*Analysis(layers).reductions(root)]:
@@ -131,8 +131,8 @@ class Expression:
                 never changed.
 
         Returns:
-            A new float32 matrix, or a number where the expression reduces to one. That of a map
-            that has moved is in the order of its layers: `map["out"] = expression(map)`.
+            A new float32 matrix, or a number where the expression reduces to one. The matrix has
+            the buffer order of the layers: `map["out"] = expression(map)`.
 
         Raises:
             ExpressionError: a layer is missing, or shapes or indices do not fit.
@@ -178,8 +178,8 @@ class Expression:
     ) -> NDArray[np.float32]:
         """Evaluate for the square window around every cell.
 
-        The expression must give a number for a window, and knows no layer but the input layer. All
-        cells are computed together, in double precision; memory is in the order of the layer.
+        The expression must return a number for a window, and may name only the input layer. All
+        cells are computed together, in double precision.
 
         Args:
             name: name of the input layer in the expression, where it stands for the window.
@@ -195,7 +195,7 @@ class Expression:
 
         Raises:
             ExpressionError: the result is not a number, or names, shapes or indices do not fit.
-            FilterError: the window size or the edge handling is impossible.
+            FilterError: the window size or the edge handling is invalid.
         """
         if not np.issubdtype(np.asarray(layer).dtype, np.floating):
             layer = np.asarray(layer, np.float32)
@@ -208,7 +208,7 @@ class Expression:
 
 @dataclass(frozen=True)
 class _PartsOfTile:
-    """Computes parts of reductions on a tile.
+    """Computes partial reductions on a tile.
 
     Args:
         expression: holds the reductions.
@@ -225,7 +225,7 @@ class _PartsOfTile:
         return {part.parts[0] for part in parts if part.kind in ("name", "call")}
 
     def __call__(self, layers: Mapping[str, NDArray[Any]]) -> list[list[float]]:
-        """Return what the folds of each reduction give."""
+        """Return the results of the folds of each reduction."""
         with _faults_as_errors(self.expression.text):
             interpreter = self.expression._interpreter(layers)
             partials = []
@@ -266,9 +266,9 @@ def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
 
 @contextmanager
 def _faults_as_errors(text: str) -> Iterator[None]:
-    """Turn faults into errors that show the expression with a caret under the place.
+    """Convert faults to errors that show the expression with a caret.
 
-    Infinities and NaN raise no warnings meanwhile.
+    Meanwhile, infinities and NaN raise no warnings.
     """
     try:
         with np.errstate(all="ignore"):

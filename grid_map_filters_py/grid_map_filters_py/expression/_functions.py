@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The operators and functions of the expression language.
 
-Each is written once, with the primitives of `Matrices`, so that it computes the same with whole
-layers and with the windows of all cells.
+Each is written once, with the primitives of `Matrices`, so that it works with whole layers and with
+the windows of all cells.
 """
 
 import math
@@ -127,19 +127,6 @@ def _mean(algebra: Matrices, value: Value, axis: Value | None = None) -> Value:
     return algebra.elementwise(np.divide, total, float(count))
 
 
-def _mean_of_finites(algebra: Matrices, value: Value) -> Value:
-    count, total = algebra.fold(value, None, FINITE_COUNT, FINITE_SUM)
-    return algebra.elementwise(np.divide, total, count)
-
-
-def _absmax(algebra: Matrices, value: Value, axis: Value | None = None) -> Value:
-    """Return the extreme of largest magnitude with its sign, as EigenLab does."""
-    high, low = algebra.fold(value, _axis(axis), MAXIMUM, MINIMUM)
-    return algebra.elementwise(
-        lambda one, other: np.where(np.abs(one) >= np.abs(other), one, other), high, low
-    )
-
-
 def _trace(algebra: Matrices, value: Value) -> Value:
     diagonal = [
         algebra.take(value, np.array([place]), np.array([place]))
@@ -191,18 +178,17 @@ def _length(value: Value, argument: int) -> int:
 class Function:
     """A function of the language.
 
-    Its properties say how it treats NaN, for `skips_missing`: windows that are cropped at the
-    border are computed faster where these can be padded with NaN instead.
+    Its treatment of NaN tells `skips_missing` whether windows at the border can be padded with NaN,
+    which is faster than cropping them.
 
     Attributes:
         apply: takes the algebra and `least` to `most` arguments.
         axis: the second argument is an axis, 0 or 1.
         elementwise: an element of the result depends on the same element of the arguments alone.
         keeps_nan: elementwise, and NaN wherever an argument is NaN.
-        skips_nan: takes one argument, and gives the same number whether NaN elements are there or
-            left out.
-        reduces: number of arguments with which it gives a number, from folds of all elements of the
-            first one or from its shape; 0 if there is none.
+        skips_nan: takes one argument and ignores its NaN elements.
+        reduces: number of arguments with which it reduces the first one, or its shape, to a number;
+            0 if it does not.
     """
 
     apply: Callable[..., Any]
@@ -234,7 +220,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Return the reduction of the finite elements by `fold`; NaN if there are none."""
+    """Return a function that applies `fold` to the finite elements; NaN without any."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)
@@ -271,12 +257,27 @@ FUNCTIONS = {
     "cwiseMax": _cwise(np.maximum),
     "minOfFinites": of_finites(FINITE_MINIMUM),
     "maxOfFinites": of_finites(FINITE_MAXIMUM),
-    "meanOfFinites": Function(_mean_of_finites, skips_nan=True, reduces=1),
+    "meanOfFinites": Function(
+        lambda algebra, value: algebra.elementwise(
+            np.divide, *algebra.fold(value, None, FINITE_SUM, FINITE_COUNT)
+        ),
+        skips_nan=True,
+        reduces=1,
+    ),
     "sumOfFinites": of_finites(FINITE_SUM),
     "numberOfFinites": Function(_folding(FINITE_COUNT), skips_nan=True, reduces=1),
     "min": Function(_extreme(MINIMUM, np.minimum, "cwiseMin"), most=2, axis=True, reduces=1),
     "max": Function(_extreme(MAXIMUM, np.maximum, "cwiseMax"), most=2, axis=True, reduces=1),
-    "absmax": Function(_absmax, most=2, axis=True, reduces=1),
+    # The extreme of largest magnitude with its sign, as in EigenLab.
+    "absmax": Function(
+        lambda algebra, value, axis=None: algebra.elementwise(
+            lambda high, low: np.where(np.abs(high) >= np.abs(low), high, low),
+            *algebra.fold(value, _axis(axis), MAXIMUM, MINIMUM),
+        ),
+        most=2,
+        axis=True,
+        reduces=1,
+    ),
     "mean": Function(_mean, most=2, axis=True, reduces=1),
     "sum": Function(_folding(SUM), most=2, axis=True, reduces=1),
     "prod": Function(_folding(PRODUCT), most=2, axis=True, reduces=1),
@@ -293,4 +294,4 @@ FUNCTIONS = {
     "ones": Function(_maker(lambda rows, columns: np.ones((rows, columns), np.float32)), most=2),
     "eye": Function(_maker(lambda rows, columns: np.eye(rows, columns, dtype=np.float32)), most=2),
 }
-"""All functions. A line here is all that a function needs to work on layers and in windows."""
+"""All functions of the language, for layers and windows alike."""

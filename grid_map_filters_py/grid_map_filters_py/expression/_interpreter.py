@@ -59,11 +59,11 @@ class Interpreter:
 
     def _end(self, end: int | None) -> Value:
         if end is None:
-            raise Fault("'end' stands only in an index")
+            raise Fault("'end' is valid only in an index")
         return float(end)
 
     def _all(self, _end: int | None) -> Value:
-        raise Fault("':' alone stands only in an index")
+        raise Fault("':' alone is valid only in an index")
 
     def _unary(self, end: int | None, operator: str, operand: Node) -> Value:
         value = self(operand, end)
@@ -197,7 +197,7 @@ def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
     if depth > _DEEPEST:
         raise Fault("the expression is nested too deeply", position=node.position)
     if node.kind in ("end", "all") and not indexing:
-        raise Fault("'end' and a lone ':' stand only in an index", position=node.position)
+        raise Fault("'end' and a lone ':' are valid only in an index", position=node.position)
     for child in node.children():
         check(child, indexing=indexing or node.kind in ("index", "call"), depth=depth + 1)
     with node.blamed():
@@ -206,7 +206,14 @@ def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
         elif node.kind == "call" and not may_be_index(node):
             _check_call(*node.parts)
         elif node.kind == "index":
-            _check_index(*node.parts)
+            base, places = node.parts
+            if len(places) > 2:
+                name = base.parts[0] if base.kind == "name" else ""
+                unknown = f"no function {name!r}{_suggestion(name)}, and " if name else ""
+                raise Fault(f"{unknown}an index has one or two places, m(row, column) or v(place)")
+            for place in filter(_is_constant, places):
+                with place.blamed():
+                    _as_places(_EVALUATE(place))
 
 
 def _check_call(name: str, arguments: tuple[Node, ...]) -> None:
@@ -217,16 +224,6 @@ def _check_call(name: str, arguments: tuple[Node, ...]) -> None:
         if isinstance(value, float):
             with axis.blamed():
                 function.apply(Matrices(), 0.0, value)
-
-
-def _check_index(base: Node, places: tuple[Node, ...]) -> None:
-    if len(places) > 2:
-        name = base.parts[0] if base.kind == "name" else ""
-        unknown = f"no function {name!r}{_suggestion(name)}, and " if name else ""
-        raise Fault(f"{unknown}an index has one or two places, m(row, column) or v(place)")
-    for place in filter(_is_constant, places):
-        with place.blamed():
-            _as_places(_EVALUATE(place))
 
 
 def _is_constant(node: Node) -> bool:

@@ -115,7 +115,7 @@ class Partial(Matrices):
         self.parts: list[float] = []
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
-        # Without `whole`, which has NaN for tiles with nothing to reduce.
+        # Without `whole`, which returns NaN for tiles with nothing to reduce.
         parts = super().fold(value, axis, *(replace(fold, whole=None) for fold in folds))
         self.parts += parts
         return parts
@@ -125,7 +125,7 @@ class Combined(Matrices):
     """The primitives for values whose folds are known.
 
     Args:
-        parts: what each fold gives in each tile, in the order of the folds.
+        parts: results of each fold in each tile, in the order of the folds.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The syntax tree of an expression, and errors at places of the text."""
+"""The syntax tree of an expression, and errors with their position in the text."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -37,7 +37,7 @@ class Node:
 
     @contextmanager
     def blamed(self) -> Iterator[None]:
-        """Give faults the position of this node, unless they have one."""
+        """Set the position of faults without one to that of this node."""
         try:
             yield
         except Fault as fault:

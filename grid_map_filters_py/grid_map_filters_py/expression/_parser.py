@@ -69,7 +69,10 @@ def _explain(error: UnexpectedInput, text: str) -> Fault:
         found = text[position or 0]
         return Fault(_HINTS.get(found, f"unexpected {found!r}"), position=position)
     token: Token = cast(Any, error).token  # not declared in lark's types
-    wanted = _wanted(set(error.accepts))
+    words = dict.fromkeys(word for name, word in _EXPECTED.items() if name in error.accepts)
+    wanted = f", expected {' or '.join(words)}" if words else ""
+    if "NUMBER" in error.accepts:
+        wanted = _VALUE
     if token.type == "$END":
         return Fault(f"the expression ends too early{wanted}", position=len(text.rstrip()))
     if token.type in _MISPLACED and wanted != _VALUE:
@@ -79,17 +82,8 @@ def _explain(error: UnexpectedInput, text: str) -> Fault:
     return Fault(f"unexpected {str(token)!r}{wanted}", position=position)
 
 
-def _wanted(accepted: set[str]) -> str:
-    if "NUMBER" in accepted:
-        return _VALUE
-    wanted = dict.fromkeys(word for name, word in _EXPECTED.items() if name in accepted)
-    return f", expected {' or '.join(wanted)}" if wanted else ""
-
-
 @v_args(inline=True)
 class _Builder(Transformer_NonRecursive[Token, Node]):
-    """Turns lark's tree into nodes."""
-
     def number(self, token: Token) -> Node:
         return _node("number", token, float(token))
 

@@ -18,16 +18,16 @@ from grid_map_core_py._arrays import Layer, Size, slices
 from ._side_by_side import CELLS, side_by_side
 
 Block = tuple[tuple[slice, slice], tuple[slice, slice]]
-"""Rows and columns of some cells, and those of the cells that a filter looks at for them."""
+"""Rows and columns of a block without its border, and with its border."""
 
 _SIDE = 512
 """Largest side of a block with a border, unless the border is wide; half of it on small maps."""
 
 _SMALL = 2**20
-"""Cells of a map that is not small. On smaller ones the C library gives back large temporaries."""
+"""Number of cells below which a map is small."""
 
 _SHARE = 16
-"""Least side of a block in widths of its border, which is computed twice."""
+"""Minimum side of a block in widths of its border, which is computed twice."""
 
 
 def blockwise(

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions of the values of one cell, applied to all cells of a map.
 
-A function is written once, with operators, `choose` and `clamp`, and computes with numbers as well
-as with arrays. If numba is installed, it is compiled to a loop over the cells as soon as a filter
-needs it. Without numba, NumPy computes the same bits, piece by piece and several times slower,
-because it passes through memory once per operator.
+A function is written once, with operators, `choose` and `clamp`, and works with numbers and with
+arrays. If numba is installed, it is compiled to a loop over the cells as soon as a filter needs it.
+Without numba, NumPy computes the same bits piece by piece, several times slower.
 """
 
 import functools
@@ -33,7 +32,6 @@ def choose(condition: Value, yes: Value, no: Value) -> Value:
 
 
 def _choose_one(condition: Value, yes: Value, no: Value) -> Value:
-    """Return what `choose` returns for one cell."""
     return yes if condition else no
 
 
@@ -77,7 +75,7 @@ class CellFunction:
     def __call__(
         self, layers: Sequence[npt.NDArray[Any]], numbers: Sequence[SupportsFloat] = ()
     ) -> Layer:
-        """Return the layer of the function's results.
+        """Return the results of the function as a layer.
 
         Args:
             layers: arrays of one shape in Fortran order, one per argument of the function.

@@ -12,7 +12,7 @@ from grid_map_core_py.plugins import check
 from ._cell_function import Value, choose, clamp
 
 FULL = np.float32(255)
-"""Brightness of a channel whose share is 1."""
+"""Value of a channel at full intensity."""
 
 _NONE = np.float32(0)
 _INFINITY, _MAGNITUDE = np.uint32(0x7F800000), np.uint32(0x7FFFFFFF)
@@ -40,7 +40,7 @@ def _byte(channel: Value) -> Value:
 
 
 def or_none(color: Value, exists: Value) -> Value:
-    """Return the bits of a color, or of NaN where there is none."""
+    """Return the bits of a color where one exists, else those of NaN."""
     return choose(exists, color, NO_COLOR)
 
 

@@ -26,14 +26,14 @@ from .._filter import WHOLE_MAP
 Field = npt.NDArray[Any]
 
 _LARGEST = 2**31
-"""Cells along a side that no map has."""
+"""Number of cells along a side, more than any map has."""
 
 
 def disc_reach(radius: float, resolution: float) -> float:
-    """Return the whole cells from the center of a disc to its rim, for `reach` of a filter.
+    """Return the radius of a disc in whole cells, for the `reach` of a filter.
 
     Args:
-        radius: [m]; less than 0 counts as 0.
+        radius: radius [m]; negative values count as 0.
         resolution: side of a cell [m].
 
     Returns:
@@ -131,7 +131,7 @@ class Disc:
         """Yield sums over the lines of the discs, from the rim to the center.
 
         Args:
-            values: padded as by `padded`.
+            values: array returned by `padded`.
             axis: direction of the lines, 0 for rows.
             moments: sum up the values times their distance from the middle of the line instead.
 

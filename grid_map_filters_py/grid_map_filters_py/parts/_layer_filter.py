@@ -42,7 +42,7 @@ class LayerFilter(ABC):
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer, resolution = grid_map[self.input_layer], grid_map.resolution
         function = self._for_blocks_of(layer)
-        # Filters of single cells take parts by themselves, and write them only once.
+        # Cellwise filters split the layer themselves, and write each part only once.
         reach = WHOLE_MAP if isinstance(self, CellFilter) else self.reach(resolution)
         result = blockwise(
             lambda block: function(block, resolution), layer, reach=reach, side=self._side

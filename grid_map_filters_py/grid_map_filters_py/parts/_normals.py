@@ -49,7 +49,7 @@ def raster_normals(layer: Layer, resolution: float) -> Fields:
     """Return the normals from the slopes between neighboring cells.
 
     Slopes are central differences, also across an unknown cell, and one-sided beside one. Normals
-    are NaN at the border of the layer, and where a slope has no two finite cells.
+    are NaN at the border of the layer, and where a slope lacks two finite cells.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
@@ -134,7 +134,14 @@ def _covariances(
     sum_z, xz = _moments(disc, heights, 1, (0, 1))
     (yz,) = _moments(disc, heights, 1, (0,), along=True)
     (zz,) = _moments(disc, heights * heights, 1, (0,))
-    count, sum_x, sum_y, xx, xy, yy = _point_moments(disc, known)
+    # The smallest integer type that holds the moments of a whole disc is the fastest.
+    largest = np.count_nonzero(disc.kernel) * max(disc.reach) ** 2
+    one = known.astype(np.min_scalar_type(-largest - 1))
+    moments = *_moments(disc, one, 1, (1, 2)), *_moments(disc, one, 0, (1, 2))
+    (xy,) = _moments(disc, one, 0, (1,), along=True)
+    count, sum_x, xx, sum_y, yy, xy = (
+        field.astype(np.float64) for field in (disc.counts(known), *moments, xy)
+    )
     covariances = xx, xy, xz, yy, yz, zz
     pairs = combinations_with_replacement((sum_x, sum_y, sum_z), 2)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -142,18 +149,6 @@ def _covariances(
             covariance *= count
             covariance -= one * other
     return covariances, count, known[disc.inner]
-
-
-def _point_moments(disc: Disc, known: npt.NDArray[np.bool_]) -> Fields:
-    """Return the number of points, the sums of rows and columns, and of their products."""
-    # The smallest integer type that holds the moments of a whole disc is the fastest.
-    largest = np.count_nonzero(disc.kernel) * max(disc.reach) ** 2
-    one = known.astype(np.min_scalar_type(-largest - 1))
-    sum_x, xx = _moments(disc, one, 1, (1, 2))
-    sum_y, yy = _moments(disc, one, 0, (1, 2))
-    (xy,) = _moments(disc, one, 0, (1,), along=True)
-    fields = disc.counts(known), sum_x, sum_y, xx, xy, yy
-    return tuple(field.astype(np.float64) for field in fields)
 
 
 def _moments(

@@ -17,8 +17,7 @@ import numpy as np
 T = TypeVar("T")
 
 CELLS = 2**17
-"""Cells of a part. One operation on fewer takes less time than waking up the thread that waits for
-Python's lock meanwhile."""
+"""Cells of a part; with fewer, waking a waiting thread would take longer than the work."""
 
 _threads: ContextVar[int] = ContextVar("_threads", default=1)
 """Number of threads of the running chain; the thread that runs it is one of them."""
@@ -46,8 +45,8 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     the step that `warn` names, are those of the caller.
 
     Args:
-        function: is called in any order, by several threads at the same time.
-        parts: are taken one after the other.
+        function: called in any order, by several threads at the same time.
+        parts: arguments of the calls, taken one after the other.
 
     Raises:
         Exception: a call has failed. Further parts are not begun.
@@ -61,7 +60,7 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
 
     def work() -> None:
         try:
-            # A part has no parts of its own, which would take more threads.
+            # Within a part, nested calls use no further threads.
             with use_threads(1), np.errstate(**settings):
                 while not ended.is_set():
                     with taking:

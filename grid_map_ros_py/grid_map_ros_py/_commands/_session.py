@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A node for commands that listen or publish for a while, and what it sees of other nodes."""
+"""Node of commands that listen or publish, and its view of other nodes."""
 
 import argparse
 import math
@@ -31,7 +31,7 @@ class Session:
     """A node without parameters, as a context manager. A signal sets `ended`.
 
     Raises:
-        CommandError: ROS refuses its settings, or keys of its security are missing.
+        CommandError: ROS refuses its settings, or its security keys are missing.
     """
 
     def __init__(self, command: str) -> None:
@@ -59,7 +59,7 @@ class Session:
         self.ended = True
 
     def spin(self, seconds: float, *, until_ended: bool = True) -> None:
-        """Serve callbacks for a time [s], by default only until `ended` is set."""
+        """Process callbacks for a time [s], by default only until `ended` is set."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
             if until_ended and self.ended:
@@ -84,7 +84,7 @@ class Session:
 
 
 def message_class(types: Sequence[str]) -> Any:
-    """Return the class of the messages on a topic, which must have one installed type."""
+    """Return the message class of a topic, which must have one installed type."""
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")
     found = None

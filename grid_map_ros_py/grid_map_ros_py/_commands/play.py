@@ -14,7 +14,7 @@ from grid_map_core_py._files import parse_yaml
 from grid_map_core_py.errors import GridMapError, short
 
 from ..bags._bag import BagFiles
-from ..bags._storage import Entry, Topic
+from ..bags._storage import Entry
 from ._session import Session, check_positive, message_class, quality
 
 _DEPTH = 10
@@ -81,21 +81,14 @@ def _publishers(session: Session, bag: BagFiles, options: argparse.Namespace) ->
             if kind.encoding != "cdr":
                 raise CommandError(f"expected messages encoded as 'cdr', got {kind.encoding!r}")
             message_type = message_class([kind.type])
-            qos = quality(**_recorded_offer(kind), depth=_DEPTH)
+            # rosbag2 records names of policies, and before ROS 2 Jazzy their numbers in rmw.
+            profiles = parse_yaml(kind.qos, "quality of service") or [{}]
+            if not (isinstance(profiles, list) and all(isinstance(one, dict) for one in profiles)):
+                raise CommandError(f"expected a list of QoS profiles, got {short(profiles)}")
+            reliable = all(one.get("reliability") in ("reliable", 1, None) for one in profiles)
+            latched = all(one.get("durability") in ("transient_local", 1) for one in profiles)
+            qos = quality(reliable=reliable, latched=latched, depth=_DEPTH)
             publishers[topic] = session.node.create_publisher(message_type, topic, qos)
         except (GridMapError, NameValidationException) as error:
             message(f"warning: {topic} is not published: {' '.join(str(error).split())}")
     return publishers
-
-
-def _recorded_offer(topic: Topic) -> dict[str, bool]:
-    """Return what all recorded publishers of a topic offered; by default reliable, not latched.
-
-    Bags of rosbag2 have names of policies, and before ROS 2 Jazzy their numbers in rmw.
-    """
-    profiles = parse_yaml(topic.qos, "quality of service") or [{}]
-    if not (isinstance(profiles, list) and all(isinstance(one, dict) for one in profiles)):
-        raise CommandError(f"expected a list of profiles of quality, got {short(profiles)}")
-    reliable = all(one.get("reliability") in ("reliable", 1, None) for one in profiles)
-    latched = all(one.get("durability") in ("transient_local", 1) for one in profiles)
-    return {"reliable": reliable, "latched": latched}

@@ -20,10 +20,10 @@ from ..errors import BagError
 from ._session import Session, check_positive, message_class, offers, quality
 
 _LOOK_PERIOD = 0.2
-"""Time between two looks for new publishers [s]."""
+"""Time between two checks for new publishers [s]."""
 
 _REST = 0.2
-"""Time to take messages that had arrived before the end [s]."""
+"""Time to process messages that arrived before the end [s]."""
 
 _DEPTH = 100
 """Messages of a topic that wait while the disk is busy."""
@@ -105,7 +105,7 @@ class _Recorder:
         self._session.spin(_REST, until_ended=False)
 
     def _follow(self, topic: str, types: list[str]) -> None:
-        """Subscribe with what all publishers of a topic offer, and again if that becomes less."""
+        """Subscribe with the QoS that all publishers of a topic offer, and again if it weakens."""
         publishers = self._session.publishers(topic)
         if not publishers:
             return

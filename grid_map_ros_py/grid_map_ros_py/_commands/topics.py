@@ -42,7 +42,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _topics(session: Session) -> list[dict[str, Any]]:
-    """Return the topics of other nodes."""
     topics = [
         {
             "name": name,

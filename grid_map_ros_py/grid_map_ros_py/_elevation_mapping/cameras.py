@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cameras: points of depth images, and the cells of a map that an image shows.
+"""Cameras: points of depth images, and the map cells that are visible in an image.
 
 The frame of a camera is optical (REP-103): x to the right, y down, z forward. A pixel (u, v) is
 column and row; its center has whole coordinates.
@@ -31,7 +31,7 @@ DISTORTIONS = {"plumb_bob": 8, "rational_polynomial": 8, "equidistant": 4, "fish
 """Numbers of coefficients of distortion models, by their names in `CameraInfo`."""
 
 MILLIMETERS = {"16UC1", "mono16"}
-"""Encodings of depths in millimeters (REP-118); other depths are floats in meters."""
+"""Encodings of depths in millimeters (REP-118); other encodings are floats in meters."""
 
 ROUNDS = 30
 """Iterations that remove the distortion of a lens."""
@@ -90,20 +90,27 @@ class Camera:
         return rays
 
     def _distorted(self, flat: Floats) -> Floats:
-        """Return where the lens shows points (N, 2) at depth 1."""
+        """Return points (N, 2) at depth 1 with the distortion of the lens."""
         if not any(self.coefficients):
             return flat
         count = DISTORTIONS[self.model]
         coefficients = np.array((*self.coefficients, *(0.0,) * count)[:count])
-        if count == 8:
-            return _polynomial(flat, coefficients)
-        return (
-            cv2.fisheye.distortPoints(flat[None], np.eye(3), coefficients)[0] if len(flat) else flat
-        )
+        if count != 8:
+            fisheye = cv2.fisheye.distortPoints
+            return fisheye(flat[None], np.eye(3), coefficients)[0] if len(flat) else flat
+        # `cv2.projectPoints` takes 20 times as long.
+        k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
+        x, y = flat.T
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        xy = 2 * x * y
+        distorted = x * radial + p1 * xy + p2 * (r2 + 2 * x * x)
+        return np.stack([distorted, y * radial + p2 * xy + p1 * (r2 + 2 * y * y)], axis=1)
 
     def _flat(self, pixels: Floats) -> Floats:
-        """Return the points (N, 2) at depth 1 that pixels show, by fixed-point iteration."""
-        # Damaged messages have focal lengths near zero.
+        """Return the points (N, 2) at depth 1 of pixels, from a fixed-point iteration."""
+        # Damaged messages may have focal lengths near zero.
         with np.errstate(all="ignore"):
             wanted: Floats = (pixels - self.center) / self.focal
             if not any(self.coefficients):
@@ -117,7 +124,7 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest distance from the axis at depth 1 that the image shows; distortions fold."""
+        """Largest visible distance from the axis at depth 1; beyond it, distortions fold back."""
         height, width = self.size
         u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
         edges = [(u, np.full(50, y)) for y in (v[0], v[-1])]
@@ -127,20 +134,8 @@ class Camera:
         return float(np.max(distances, initial=0.0, where=np.isfinite(distances)))
 
 
-def _polynomial(flat: Floats, coefficients: Floats) -> Floats:
-    """Distort points (N, 2) at depth 1; `cv2.projectPoints` takes 20 times as long."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
-    x, y = flat.T
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    xy = 2 * x * y
-    distorted = x * radial + p1 * xy + p2 * (r2 + 2 * x * x)
-    return np.stack([distorted, y * radial + p2 * xy + p1 * (r2 + 2 * y * y)], axis=1)
-
-
 def from_camera_info(message: Any) -> Camera:
-    """Return the camera of a `CameraInfo`, for its images with their binning and region."""
+    """Return the camera of a `CameraInfo`, for images with its binning and region."""
     check_fields(message, "sensor_msgs/CameraInfo", "k", "distortion_model")
     matrix = np.asarray(message.k, np.float64).reshape(3, 3)
     fx, fy = matrix[0, 0], matrix[1, 1]
@@ -202,7 +197,7 @@ class CameraImages:
 
     Attributes:
         stride: rows and columns from one pixel of a depth image to the next that is used.
-        camera: the camera; None before its `CameraInfo` has come.
+        camera: the camera; None until a `CameraInfo` arrives.
     """
 
     stride: int = 1
@@ -210,7 +205,7 @@ class CameraImages:
     _rays: tuple[Camera, npt.NDArray[np.float32]] | None = None
 
     def take(self, message: Any) -> None:
-        """Take over the camera of a `CameraInfo`; see `from_camera_info`."""
+        """Set the camera from a `CameraInfo`; see `from_camera_info`."""
         self.camera = from_camera_info(message)
 
     def read_picture(self, message: Any) -> Picture:
@@ -281,7 +276,7 @@ def seen_cells(
 
 
 def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt.NDArray[np.bool_]:
-    """Return which of the points (N, 3) of a map other cells hide from the eye (3,)."""
+    """Return a mask of the points (N, 3) that cells of a map hide from the eye (3,)."""
     hidden = np.zeros(len(points), bool)
     if not len(points):
         return hidden
@@ -300,6 +295,6 @@ def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt
         cells, inside = grid_map.get_indices(on_way[:, :2])
         blocks = inside & (heights[cells] > on_way[:, 2] + OCCLUSION_TOLERANCE * side)
         hidden[left[blocks]] = True
-        # A map is convex: a line that has left it does not come back.
+        # A map is convex: a line that has left it does not reenter it.
         left = left[inside & ~blocks]
     return hidden

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans and images of several sensors in one elevation map."""
+"""Fusion of scans and images from several sensors in one elevation map."""
 
 import re
 import time
@@ -30,13 +30,13 @@ from .cameras import Picture, seen_cells
 from .sources import InputSource
 
 IMAGE_FUSIONS = ("color", "latest", "exponential")
-"""Ways in which pixels become layers; a color is the latest one."""
+"""Fusion methods of image channels; colors keep the latest value."""
 
 FORGETTING = 0.05
-"""Share of the last duration in a mean."""
+"""Weight of the last duration in a moving mean."""
 
 MEAN = 0.5
-"""Share of a new pixel in a layer that is fused by `exponential`, as in elevation_mapping_cupy."""
+"""Weight of a new pixel in the fusion `exponential`, as in elevation_mapping_cupy."""
 
 
 @dataclass
@@ -48,12 +48,12 @@ class ElevationFusion:
         follow: whether the map moves with the robot.
         covariance_scale: factor of all covariances of poses.
         clears_before_scan: whether each scan begins a new map.
-        image_fusions: ways of fusion of the channels of images, by names or regular expressions.
+        image_fusions: fusion methods of image channels, by name or regular expression.
         report: the last report of the mapper; None before.
         milliseconds: last durations [ms] by stage, and their moving means.
         version: number of changes of the map.
         changed: time of the last change [s], on the steady clock; None before.
-        warnings: texts for the log, which the owner removes.
+        warnings: texts for the log; the owner clears them.
     """
 
     mapper: ElevationMapper
@@ -80,7 +80,7 @@ class ElevationFusion:
 
     @property
     def grid_map(self) -> GridMap:
-        """The map; the next change makes another one, but pictures paint this one."""
+        """The map; scans replace it with a new one, but pictures change it in place."""
         return self.mapper.grid_map
 
     @property
@@ -122,7 +122,7 @@ class ElevationFusion:
         self._note({**self.report.milliseconds, "update": 1e3 * (time.perf_counter() - begin)})
 
     def paint(self, source: InputSource, picture: Picture, placement: Placement) -> None:
-        """Put the pixels of a picture into layers, in the cells that it shows."""
+        """Write the pixels of a picture to layers of the visible cells."""
         begin = time.perf_counter()
         count, names = picture.pixels.shape[2], tuple(source.settings.channels)
         # Three channels without names are one color.
@@ -153,10 +153,10 @@ class ElevationFusion:
     def lay_patch(
         self, frame: Matrix, length: tuple[float, float], height_offset: float, variance: float
     ) -> None:
-        """Begin the map with a flat patch around a frame (4, 4), given in the frame of the map.
+        """Begin the map with a flat patch around a frame.
 
         Args:
-            frame: the frame.
+            frame: (4, 4) transform from the frame to the frame of the map.
             length: (2,) side lengths of the patch along x and y [m].
             height_offset: its height above the origin of the frame [m].
             variance: variance of its heights [m^2].
@@ -178,7 +178,7 @@ class ElevationFusion:
         self._note({})
 
     def load(self, grid_map: GridMap) -> None:
-        """Take over a saved map: its place, and the layers that both have."""
+        """Load a saved map: its position, and the layers that both maps have."""
         kept = self.mapper.grid_map.copy()
         try:
             self.mapper.move(grid_map.position)
@@ -191,7 +191,7 @@ class ElevationFusion:
         self._note({})
 
     def time(self, stage: str, last: float) -> None:
-        """Note the duration of a stage [ms]."""
+        """Record the duration of a stage [ms]."""
         _, mean = self.milliseconds.get(stage, (last, last))
         self.milliseconds[stage] = last, mean + FORGETTING * (last - mean)
 
@@ -201,9 +201,9 @@ class ElevationFusion:
         self._note({})
 
     def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
-        """Return the parameters of the mapper with the limits of a source."""
+        """Return the parameters of the mapper, narrowed to the limits of a source."""
         given, own, processor = self.mapper.parameters, source.settings, source.processor
-        # Heights are relative to the robot there, and to the sensor here.
+        # The limits are relative to the robot; the mapper's are relative to the sensor.
         above, below = processor.above, processor.below
         if placement.robot is not None:
             offset = float(placement.robot[2, 3] - placement.transform[2, 3])
@@ -217,7 +217,7 @@ class ElevationFusion:
         )
 
     def _fusion_of(self, name: str) -> str:
-        """Return the way of fusion of a channel, by its name, or by the first matching pattern."""
+        """Return the fusion method of a channel, from its name or the first matching pattern."""
         found = "color" if name == COLOR_LAYER else self.image_fusions.get(name)
         matching = (f for p, f in self.image_fusions.items() if re.fullmatch(p, name))
         return found or next(matching, "latest")

@@ -35,9 +35,9 @@ class Chain(Protocol):
     def without_copies(
         self, grid_map: GridMap, *, warnings: list[str] | None = None
     ) -> tuple[GridMap, Size]:
-        """Return the filtered map in map order, and the start index that it is to have.
+        """Return the filtered map in map order, and the start index of the result.
 
-        Warnings of the filters are appended to a list.
+        Warnings of the filters are appended to `warnings`.
         """
 
 

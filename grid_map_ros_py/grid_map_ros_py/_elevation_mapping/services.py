@@ -19,7 +19,7 @@ from .sources import frame_name
 
 
 class MapServices:
-    """Actions of services; each fills a response, and raises a `GridMapError` if it fails."""
+    """Actions of services; each fills a response, or raises a `GridMapError`."""
 
     def __init__(
         self,
@@ -85,7 +85,6 @@ class MapServices:
 
 
 def _part_of(grid_map: GridMap, request: Any) -> Any:
-    """Return the part of a map that a request names, as a message."""
     position = request.position_x, request.position_y
     length = request.length_x, request.length_y
     found = part(grid_map, frame_name(request.frame_id), position, length)

@@ -43,7 +43,7 @@ POSITIVE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Parameters of the node that are neither those of sources nor those of the mapper.
+    """Parameters of the node other than those of sources and of the mapper.
 
     Attributes:
         map_frame_id: frame of the map, usually that of the odometry; it must not jump.
@@ -152,7 +152,7 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
 def read_mapper_parameters(
     node: ConfiguredNode, sources: Sequence[InputSource] = ()
 ) -> dict[str, Any]:
-    """Return the parameters of the mapper as they are now; the first call declares them.
+    """Return the current parameters of the mapper; the first call declares them.
 
     The default of `max_variance` is the largest one of the sensor models.
     """
@@ -164,7 +164,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Return the fusion; the first one on a machine may compile for some seconds."""
+    """Return the fusion; the first call on a machine may compile for some seconds."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sources of scans, and the sensor models in their parameters.
 
-Names are those of the package `elevation_mapping` of ROS 1, and for values in layers those of
+Names follow the ROS 1 package `elevation_mapping`, and for values in layers
 `elevation_mapping_cupy`.
 """
 
@@ -39,7 +39,7 @@ _OLD_MODELS = {
     "Stereo": "stereo",
     "Perfect": "perfect",
 }
-"""Names of models in files from before version 0.7 of the C++ package."""
+"""Names of models in files for C++ versions older than 0.7."""
 
 _UNUSED = {
     "apply_voxelgrid_filter": "all points are fused",

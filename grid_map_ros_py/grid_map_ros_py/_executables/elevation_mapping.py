@@ -107,7 +107,6 @@ class ElevationMappingNode(ConfiguredNode):
     # --- sensors ----------------------------------------------------------------------------------
 
     def _make_poses(self) -> Poses:
-        """Return the source of poses, and subscribe to their topic."""
         settings, frame = self._settings, frame_name(self._settings.map_frame_id)
         source = chosen_source(settings.pose_source, "topic")
         if source == "none":
@@ -182,7 +181,6 @@ class ElevationMappingNode(ConfiguredNode):
                 self._outputs.publish_raw()
 
     def _details(self) -> dict[str, str]:
-        """Return further values for the diagnostics."""
         fusion, found = self._fusion, dict[str, str]()
         age = math.nan if fusion.changed is None else time.monotonic() - fusion.changed
         found["seconds since the last change of the map"] = f"{age:.1f}"

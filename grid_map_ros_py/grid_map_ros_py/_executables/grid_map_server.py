@@ -89,7 +89,7 @@ class GridMapServerNode(ConfiguredNode):
 
     def _take(self, grid_map: GridMap) -> None:
         if isinstance(self._map, TiledMap):
-            raise RequestError("the map is that of the parameter 'source'")
+            raise RequestError("the map is fixed by the parameter 'source'")
         # First: a map that cannot be published must not replace the last one.
         self._publisher.publish(to_serialized_message(grid_map))
         self._map = grid_map

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_window`: publishes the part of a map of any size that is around a robot.
+"""Node `grid_map_window`: publishes the part of a large map around a robot.
 
-The map is a Zarr store or a GeoTIFF file, of which the window is read. With `write_back`, maps of
+The map is a Zarr store or a GeoTIFF file; only the window is read. With `write_back`, maps of
 another topic are merged into the store, so that it grows while the robot drives.
 """
 
@@ -37,10 +37,10 @@ from ..nodes._spin import steady_timer
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 
 SILENCE = 3.0
-"""Time without a pose after which the node says so [s]."""
+"""Time without a pose after which the node warns [s]."""
 
 PATIENCE = 20.0
-"""Longest time in which the last map is written while the node ends [s]."""
+"""Maximum time to write the last map while the node ends [s]."""
 
 
 class GridMapWindowNode(ConfiguredNode):
@@ -93,7 +93,7 @@ class GridMapWindowNode(ConfiguredNode):
         if writes:
             if self.resolve_topic_name(write_topic) == self._publisher.topic_name:
                 raise ConfigError(f"write_topic and output_topic are both {write_topic!r}")
-            # A cell without a value changes nothing, but fails where maps would.
+            # Writing a cell without a value changes nothing, but reveals errors at the start.
             first = self._whole.geometry.cropped(slice(0, 1), slice(0, 1))
             cell = GridMap.from_geometry(first, frame_id=self._whole.frame_id)
             self._whole.write(
@@ -101,7 +101,7 @@ class GridMapWindowNode(ConfiguredNode):
             )
             self._writer = LatestOnly(self._merge)
             self._subscription = MapSubscription(self, write_topic, self._writer.put)
-        # More often than needed, as a pose that comes just after a look waits for the next one.
+        # More often than needed, because a pose just after a check waits for the next one.
         steady_timer(self, 0.25 * self._period, self._work)
         rows, columns = self._whole.size
         self.get_logger().info(
@@ -168,20 +168,19 @@ class GridMapWindowNode(ConfiguredNode):
                 raise error
 
     def destroy_node(self) -> None:
-        """Merge the last map that has come, and destroy the node."""
+        """Merge the last received map, and destroy the node."""
         if self._writer and not self._writer.close(PATIENCE):
             self.get_logger().error(f"did not merge the last map within {PATIENCE:g} s")
         self._note_merged()
         Node.destroy_node(self)
 
     def _details(self) -> Mapping[str, object]:
-        """Return further values for the diagnostics."""
         status = Path("/proc/self/status").read_text()
         sizes = {name: int(size) for name, size in re.findall(r"(\w+):\s+(\d+) kB", status)}
         return {
             "windows": self._publisher.count,
             "ms of the last window": f"{self._milliseconds:.1f}",
-            # Without the shared memory of Fast DDS, whose size is fixed.
+            # Excludes the shared memory of Fast DDS, whose size is fixed.
             "resident memory [MB]": f"{(sizes['VmRSS'] - sizes['RssShmem']) / 1024:.1f}",
         }
 

@@ -74,12 +74,12 @@ def save_to_bag(
 class BagWriter:
     """Context manager that writes a bag map by map.
 
-    The bag replaces the target when the context ends. After an exception there is no bag, or the
-    old one. Other arguments: see `save_to_bag`.
+    The bag replaces the target when the context ends; an exception leaves the target unchanged.
+    Other arguments: see `save_to_bag`.
 
     Args:
         in_place: for long recordings to MCAP: write directly to `path`. The bag can be finished
-            although the disk is full, and `recover=True` reads the bag of a killed process.
+            even if the disk is full, and `recover=True` reads the bag of a killed process.
     """
 
     def __init__(
@@ -205,10 +205,10 @@ class BagWriter:
         foreign = [name for name in others if Path(name).suffix not in _BAG_ENDINGS]
         if foreign or (names and others == names):
             raise BagError(
-                self._path, f"is no bag and not replaced; it holds {(foreign or names)[0]}"
+                self._path, f"is not a bag and is not replaced; it holds {(foreign or names)[0]}"
             )
         if names and not self._overwrite:
-            raise BagError(self._path, "there is a bag already")
+            raise BagError(self._path, "already exists")
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ def load_from_bag(
     Args:
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
         topic: topic of the maps; None means the only topic with maps.
-        layers: names of the layers to take; None means all.
+        layers: names of the layers to read; None means all.
         index: index of the map in time order: 0 is the first, -1 the last.
         time: take the last map that is not later than this [ns], whatever `index` is.
         unwrap: as for `from_message`.
@@ -359,7 +359,7 @@ class BagFiles:
         with bag_errors(path):
             data = self._storage(file).read(entry)
             if data.startswith(_ZSTD_MAGIC):
-                # rosbag2 has compressed the message by itself.
+                # rosbag2 compressed this message on its own.
                 zstandard = package("zstandard", path)
                 check_bytes(f"{path}: a message", zstandard.frame_content_size(data), len(data))
                 data = zstandard.decompress(data)
@@ -470,12 +470,12 @@ def _open(path: Path, *, recover: bool) -> _Storage:
     if magic == bag_sqlite.MAGIC:
         return SqliteFile(path)
     if magic.startswith(_ROS1_MAGIC):
-        raise BagError(path, "a bag of ROS 1; 'rosbags-convert' makes one of ROS 2 of it")
+        raise BagError(path, "a bag of ROS 1; 'rosbags-convert' converts it")
     if magic.startswith(_ZSTD_MAGIC):
         raise BagError(path, "is compressed as a whole; 'zstd -d' unpacks it")
     raise BagError(path, "neither an MCAP file nor a sqlite3 database" if magic else "is empty")
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return names that can be iterated over for every map."""
+    """Return names that can be iterated repeatedly, once for every map."""
     return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)

@@ -143,7 +143,7 @@ class McapFile:
         self._scanned = []
         try:
             self._scan_records(self._file, len(MAGIC), self._size)
-        # Depending on the damage, the packages that unpack raise any kind of exception.
+        # On damaged data, the unpacking packages may raise any exception.
         except Exception as error:
             if not recover or isinstance(error, LimitError):
                 raise
@@ -234,7 +234,15 @@ class McapWriter:
     def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
         """Append a message."""
         if self._reserves:
-            self._reserve(len(data))
+            written = self._file.tell()
+            if written != self._written:
+                self._written, self._waiting = written, 0
+            self._waiting += len(data) + _RESERVE_PER_MESSAGE
+            # The index of chunks takes less than a thousandth of them.
+            needed = written + written // 1024 + self._waiting + _RESERVE
+            if needed > self._reserved:
+                os.posix_fallocate(self._file.fileno(), self._reserved, needed - self._reserved)
+                self._reserved = needed
         if kind.type not in self._schemas:
             encoding = "ros2msg" if kind.definition else ""
             definition = kind.definition.encode()
@@ -246,18 +254,6 @@ class McapWriter:
             )
         self._writer.add_message(self._channels[topic], time, data, time)
 
-    def _reserve(self, size: int) -> None:
-        """Allocate space for a message, for chunks that are not written yet, and for the index."""
-        written = self._file.tell()
-        if written != self._written:
-            self._written, self._waiting = written, 0
-        self._waiting += size + _RESERVE_PER_MESSAGE
-        # The index of chunks takes less than a thousandth of them.
-        needed = written + written // 1024 + self._waiting + _RESERVE
-        if needed > self._reserved:
-            os.posix_fallocate(self._file.fileno(), self._reserved, needed - self._reserved)
-            self._reserved = needed
-
     def finish(self, information: object) -> None:
         """Write the metadata of the bag and the index, and close the file."""
         self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(information)})
@@ -266,6 +262,6 @@ class McapWriter:
         self._file.close()
 
     def close(self) -> None:
-        """Close the file, which is no bag unless it is finished."""
+        """Close the file; without `finish`, it is not a valid bag."""
         with suppress(OSError):
             self._file.close()

@@ -28,7 +28,7 @@ CREATE TABLE messages(
     data BLOB NOT NULL);
 CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 """
-"""Tables as rosbag2 of ROS 2 Jazzy makes them."""
+"""Tables that rosbag2 creates in ROS 2 Jazzy."""
 
 
 class SqliteWriter:
@@ -61,7 +61,7 @@ class SqliteWriter:
         self._database.close()
 
     def close(self) -> None:
-        """Close the file, which is no bag unless it is finished."""
+        """Close the file; without `finish`, it is not a valid bag."""
         self._database.close()
 
     def _insert(self, table: str, *values: object) -> None:
@@ -73,11 +73,11 @@ class SqliteFile:
     """A database of rosbag2, of any version of its schema, open for reading only."""
 
     def __init__(self, path: Path) -> None:
-        # A recorder that was killed, or still writes, leaves messages in a log beside the database.
+        # A killed or running recorder leaves messages in a log beside the database.
         log = path.with_name(path.name + "-wal")
         mode = "mode=ro"
         if not log.exists() or not log.stat().st_size:
-            # sqlite3 takes pages that are missing at the end for pages of zeros.
+            # sqlite3 reads missing pages at the end as zeros.
             with path.open("rb") as file:
                 head = file.read(32)
             size, count = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")

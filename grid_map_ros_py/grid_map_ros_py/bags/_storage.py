@@ -47,14 +47,14 @@ class Entry(NamedTuple):
 
 @contextmanager
 def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
-    """Turn every exception into one `BagError` that names the file."""
+    """Convert every exception to a `BagError` that names the file."""
     try:
         yield
     except GridMapError:
         raise
     except OSError as error:
         raise BagError(path, f"cannot be {doing}: {error.strerror or error}") from error
-    # Depending on the damage, the reading packages raise any kind of exception.
+    # On damaged data, the reading packages may raise any exception.
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise BagError(path, f"cannot be {doing}: {text}") from error
@@ -68,7 +68,7 @@ VERSION = 9
 
 
 def ros_distro() -> str:
-    """Return the ROS distribution that is named in new bags."""
+    """Return the ROS distribution to record in new bags."""
     return os.environ.get("ROS_DISTRO", "jazzy")
 
 
@@ -109,7 +109,7 @@ def information(
 
 
 def dump(document: object) -> str:
-    """Return a document as YAML, without aliases, which other readers may not know."""
+    """Return a document as YAML without aliases, which other readers may not support."""
     text: str = yaml.safe_dump(json.loads(json.dumps(document)), sort_keys=False)
     return text
 
@@ -168,7 +168,7 @@ def files_of(path: Path, *, recover: bool = False) -> list[Path]:
     if recover:
         return [file for file in files if file.stat().st_size]
     hint = f"; read {files[0].name} itself, or use recover=True (--recover)" if files else ""
-    raise BagError(path, f"no bag: a folder without {FILE_NAME}{hint}")
+    raise BagError(path, f"not a bag: a folder without {FILE_NAME}{hint}")
 
 
 def _listed_files(folder: Path) -> list[str]:

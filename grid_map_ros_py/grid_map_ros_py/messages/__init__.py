@@ -2,7 +2,7 @@
 """Conversions between grid maps and ROS messages.
 
 All functions raise `LayerNotFoundError` for a layer that is missing, `MessageError` for a message
-that contradicts itself or cannot hold a value, `LimitError` for too many cells, other
+that is inconsistent or cannot hold a value, `LimitError` for too many cells, other
 `GridMapError` for invalid arguments, and `MissingPackageError` for a message package that is not
 installed. Messages are checked completely before memory is allocated.
 """

@@ -52,7 +52,7 @@ def to_costmap(
 
     Args:
         grid_map, layer: the map, and its layer that gives the values.
-        data_min, data_max: two different values, of cost 0 (free) and of cost 254 (lethal). Values
+        data_min, data_max: values of cost 0 (free) and cost 254 (lethal); must differ. Values
             beyond them are clamped, NaN becomes 255.
         codec: replaces the range from `data_min` to `data_max`, for example `OCCUPANCIES`.
     """

@@ -91,7 +91,7 @@ def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
 
 
 _NUMBERS = {"bool": "boolean", "byte": "octet", "float32": "float", "float64": "double"}
-"""Names of elementary types that message classes call otherwise."""
+"""Elementary types that have other names in message classes."""
 
 FIELDS_BY_TYPE = {name: _fields(name.partition("/")[0], lines) for name, lines in _LINES.items()}
 """Names and types of the fields of the messages that need no message package."""

@@ -84,7 +84,7 @@ def to_header(grid_map: GridMap) -> "Header":
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
-    """Raise if an object is no message of a kind, which has `paths`, or its frame is invalid."""
+    """Raise unless an object is a message of a kind, with all `paths` and a valid frame."""
     try:
         operator.attrgetter(*paths)(message)
     except AttributeError:
@@ -97,7 +97,7 @@ def check_fields(message: object, kind: str, *paths: str) -> None:
 
 
 def check_unique(field: str, names: Iterable[str]) -> None:
-    """Raise if a name comes twice."""
+    """Raise if a name occurs twice."""
     if repeated := sorted(name for name, times in Counter(names).items() if times > 1):
         raise MessageError(field, "every name once", repeated)
 
@@ -237,7 +237,7 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
 
 
 def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
-    """Return the matrix of the innermost message that messages hold under the name `inner`."""
+    """Return the matrix of a message, or of the message nested in it as `inner`."""
     from scipy.spatial.transform import Rotation  # slow to import
 
     path = ""

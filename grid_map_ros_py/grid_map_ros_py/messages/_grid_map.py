@@ -155,7 +155,7 @@ def _info(geometry: GridGeometry) -> SimpleNamespace:
 
 
 def _filled(message: Any, plain: SimpleNamespace) -> Any:
-    """Return a message with the values of an object that has its attributes."""
+    """Copy the attributes of an object to a message."""
     for name, value in vars(plain).items():
         if isinstance(value, SimpleNamespace):
             _filled(getattr(message, name), value)
@@ -179,8 +179,8 @@ def from_message(
 
     Args:
         message: layers may be column-major or row-major.
-        layers: names of the layers to take, in this order; None means all.
-        copy_basic_layers: take over those basic layers that are among the layers taken.
+        layers: names of the layers to decode, in this order; None means all.
+        copy_basic_layers: keep the basic layers that are among the decoded layers.
         unwrap: True brings the data into map order, with start index (0, 0). False keeps the order
             of the sender's buffer and its start index.
         copy: False makes read-only layers that share the memory of the message where possible: if

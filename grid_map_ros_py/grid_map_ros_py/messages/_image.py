@@ -81,7 +81,7 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
 
     Args:
         grid_map, layer: the map, and its layer with values of `color_vector_to_value`.
-        encoding: one with three channels, or four with alpha, which is 0 for NaN.
+        encoding: one with three channels, or with alpha as the fourth, which is 0 for NaN.
     """
     kind = _encoding_of(encoding)
     if kind.channels < 3:

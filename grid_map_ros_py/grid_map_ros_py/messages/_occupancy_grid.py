@@ -21,7 +21,7 @@ UNKNOWN = -1
 OCCUPIED = 100
 
 PIECE = 1 << 15
-"""Cells that are worked on at once."""
+"""Number of cells processed at once."""
 
 _VALUES = np.arange(256).astype(np.int8).astype(np.float32)
 _VALUES[UNKNOWN] = np.nan
@@ -35,7 +35,7 @@ def to_occupancy_grid(
 
     Args:
         grid_map, layer: the map, and its layer that gives the values.
-        data_min, data_max: two different values, which become 0 (free) and 100 (occupied). Values
+        data_min, data_max: values that become 0 (free) and 100 (occupied); must differ. Values
             beyond them are clamped, NaN becomes -1 (unknown).
     """
     stored = occupancies(grid_map[layer], data_min, data_max)

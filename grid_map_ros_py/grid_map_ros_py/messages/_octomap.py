@@ -101,7 +101,16 @@ def from_octomap(
     )
     if resolution is None or resolution == message.resolution:
         return grid_map
-    return _coarser(grid_map, layer, resolution)
+    if resolution < grid_map.resolution:
+        expected = f"at least that of the tree, {grid_map.resolution}"
+        raise MessageError("resolution", expected, resolution)
+    half = 0.5 * grid_map.length
+    geometry = fitting_geometry(
+        grid_map.position - half, grid_map.position + half, resolution, hold_edges=False
+    )
+    points = np.column_stack([grid_map.get_positions(), grid_map[layer].ravel("F")])
+    coarse = GridMap.from_geometry(geometry, frame_id=grid_map.frame_id, timestamp=timestamp)
+    return rasterize(points, coarse, {layer: "max"})
 
 
 def octomap_to_points(
@@ -126,7 +135,7 @@ def load_octomap(
     max_bound: npt.ArrayLike = ANYWHERE,
     frame_id: str = "map",
 ) -> GridMap:
-    """Return the map of a `.bt` or `.ot` file.
+    """Load a map from a `.bt` or `.ot` file.
 
     Args:
         layers: None, or the name of the layer.
@@ -148,7 +157,7 @@ def _read(path: Path, frame_id: str) -> Any:
         raise ValueError("expected a .bt or .ot file of OctoMap")
     entries = dict(line.partition(b" ")[::2] for line in lines if not line.startswith(b"#"))
     if not {b"id", b"res"} <= entries.keys():
-        raise ValueError("its head lacks 'id' or 'res'")
+        raise ValueError("its header lacks 'id' or 'res'")
     name, resolution = entries[b"id"].decode(), float(entries[b"res"])
     header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id=frame_id)
     return SimpleNamespace(
@@ -196,18 +205,3 @@ def _box(
 def _meters(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
     """Return the coordinates of the centers of voxels, in the type of the keys."""
     return np.asarray((keys - (VOXELS // 2 - 0.5)) * resolution)
-
-
-def _coarser(grid_map: GridMap, layer: str, resolution: float) -> GridMap:
-    if resolution < grid_map.resolution:
-        expected = f"at least that of the tree, {grid_map.resolution}"
-        raise MessageError("resolution", expected, resolution)
-    half = 0.5 * grid_map.length
-    geometry = fitting_geometry(
-        grid_map.position - half, grid_map.position + half, resolution, hold_edges=False
-    )
-    points = np.column_stack([grid_map.get_positions(), grid_map[layer].ravel("F")])
-    coarse = GridMap.from_geometry(
-        geometry, frame_id=grid_map.frame_id, timestamp=grid_map.timestamp
-    )
-    return rasterize(points, coarse, {layer: "max"})

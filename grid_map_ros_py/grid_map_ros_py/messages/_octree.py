@@ -41,7 +41,7 @@ NODE_TYPES = {
     "OcTreeStamped": np.dtype([("value", "<f4"), ("children", "u1")]),
     "ColorOcTree": np.dtype([("value", "<f4"), ("color", "u1", 3), ("children", "u1")]),
 }
-"""Data type of a node in the full form, by the class of the tree."""
+"""Data type of nodes in the full form, by class of tree."""
 
 _CHILDREN = np.arange(8)
 _OFFSETS = ((_CHILDREN >> np.arange(3)[:, None]) & 1).astype(np.int32)

@@ -19,7 +19,7 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
 
 
 def set_array(message: Any, values: "array.array[Any]") -> None:
-    """Let a message keep an array as its `data`, without a copy.
+    """Set the `data` of a message to an array without a copy.
 
     The constructor and the setter that rosidl generates copy it. The array must have the type of
     the field.

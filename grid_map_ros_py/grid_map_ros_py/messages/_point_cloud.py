@@ -164,7 +164,7 @@ def from_point_cloud(
 ) -> GridMap:
     """Return a map whose cells hold heights and other fields of the points in them.
 
-    Points with a coordinate that is not finite, and those beside the map, are left out. The map has
+    Points outside the map, or with a coordinate that is not finite, are left out. The map has
     the frame and the time of the cloud.
 
     Args:
@@ -175,7 +175,7 @@ def from_point_cloud(
             `count`.
         onto: replaces resolution, length and position: a geometry, or a map whose other layers the
             result shares and whose frame must be that of the cloud.
-        more_layers: names of further layers made of the heights, each with its reduction.
+        more_layers: names of further layers from the heights, each with its reduction.
         fields: names of the fields that become layers, besides the heights. None means all that
             have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
             unless the cloud has a field of that name.
@@ -256,7 +256,17 @@ def read_columns(
             raise MessageError(f"fields[{index}].datatype", expected, field.datatype)
     names = layer_names(message)
     columns = {names[name]: _view(message, known[name][1]) for name in chosen}
-    return _positions(message, [known[name][1] for name in AXES]), columns
+    axes = [known[name][1] for name in AXES]
+    first, kind = axes[0], TYPES[axes[0].datatype]
+    adjacent = all(
+        (axis.datatype, axis.offset) == (first.datatype, first.offset + k * kind.itemsize)
+        for k, axis in enumerate(axes)
+    )
+    if adjacent and kind.kind == "f":
+        return _view(message, first, 3), columns
+    views = [_view(message, axis) for axis in axes]
+    dtype = np.result_type(np.float32, *views)
+    return np.stack(views, axis=1, dtype=dtype, casting="unsafe"), columns
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
@@ -292,20 +302,6 @@ def check_layout(message: "PointCloud2") -> None:
     if len(message.data) != height * message.row_step:
         expected = f"{height * message.row_step} bytes ({height} rows of {message.row_step})"
         raise MessageError("data", expected, len(message.data))
-
-
-def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[Any]:
-    x = axes[0]
-    size = TYPES[x.datatype].itemsize
-    side_by_side = all(
-        (axis.datatype, axis.offset) == (x.datatype, x.offset + k * size)
-        for k, axis in enumerate(axes)
-    )
-    if side_by_side and TYPES[x.datatype].kind == "f":
-        return _view(message, x, 3)
-    columns = [_view(message, axis) for axis in axes]
-    dtype = np.result_type(np.float32, *columns)
-    return np.stack(columns, axis=1, dtype=dtype, casting="unsafe")
 
 
 def _view(

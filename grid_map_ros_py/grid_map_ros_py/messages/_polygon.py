@@ -91,7 +91,7 @@ def to_triangle_list_marker(
     timestamp: int = 0,
     height: float = 0.0,
 ) -> "Marker":
-    """Return the area of a polygon as a marker of triangles, as `Polygon.triangulate` cuts it.
+    """Return the area of a polygon as a marker with the triangles of `Polygon.triangulate`.
 
     There is one color per triangle. Arguments: see `to_line_marker`.
     """

@@ -56,7 +56,7 @@ _OFFERED = {
     "._topics": "MapPublisher MapSubscription map_qos",
 }
 _MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
-"""Modules by name, imported when a name of theirs is first used; `_profile` needs no rclpy."""
+"""Modules of the public names, imported lazily; `_profile` needs no rclpy."""
 
 __all__ = sorted(["quiet_start", *_MODULE_OF])
 

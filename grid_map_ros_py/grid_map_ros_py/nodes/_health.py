@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""State of a node for its log, which is throttled, and for `/diagnostics`."""
+"""State of a node for `/diagnostics`, and a throttled log."""
 
 import math
 import time
@@ -81,7 +81,7 @@ class Health:
         self.drop(why)
 
     def offer(self, node: Node) -> None:
-        """Make the publisher of the reports."""
+        """Create the publisher of the reports."""
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, 10)
         self._discovered = time.monotonic() + PATIENCE
 
@@ -132,7 +132,7 @@ def health_of(node: Node) -> Health:
 
 
 class LogThrottle:
-    """Logs similar texts at most once per period, with the number of those held back.
+    """Logs similar texts at most once per period, with the number of suppressed ones.
 
     Texts are similar if they are equal up to their second colon, such as "get_grid_map: frame_id:
     expected ...". At most `LIMIT` different texts are logged per period. (rclpy throttles per line
@@ -168,7 +168,7 @@ class LogThrottle:
             self._logger.info(line)
 
     def _line(self, text: str, level: str) -> str:
-        """Return the line to log now, or an empty text; count what is held back."""
+        """Return the line to log now, or an empty text; count suppressed texts."""
         text, now = cut(text), self._clock()
         key = level, *text.split(": ")[:2]
         logged, held_back = self._recent.get(key, (-math.inf, 0))

@@ -211,7 +211,7 @@ def _declare(
 
 
 def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning of parameter files that have no section for a node; empty without them."""
+    """Return a warning about parameter files without a section for a node, or ""."""
     name, texts = node.get_fully_qualified_name(), []
     # In sections, `*` stands for one name and `**` for any number of names.
     wildcards = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
@@ -227,7 +227,7 @@ def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
 
 
 def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning of given parameters that a node has not declared; empty without them.
+    """Return a warning about given parameters that a node has not declared, or "".
 
     A section for several nodes, such as `/**`, may have parameters of the others.
     """

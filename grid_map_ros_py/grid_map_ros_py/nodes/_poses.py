@@ -90,7 +90,7 @@ class Poses:
         return None if placement is None else placement.transform
 
     def go_back(self, stamp: int) -> None:
-        """Forget later poses, as time has gone back to `stamp` [ns]."""
+        """Forget poses after `stamp` [ns], to which time was reset."""
 
 
 class PoseHistory(Poses):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Settings of Fast DDS with which large maps and clouds arrive."""
+"""Fast DDS settings for large maps and clouds."""
 
 import os
 import shutil
@@ -12,18 +12,18 @@ CHOICES = (
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
 )
-"""Variables by which a user chooses other settings."""
+"""Environment variables that select other settings."""
 
 SHARED_MEMORY = 2**28
 """Free shared memory that the profile requires [bytes]; a container has 64 MB by default."""
 
 
 def use_profile() -> None:
-    """Let Fast DDS use the profile for large maps, unless the user has chosen settings.
+    """Let Fast DDS use the profile for large maps, unless the user selects other settings.
 
-    Call it before `rclpy.init`. It matters in processes that publish.
+    Call it before `rclpy.init`, in processes that publish.
     """
-    # Elsewhere than on Linux there is no such folder.
+    # The folder exists only on Linux.
     with suppress(OSError):
         is_free = shutil.disk_usage("/dev/shm").free >= SHARED_MEMORY
         if is_free and not any(map(os.environ.get, CHOICES)):

@@ -87,12 +87,12 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:
-    """Call back every `period` [s], even while the clock of the node is paused."""
+    """Call `callback` every `period` [s], even while the clock of the node is paused."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 class ConfiguredNode(Node):
-    """A node that reads its parameters in `__init__`, and has those of `read_limits`.
+    """A node that reads its parameters in `__init__`, including those of `read_limits`.
 
     Use `main` as the entry point of the executable.
     """
@@ -137,7 +137,7 @@ class ConfiguredNode(Node):
 
 
 class _Life:
-    """A node from its start to its end, and the signals that end it."""
+    """Life cycle of a node, and the signals that end it."""
 
     def __init__(self, args: list[str]) -> None:
         self._args = args
@@ -151,7 +151,7 @@ class _Life:
             raise KeyboardInterrupt
 
     def start(self, create_node: Callable[[], Node]) -> None:
-        """Create the node; an error that its user can mend becomes a `NodeFailedError`."""
+        """Create the node; an error that the user can fix becomes a `NodeFailedError`."""
         use_profile()
         try:
             rclpy.init(args=self._args, signal_handler_options=SignalHandlerOptions.NO)
@@ -211,7 +211,7 @@ class _Life:
             raise error
 
     def end(self) -> None:
-        """Destroy the node and shut ROS down, whatever signals come."""
+        """Destroy the node and shut ROS down, ignoring signals."""
         on_end(signal.SIG_IGN)
         if self._is_up:
             self._node.destroy_node()

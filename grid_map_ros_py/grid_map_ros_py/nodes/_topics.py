@@ -20,7 +20,7 @@ WEAKER: dict[QoSPolicyKind, Any] = {
     QoSPolicyKind.DURABILITY: DurabilityPolicy.VOLATILE,
     QoSPolicyKind.RELIABILITY: ReliabilityPolicy.BEST_EFFORT,
 }
-"""Policies that a subscription can give up, and their weaker values."""
+"""Policies that a subscription can relax, and their weaker values."""
 
 
 def map_qos(*, transient_local: bool = True) -> QoSProfile:
@@ -36,7 +36,7 @@ def map_qos(*, transient_local: bool = True) -> QoSProfile:
 
 
 def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
-    """Return a callback for lost messages of a subscription, which logs the first loss."""
+    """Return a callback that logs the first message lost by a subscription."""
     log = LogThrottle(node.get_logger(), period=math.inf)
     text = (
         f"messages of {node.resolve_topic_name(topic)} get lost: they come faster than this node "
