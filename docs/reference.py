@@ -2,11 +2,11 @@
 """Sphinx extension that makes the API reference from the public names of the packages.
 
 The pages of packages, `api/grid_map_*.md`, are completed while Sphinx reads them. A page for each
-room and each class is written to `api/generated/`.
+subpackage and each class is written to `api/generated/`.
 
 Each name is described once, where its import is shortest: `grid_map_core_py.GridMap`, not
 `grid_map_core_py.map.GridMap`. A class has a page of its own; functions, errors and constants are
-described on the page of their package or room. Every page begins with a list of its names.
+described on the page of their package or subpackage. Every page begins with a list of its names.
 """
 
 import inspect
@@ -45,7 +45,7 @@ DIRECTIVES = {
 
 
 @cache
-def rooms(package: str) -> list[ModuleType]:
+def subpackages(package: str) -> list[ModuleType]:
     """Return a package and its public modules."""
     top = import_module(package)
     below = pkgutil.walk_packages(top.__path__, f"{package}.")
@@ -66,7 +66,7 @@ def places() -> dict[tuple[str, int], str]:
     """Return the module under which each public name is described; an object's id is its key."""
     found: dict[tuple[str, int], str] = {}
     for package in PACKAGES:
-        for module in rooms(package):
+        for module in subpackages(package):
             for name in public_names(module):
                 found.setdefault((name, id(getattr(module, name))), module.__name__)
     return found
@@ -88,10 +88,10 @@ def kind(member: object) -> str:
 
 
 def write_pages(_app: Sphinx) -> None:
-    """Write the pages of rooms and classes."""
+    """Write the pages of subpackages and classes."""
     shutil.rmtree(GENERATED, ignore_errors=True)
     for package in PACKAGES:
-        for module in rooms(package):
+        for module in subpackages(package):
             folder = GENERATED / module.__name__
             folder.mkdir(parents=True)
             if module.__name__ != package:
@@ -107,10 +107,10 @@ def write(path: Path, title: str, text: str) -> None:
 
 
 def complete_page_of_package(_app: Sphinx, page: str, source: list[str]) -> None:
-    """Add to the page of a package its names and its rooms."""
+    """Add to the page of a package its names and its subpackages."""
     folder, _, package = page.rpartition("/")
     if folder == "docs/api" and package in PACKAGES:
-        names = [module.__name__ for module in rooms(package)[1:]]
+        names = [module.__name__ for module in subpackages(package)[1:]]
         links = toctree(f"generated/{name}/index" for name in names)
         text = f"{description(import_module(package))}\n{links}"
         source[0] += f"\n\n```{{eval-rst}}\n{text}\n```\n"
@@ -125,7 +125,7 @@ def description(module: ModuleType) -> str:
     for each, listed in by_kind.items():
         parts += table(each, (f"~{place(module, name)}.{name}" for name in listed))
     if "." not in module.__name__:
-        parts += table("Rooms", (room.__name__ for room in rooms(module.__name__)[1:]))
+        parts += table("Subpackages", (part.__name__ for part in subpackages(module.__name__)[1:]))
     for each, listed in by_kind.items():
         described = (x for x in listed if DIRECTIVES[each] and place(module, x) == module.__name__)
         parts += [f".. {DIRECTIVES[each]}:: {module.__name__}.{name}\n" for name in described]

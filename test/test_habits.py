@@ -174,7 +174,7 @@ LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py
 
 
 def public_modules(package: Path) -> Iterator[str]:
-    """Yield the modules and rooms of a package in whose dotted name no part is private."""
+    """Yield the modules and subpackages of a package in whose dotted name no part is private."""
     for path in sorted((package / package.name).rglob("*.py")):
         parts = path.relative_to(package).with_suffix("").parts
         parts = parts[:-1] if parts[-1] == "__init__" else parts

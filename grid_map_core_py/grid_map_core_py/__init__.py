@@ -80,20 +80,20 @@ _OFFERED = {
     "regions": "Polygon cells_to_mask circle_cells ellipse_cells line_cells line_cells_between "
     "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
 }
-_ROOM_OF = {name: room for room, names in _OFFERED.items() for name in names.split()}
+_PART_OF = {name: part for part, names in _OFFERED.items() for name in names.split()}
 _LAZY = (*_OFFERED, "elevation", "limits", "plugins", "simulation", "testing")
 """Modules that are imported lazily, so that programs such as `grid-map --help`
 start without NumPy, SciPy and OpenCV."""
 
-__all__ = sorted(_ROOM_OF)
+__all__ = sorted(_PART_OF)
 
 
 def __getattr__(name: str) -> Any:
     if name in _LAZY:
         return import_module(f"{__name__}.{name}")
-    if name not in _ROOM_OF:
+    if name not in _PART_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)
+    found = globals()[name] = getattr(import_module(f"{__name__}.{_PART_OF[name]}"), name)
     return found
 
 

@@ -352,7 +352,7 @@ AT_CONSTRUCTION = [
     ("abs(a, b)", 0, "abs takes 1 argument, not 2"),
     ("1 + where(a, b)", 4, "where takes 3 arguments, not 2"),
     ("eye(2, 3, 4)", 0, "eye takes 1 or 2 arguments, not 3"),
-    ("wher(a, 1, 2)", 0, "no function 'wher' (did you mean 'where'?)"),
+    ("wher(a, 1, 2)", 0, "no function 'wher'; did you mean where?"),
     ("a(0, 1, 2)", 0, "an index has one or two places"),
     ("zeros(1.5)", 6, "must be whole and positive"),
     ("eye(-1, 2)", 4, "must be whole and positive"),
@@ -372,7 +372,7 @@ AT_CONSTRUCTION = [
 
 AT_EVALUATION = [
     ("elevtion + 1", 0, "no layer 'elevtion'; available: elevation, row, square_, variance"),
-    ("1 + sqroot(elevation)", 4, "no layer or function 'sqroot' (did you mean 'sqrt'?)"),
+    ("1 + sqroot(elevation)", 4, "no layer or function 'sqroot'; did you mean sqrt?"),
     ("elevation + row", 10, "the shapes 3 x 4 and 1 x 5 do not match"),
     ("elevation * elevation", 10, "no matrix product of 3 x 4 and 3 x 4; use '.*'"),
     ("elevation / elevation", 10, "use './'"),

@@ -126,7 +126,7 @@ def test_given_parameters_that_are_not_used_are_warned_of(start: Start, tmp_path
     wait_until(lambda: "alive\n" in process.lines, "a sign of life")
     (warning,) = [line for line in process.lines if "WARN" in line]
     assert re.search(r"\[being\]: unknown parameters, not used: (.*)\n", warning)[1] == (
-        "'dely' (did you mean 'delay'?), 'quite_unlike', 'tree'"
+        "'dely' (did you mean delay?), 'quite_unlike', 'tree'"
     )
 
 

@@ -9,7 +9,6 @@ Layers that hold colors, packed into one float32 per cell, are written and read 
 `grid_map_core_py.conversions`. Matplotlib is imported when the first color map is needed.
 """
 
-import difflib
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, TypeAlias
@@ -19,7 +18,7 @@ import numpy.typing as npt
 
 from grid_map_core_py._arrays import max_of_finites, min_of_finites
 from grid_map_core_py.conversions._packed_colors import color_value_to_bytes
-from grid_map_core_py.errors import ConfigError, required
+from grid_map_core_py.errors import ConfigError, hint, required
 from grid_map_core_py.plugins import check
 
 __all__ = [
@@ -138,10 +137,9 @@ def _table(name: str) -> Colors:
     """Return the (256, 3) colors of a color map."""
     maps = _all_color_maps()
     if name not in maps:
-        close = difflib.get_close_matches(name, list(maps))
-        hint = f"did you mean {' or '.join(close)}?" if close else "such as viridis, turbo, terrain"
+        similar = hint(name, maps, 3) or "; such as viridis, turbo, terrain"
         raise ConfigError(
-            f"parameter 'color_map': expected a color map of Matplotlib, got {name!r}; {hint}"
+            f"parameter 'color_map': expected a color map of Matplotlib, got {name!r}{similar}"
         )
     colors = maps[name](np.linspace(0.0, 1.0, _STEPS))[:, :3]
     table: Colors = np.rint(255 * colors).astype(np.uint8)

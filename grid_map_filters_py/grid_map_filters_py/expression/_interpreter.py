@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluation of a syntax tree, and the checks that need no layers."""
 
-import difflib
 import math
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+
+from grid_map_core_py.errors import hint
 
 from ._functions import CONSTANTS, FUNCTIONS, LARGEST, operate
 from ._matrices import SCALAR, Matrices, Value, describe, known, shape_of, simplified
@@ -54,8 +55,8 @@ class Interpreter:
             return self._names[name]
         if name in CONSTANTS:
             return CONSTANTS[name]
-        hint = "" if kind == "layer" else _suggestion(name)
-        raise Fault(f"no {kind} {name!r}{hint}; available: {self._available}")
+        similar = "" if kind == "layer" else hint(name, FUNCTIONS)
+        raise Fault(f"no {kind} {name!r}{similar}; available: {self._available}")
 
     def _end(self, end: int | None) -> Value:
         if end is None:
@@ -172,12 +173,6 @@ def _check_count(name: str, arguments: tuple[Node, ...]) -> None:
     raise Fault(f"{name} takes {wanted} argument{plural}, not {count}")
 
 
-def _suggestion(name: str) -> str:
-    """Suggest a function that is spelled like `name`, in brackets."""
-    close = difflib.get_close_matches(name, FUNCTIONS, n=1)
-    return f" (did you mean {close[0]!r}?)" if close else ""
-
-
 # --- checks without layers ------------------------------------------------------------------------
 
 # Parts without names are evaluated once, so that `[1, 2] + [1, 2, 3]` or `zeros(1.5)` fails when
@@ -209,7 +204,7 @@ def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
             base, places = node.parts
             if len(places) > 2:
                 name = base.parts[0] if base.kind == "name" else ""
-                unknown = f"no function {name!r}{_suggestion(name)}, and " if name else ""
+                unknown = f"no function {name!r}{hint(name, FUNCTIONS)}, and " if name else ""
                 raise Fault(f"{unknown}an index has one or two places, m(row, column) or v(place)")
             for place in filter(_is_constant, places):
                 with place.blamed():

@@ -37,7 +37,7 @@ from ..nodes._spin import steady_timer
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class RollingSettings:
     """Parameters of the node.
 
     Attributes:
@@ -118,7 +118,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")
-        settings, log = read_fields(self, Settings), LogThrottle(self.get_logger())
+        settings, log = read_fields(self, RollingSettings), LogThrottle(self.get_logger())
         health_of(self).inputs = "clouds"
         geometry = GridGeometry(
             np.array(settings.length), settings.resolution, np.array(settings.position)

@@ -6,7 +6,6 @@ and are read-only by default: nodes configure themselves once, when they start.
 """
 
 import array
-import difflib
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -26,7 +25,7 @@ from grid_map_core_py._parameters import (
     nested,
     node_sections,
 )
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.errors import ConfigError, GridMapError, hint
 from grid_map_core_py.files._shared import load_yaml
 from grid_map_core_py.limits import Limits, set_limits
 from grid_map_core_py.plugins import check
@@ -247,8 +246,8 @@ def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
         root = name.partition(".")[0]
         # A whole tree that the node does not read is named once.
         wrong, known = (name, declared) if root in declared.values() else (root, declared.values())
-        close = difflib.get_close_matches(wrong, known, n=1)
-        texts[wrong] = f"{wrong!r} (did you mean {close[0]!r}?)" if close else repr(wrong)
+        similar = hint(wrong, known).removeprefix("; ")
+        texts[wrong] = f"{wrong!r} ({similar})" if similar else repr(wrong)
     return f"unknown parameters, not used: {', '.join(texts.values())}" if texts else ""
 
 
