@@ -191,7 +191,7 @@ def _range(
 
 
 def from_image(
-    pixels: ArrayLike,
+    image: ArrayLike,
     layer: str,
     resolution: float,
     lower: float = 0.0,
@@ -206,7 +206,7 @@ def from_image(
     """Return a map with one layer that holds the gray values of an image.
 
     Args:
-        pixels: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colors
+        image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colors
             become gray by their luma (ITU-R BT.601, OpenCV's `cvtColor`).
         resolution: side of a pixel [m].
         lower, upper: values of pixel 0 and of pixel 255, 65535 or 1.0. With 0 and 1 a float image
@@ -220,8 +220,8 @@ def from_image(
     Raises:
         GeometryError: the image, the bounds, the order or the grid are invalid.
     """
-    image = _as_image(pixels)
-    values = _read_gray(image, lower, upper, alpha_threshold, order)
+    pixels = _as_image(image)
+    values = _read_gray(pixels, lower, upper, alpha_threshold, order)
     rows, columns = values.shape
     geometry = GridGeometry.from_size((rows, columns), resolution, position)
     grid_map = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
@@ -230,7 +230,7 @@ def from_image(
 
 def add_layer_from_image(
     grid_map: GridMap,
-    pixels: ArrayLike,
+    image: ArrayLike,
     layer: str,
     lower: float = 0.0,
     upper: float = 1.0,
@@ -242,18 +242,18 @@ def add_layer_from_image(
 
     Args:
         grid_map: the map, with the rows and columns of the image; it may have moved.
-        pixels, layer, lower, upper, alpha_threshold, order: as in `from_image`.
+        image, layer, lower, upper, alpha_threshold, order: as in `from_image`.
 
     Raises:
         GeometryError: the image is not of the size of the map, or as in `from_image`.
     """
-    image = _as_image(pixels, grid_map.size)
-    grid_map.set_unwrapped(layer, _read_gray(image, lower, upper, alpha_threshold, order))
+    pixels = _as_image(image, grid_map.size)
+    grid_map.set_unwrapped(layer, _read_gray(pixels, lower, upper, alpha_threshold, order))
 
 
 def add_color_layer_from_image(
     grid_map: GridMap,
-    pixels: ArrayLike,
+    image: ArrayLike,
     layer: str = COLOR_LAYER,
     *,
     alpha_threshold: float = 0.5,
@@ -263,7 +263,7 @@ def add_color_layer_from_image(
 
     Args:
         grid_map: the map, with the rows and columns of the image; it may have moved.
-        pixels: as in `from_image`; 255, 65535 and 1.0 are full intensity.
+        image: as in `from_image`; 255, 65535 and 1.0 are full intensity.
         alpha_threshold, order: as in `from_image`.
 
     Raises:
@@ -278,8 +278,8 @@ def add_color_layer_from_image(
         red, green, blue = (channels[..., min(n, channels.shape[2] - 1)] for n in range(3))
         return color_channels_to_value(red, green, blue)
 
-    image = _as_image(pixels, grid_map.size)
-    grid_map.set_unwrapped(layer, _read(image, values_of, alpha_threshold))
+    pixels = _as_image(image, grid_map.size)
+    grid_map.set_unwrapped(layer, _read(pixels, values_of, alpha_threshold))
 
 
 def _read_gray(
