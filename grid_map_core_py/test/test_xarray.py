@@ -188,7 +188,7 @@ def test_rioxarray_finds_the_reference_system():
 def test_degrees_are_taken_for_meters_with_a_warning():
     array = raster([[1.0, 2.0]])
     array["x"].attrs["units"] = "degrees_east"
-    with pytest.warns(UserWarning, match="dataset: x and y are in degrees, which are taken"):
+    with pytest.warns(UserWarning, match="dataset: x and y are in degrees, which are treated"):
         GridMap.from_xarray(array)
 
 

@@ -54,8 +54,8 @@ def test_floats_stay_floats(channels, tmp_path):
     ("content", "found"),
     [
         (None, "No such file"),
-        (b"", "no image"),
-        (b"text", "no image"),
+        (b"", "not an image"),
+        (b"text", "not an image"),
         (b"P5 100000 100000 255\ntoo many pixels", "at most 16000000 cells"),
     ],
 )

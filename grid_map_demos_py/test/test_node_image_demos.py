@@ -72,7 +72,7 @@ def test_image_file_is_read_again_for_every_message(tmp_path):
         with running_node(module("image_publisher"), *given) as publisher:
             first = other.expect("/scan")
             file.write_bytes(b"")
-            other.wait_until(lambda: "cannot be read: no image" in publisher.text, "log")
+            other.wait_until(lambda: "cannot be read: not an image" in publisher.text, "log")
             file.write_bytes(b"P6 1 1 255\n\xff\0\1")
             other.wait_until(lambda: other.received["/scan"][-1].encoding == "bgr8", "a new image")
             last = other.received["/scan"][-1]
