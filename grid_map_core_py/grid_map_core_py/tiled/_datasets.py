@@ -285,14 +285,16 @@ class DatasetSource:
     """Layers in the variables of a dataset, which may be in memory, in a file, or of Dask.
 
     Args:
-        dataset: holds the layers in map order.
+        dataset: holds the layers (x, y).
         layers: names of the layers.
         name: name of the dataset in errors.
+        ascends: whether x, and whether y, ascends, against the order of a map.
     """
 
     dataset: "xarray.Dataset"
     layers: tuple[str, ...]
     name: str
+    ascends: tuple[bool, bool]
 
     reads_layers_alone: ClassVar[bool] = True
 
@@ -304,7 +306,10 @@ class DatasetSource:
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         with data_errors(f"{self.name}/{names[0]}" if len(names) == 1 else self.name, "read"):
-            part = dict(zip(DIMENSIONS, window, strict=True))
+            # Without layers, the dataset has no dimensions.
+            rows, columns = (self.dataset.sizes.get(each, 0) for each in DIMENSIONS)
+            stored = mirrored(window, (rows, columns), self.ascends)
+            part = dict(zip(DIMENSIONS, stored, strict=True))
             layers = [self.dataset.variables[name].isel(part) for name in names]
             if any(layer.chunks for layer in layers):
                 compute = required("dask.base", "a dataset of Dask", REMEDY).compute
@@ -312,8 +317,10 @@ class DatasetSource:
                 values = compute(*(layer.data for layer in layers), scheduler="synchronous")
             else:
                 values = [layer.values for layer in layers]
+            # Zarr 2 cannot read backwards.
+            order = tuple(slice(None, None, -1 if each else None) for each in self.ascends)
             return [
-                as_layer(np.asarray(each), shape(window), name)
+                as_layer(np.asarray(each)[order], shape(window), name)
                 for name, each in zip(names, values, strict=True)
             ]
 
@@ -348,10 +355,9 @@ def open_dataset(
         )
     # Coordinates would be sent along to every process.
     bare = dataset.drop_vars([*dataset.coords])[[*layers]]
-    ordered = bare.isel(turned(ascends), missing_dims="ignore")
-    ordered = ordered.transpose(*DIMENSIONS, missing_dims="ignore")
+    ordered = bare.transpose(*DIMENSIONS, missing_dims="ignore")
     return TiledData(
-        DatasetSource(ordered, layers, name),
+        DatasetSource(ordered, layers, name, ascends),
         geometry,
         tile or (chunks[0], chunks[1]),
         frame_id=str(about.get("frame_id", "map")),
