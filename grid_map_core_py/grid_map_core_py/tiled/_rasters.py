@@ -454,7 +454,7 @@ def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
 
 def _check_complete(file: Path) -> None:
     """Raise `OSError` if a block is missing: GDAL reports no error if it closes on a full disk."""
-    length = file.stat().st_size
+    length, last = file.stat().st_size, (-1, 0, 0, 0)
     with import_module("rasterio").open(file) as raster:
         levels = [(None, 1), *enumerate(raster.overviews(1))]
         for band, (level, factor) in itertools.product(raster.indexes, levels):
@@ -466,3 +466,10 @@ def _check_complete(file: Path) -> None:
                 )
                 if offset is None or int(offset) + int(size) > length:
                     raise OSError("a block is missing, perhaps because the disk is full")
+                if level is None:
+                    last = max(last, (int(offset), band, row, column))
+        # GDAL 3.6 keeps the place of a block that it could not write.
+        _, band, row, column = last
+        raster.read(
+            band, window=tuple((n * _FILE_BLOCK, n * _FILE_BLOCK + 1) for n in (row, column))
+        )
