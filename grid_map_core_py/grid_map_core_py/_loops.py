@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Loops over cells or points, compiled where numba is installed.
+"""Loops over cells or points, compiled with numba if numba is installed.
 
-Numba is imported when the first loop is compiled or loaded. It keeps machine code in its own cache.
+Numba is imported when the first loop is compiled or loaded, and caches the machine code.
 """
 
 import importlib.util
@@ -25,20 +25,20 @@ Type: TypeAlias = str | tuple[str, int] | tuple[str, ...]
 
 _compiling = threading.RLock()
 _known: set[Callable[..., Any]] = set()
-"""Functions that numba can call from compiled code."""
+"""Functions registered with numba for calls from compiled code."""
 
 
 @dataclass(eq=False)
 class Loop:
-    """A function of flat arrays and numbers that numba compiles; made by the decorator `loop`.
+    """Function of flat arrays and numbers that numba can compile; created by the decorator `loop`.
 
     Attributes:
-        function: indexes its arrays with integers from 0, writes its results into arrays and
-            returns nothing. It may call `math`, NumPy and functions like itself.
-        takes: types of the arguments: "float32*" for an array, "const float32*" for a read-only
-            one, "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
+        function: indexes arrays with integers from 0, writes results into arrays and returns
+            nothing. It may call `math`, NumPy and other such functions.
+        takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
+            "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
             Other types are compiled when they first occur.
-        instead: replacements, in compiled code, of functions that the function calls.
+        instead: maps functions that the function calls to their replacements in compiled code.
     """
 
     function: Callable[..., None]
@@ -46,19 +46,19 @@ class Loop:
     instead: Mapping[Callable[..., Any], Callable[..., Any]] = field(default_factory=dict)
 
     def compiled(self) -> Compiled | None:
-        """Return the compiled function, loaded from numba's cache or compiled in some seconds.
+        """Return the compiled function, loaded from numba's cache or compiled in a few seconds.
 
-        Its arrays may have any shape and must be contiguous. Other threads run while it runs.
+        Array arguments may have any shape and must be contiguous. The function releases the GIL.
 
         Returns:
-            None if numba is not installed or is turned off by NUMBA_DISABLE_JIT, and with a
-            `RuntimeWarning` if it fails.
+            The function; None if numba is not installed or NUMBA_DISABLE_JIT is set, and None with
+            a `RuntimeWarning` if numba fails.
         """
         with _compiling:
             return self._compiled
 
     def must_compile(self) -> bool:
-        """Return whether `compiled` would compile now, because numba has cached nothing."""
+        """Return whether `compiled` would compile now, because numba's cache is empty."""
         if "_compiled" in self.__dict__ or not _has_numba():
             return False
         try:
@@ -70,7 +70,7 @@ class Loop:
     @cached_property
     def _compiled(self) -> Compiled | None:
         failure = None
-        # Numba refuses to cache where it finds no writable folder.
+        # Numba refuses to cache if it finds no writable folder.
         for cache in (True, False) if _has_numba() else ():
             try:
                 dispatcher = self._dispatcher(cache=cache)
@@ -96,7 +96,7 @@ class Loop:
 
 
 def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
-    """Return the decorator that makes a `Loop` with these types."""
+    """Return a decorator that turns a function into a `Loop` with these argument types."""
     return lambda function: Loop(function, takes)
 
 
@@ -108,7 +108,7 @@ def _has_numba() -> bool:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Register the functions that a function calls, so that compiled code can call them."""
+    """Register all functions that `function` calls, so that compiled code can call them."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

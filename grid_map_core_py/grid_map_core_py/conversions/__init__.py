@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers from and to images, colors, costmaps, point clouds and triangle meshes.
+"""Convert layers to and from images, packed colors, costmaps, point clouds and triangle meshes.
 
-- Images: `to_image`, `from_image`, `add_layer_from_image`, with colors `to_color_image`,
+- Gray images: `to_image`, `from_image`, `add_layer_from_image`; color images: `to_color_image`,
   `add_color_layer_from_image`; `change_resolution`; the types `Image` and `Order`.
-- Colors as layer values: `color_vector_to_value`, `color_value_to_vector`,
-  `color_channels_to_value`, `color_value_to_bytes`; names of layers and fields with colors:
-  `COLOR_LAYER`, `COLOR_FIELDS`.
-- Costmaps: `to_costs`, `from_costs`, `Costmap`. A `CostCodec` turns values into costs: a
-  `CostTable` or a `CostRange`; costs are `FREE` to `LETHAL`.
+- Packed colors: `color_vector_to_value`, `color_value_to_vector`, `color_channels_to_value`,
+  `color_value_to_bytes`; conventional names of color layers and fields: `COLOR_LAYER`,
+  `COLOR_FIELDS`.
+- Costmaps: `to_costs`, `from_costs`, `Costmap`. A `CostCodec` (`CostTable` or `CostRange`) converts
+  values to costs from `FREE` to `LETHAL`.
 - Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`,
   `PointCloudPipeline`.
 - Triangle meshes: `from_mesh`, `rasterize_triangles`.

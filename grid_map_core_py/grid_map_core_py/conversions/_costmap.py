@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Costs of navigation: one byte per cell, 255 for unknown cells; NaN becomes 255, never free."""
+"""Navigation costmaps: one byte per cell, 255 for unknown; NaN becomes 255, never free."""
 
 from __future__ import annotations
 
@@ -21,36 +21,37 @@ Costs: TypeAlias = NDArray[np.uint8]
 
 FREE = 0
 INSCRIBED = 253
-"""Cost of cells in which the robot's center means a collision at any heading."""
+"""Cost of a cell where the robot collides at any heading if its center is in the cell."""
 LETHAL = 254
 UNKNOWN = 255
 
 
 class CostCodec(Protocol):
-    """Turns layer values into costs and back."""
+    """Interface of the conversion between layer values and costs."""
 
     def to_costs(self, values: ArrayLike) -> Costs:
-        """Return the costs (...) uint8 of values (...); 255 for NaN."""
+        """Convert values (...) to costs (...) uint8; NaN becomes 255."""
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Return the values (...) float32 of costs (...) uint8."""
+        """Convert costs (...) uint8 to values (...) float32."""
 
 
 @dataclass(frozen=True)
 class CostTable:
-    """Layer values of the named costs of costmap_2d and nav2; linear from free to inscribed.
+    """Maps layer values to the named costs of costmap_2d and nav2; linear from free to inscribed.
 
-    The defaults are the scale of occupancy grids. `CostTable(0, 253, 254, 255)` is for layers that
-    hold the costs themselves.
+    The defaults match the scale of occupancy grids. Use `CostTable(0, 253, 254, 255)` for layers
+    that store costs.
 
     Attributes:
-        free: value of cost 0.
-        inscribed: value of cost 253.
-        lethal: value of cost 254.
-        unknown: value of cost 255; may be NaN.
+        free: layer value of cost 0.
+        inscribed: layer value of cost 253.
+        lethal: layer value of cost 254.
+        unknown: layer value of cost 255; may be NaN.
 
     Raises:
-        GeometryError: the first three do not ascend, or `unknown` equals the value of a cost.
+        GeometryError: `free`, `inscribed` and `lethal` do not ascend, or `unknown` equals the value
+            of another cost.
     """
 
     free: float = 0.0
@@ -76,18 +77,18 @@ class CostTable:
             return np.append(known, (self.lethal, self.unknown)).astype(np.float32)
 
     def to_costs(self, values: ArrayLike) -> Costs:
-        """Return the nearest costs (...) uint8 of values (...); 255 for NaN and for `unknown`."""
+        """Convert values (...) to the nearest costs (...) uint8; NaN and `unknown` become 255."""
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Return the values (...) float32 of costs (...) in [0, 255]."""
+        """Convert costs (...) in [0, 255] to values (...) float32."""
         return elementwise(self._values.take, np.float32, _as_costs(costs))
 
     def _costs(self, values: NDArray[Any]) -> Costs:
         values = values.astype(np.float32)
         value_per_cost = np.float32((self.inscribed - self.free) / INSCRIBED)
         steps = (values - np.float32(self.free)) / value_per_cost
-        # `fmax` turns NaN into free; the last line makes it unknown.
+        # `fmax` maps NaN to free; the last line sets NaN to unknown.
         nearest = np.rint(np.fmin(np.fmax(steps, FREE), INSCRIBED))
         costs: Costs = nearest.astype(np.uint8)
         costs[values >= 0.5 * (self.inscribed + self.lethal)] = LETHAL
@@ -97,14 +98,14 @@ class CostTable:
 
 @dataclass(frozen=True)
 class CostRange:
-    """A range of values, mapped linearly to the costs 0 to 254, as in nav2 messages from C++.
+    """Maps a range of values linearly to the costs 0 to 254, like the C++ conversion for nav2.
 
     Attributes:
-        data_min: the value of cost 0.
-        data_max: the value of cost 254; may be less than `data_min`.
+        data_min: value of cost 0.
+        data_max: value of cost 254; may be less than `data_min`.
 
     Raises:
-        GeometryError: the bounds are equal as float32, or not finite.
+        GeometryError: the bounds are not finite, or are equal as float32.
     """
 
     data_min: float = FREE
@@ -119,15 +120,15 @@ class CostRange:
             raise GeometryError(f"expected two different finite float32 numbers, got {self}")
 
     def to_costs(self, values: ArrayLike) -> Costs:
-        """Return the costs (...) uint8 of values (...); 255 for NaN.
+        """Convert values (...) to costs (...) uint8; NaN becomes 255.
 
-        They are `trunc(254 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, computed in
-        float32 as in the C++ library.
+        The cost is `trunc(254 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, computed
+        in float32 as in the C++ library.
         """
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Return the smallest value (...) float32 of each cost (...); NaN for 255."""
+        """Convert costs (...) to the smallest value (...) float32 of each cost; 255 becomes NaN."""
         known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
         table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))
@@ -151,8 +152,8 @@ class Costmap:
     """A costmap with the attributes of nav2's `PyCostmap2D`.
 
     Attributes:
-        costmap: (size_x * size_y,) uint8 costs; x grows fastest, both from the origin.
-        size_x, size_y: cells along x and y.
+        costmap: (size_x * size_y,) uint8 costs; x varies fastest, and x and y ascend.
+        size_x, size_y: number of cells along x and y.
         resolution: side of a cell [m].
         origin_x, origin_y: corner with the smallest x and y [m].
         global_frame_id: coordinate frame of the origin.
@@ -168,18 +169,18 @@ class Costmap:
 
 
 def to_costs(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
-    """Return a layer as a costmap.
+    """Convert a layer to a costmap.
 
     Args:
         grid_map: the map.
-        layer: the layer that gives the values.
+        layer: name of the layer.
         codec: converts values to costs.
     """
     costs = codec.to_costs(grid_map[layer])
     costs = np.roll(costs, np.negative(grid_map.start_index), axis=(0, 1))
     origin = grid_map.position - 0.5 * grid_map.length
     return Costmap(
-        # A costmap starts at the smallest x and y, a grid map at the largest.
+        # A costmap starts at the smallest x and y, a grid map at the largest x and y.
         costmap=costs.ravel("F")[::-1].copy(),
         size_x=grid_map.size[0],
         size_y=grid_map.size[1],
@@ -191,17 +192,16 @@ def to_costs(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
 
 
 def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int = 0) -> GridMap:
-    """Return a map with one layer from a costmap.
+    """Convert a costmap to a map with one layer.
 
     Args:
-        costmap: a `Costmap`, or anything with its attributes such as nav2's `PyCostmap2D`.
+        costmap: a `Costmap`, or an object with the same attributes such as nav2's `PyCostmap2D`.
         layer: name of the layer.
         codec: converts costs to values.
         timestamp: time of the data [ns].
 
     Raises:
-        GeometryError: the number of costs does not fit the size, or the size or resolution is
-            invalid.
+        GeometryError: the size or resolution is invalid, or the number of costs does not match.
     """
     size = as_size((costmap.size_x, costmap.size_y), "size_x, size_y")
     costs = _as_costs(costmap.costmap)

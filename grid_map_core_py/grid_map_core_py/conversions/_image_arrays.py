@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers as images, images as layers, and maps of another resolution.
+"""Convert layers to images and images to layers, and change the resolution of maps.
 
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
 is +x, left is +y. Images of maps that have moved look the same.
 
-**Color images are BGR by default**, as `cv2.imread` returns and `cv2.imwrite` takes
-them. For images from elsewhere (Matplotlib, Pillow, ROS `rgb8`) pass `order="rgb"`; a fourth
-channel is always alpha.
+**Color images are BGR by default**, the order of `cv2.imread` and `cv2.imwrite`. For images from
+Matplotlib, Pillow or ROS `rgb8`, pass `order="rgb"`. A fourth channel is always alpha.
 
-Gray values: in uint8 and uint16 images the range [`lower`, `upper`] of a layer becomes [0, 255] or
-[0, 65535], in float32 and float64 images [0, 1]. When a float image is made without `lower` and
-`upper`, it holds the values themselves.
+Gray values: the range [`lower`, `upper`] of a layer becomes [0, 255] in uint8, [0, 65535] in uint16
+and [0, 1] in float32 and float64 images. A float image created without `lower` and `upper` contains
+the layer values unchanged.
 
-NaN is 0 in uint8 and uint16 images and NaN in float images; alpha is 0 there, and the largest value
-elsewhere. Infinities become the bounds of the range. When read, pixels whose alpha is less than
-half of the largest value are NaN.
+NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. The alpha of a NaN cell is
+0; all other cells are opaque. Infinities become the bounds of the range. When an image is read,
+pixels whose alpha is less than half of the largest value become NaN.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ Image: TypeAlias = NDArray[Any]
 Order: TypeAlias = Literal["bgr", "rgb"]
 
 COLOR_LAYER = "color"
-"""The layer that holds packed colors by convention."""
+"""Conventional name of the layer with packed colors."""
 
 _LARGEST = {"uint8": 255, "uint16": 65535, "float32": 1, "float64": 1}
 _TO_GRAY = {
@@ -53,7 +52,7 @@ _TO_GRAY = {
     ("rgb", 3): cv2.COLOR_RGB2GRAY,
     ("rgb", 4): cv2.COLOR_RGBA2GRAY,
 }
-_TIE = 1e-9  # tolerance [cells] for rounding a number of cells that is nearly a half
+_TIE = 1e-9  # tolerance [cells] for rounding halves away from zero
 
 
 def to_image(
@@ -64,18 +63,18 @@ def to_image(
     lower: float | None = None,
     upper: float | None = None,
 ) -> Image:
-    """Return a layer as a gray image.
+    """Convert a layer to a gray image.
 
     Args:
         dtype: uint8, uint16, float32 or float64.
         channels: 1, 3 (three equal channels) or 4 (three equal channels and alpha).
-        lower: the value that becomes 0; None means the smallest finite value of the layer.
-        upper: the value that becomes 255, 65535 or 1.0; it may be less than `lower`. None means the
-            largest finite value. Values beyond the bounds are clamped. A float image with neither
-            holds the values themselves.
+        lower: value that becomes 0; None means the smallest finite value of the layer.
+        upper: value that becomes 255, 65535 or 1.0; may be less than `lower`. None means the
+            largest finite value. Values beyond the bounds are clamped. If both are None, a float
+            image contains the layer values unchanged.
 
     Returns:
-        (rows, cols), or (rows, cols, channels) for more than one; C-contiguous.
+        (rows, cols) for one channel, else (rows, cols, channels); C-contiguous.
 
     Raises:
         GeometryError: the type, the channels or the bounds are invalid.
@@ -94,10 +93,10 @@ def to_color_image(
     *,
     order: Order = "bgr",
 ) -> Image:
-    """Return a layer of packed colors as a color image.
+    """Convert a layer of packed colors to a color image.
 
     Args:
-        layer: a layer of values as `color_vector_to_value` makes them.
+        layer: name of a layer of packed colors, as returned by `color_vector_to_value`.
         dtype: uint8, uint16, float32 or float64.
         channels: 3, or 4 with alpha.
         order: order of the channels; "bgr" suits OpenCV.
@@ -106,7 +105,7 @@ def to_color_image(
         (rows, cols, channels), C-contiguous.
 
     Raises:
-        GeometryError: the type, the channels or the order are invalid.
+        GeometryError: the type, the number of channels or the order is invalid.
     """
     pixel = _pixel_type(dtype, "dtype")
     _check(channels in (3, 4), "channels", "3 or 4", channels)
@@ -134,7 +133,6 @@ def _paint(
     channels: int,
     paint: Callable[[Layer], Sequence[NDArray[Any]]],
 ) -> Image:
-    """Return an image of a layer; `paint` turns blocks of values into the color channels."""
     rows, columns = grid_map.size
     image = np.empty((rows, columns, channels), pixel)
     for part in slices(rows, piece_of(rows * columns) // columns):
@@ -149,17 +147,17 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return a function that turns layer values into gray values, as floats."""
+    """Return a function that converts layer values to gray values, as floats."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _range(lower, upper, values)
-    # `fmax` and `fmin` turn NaN into the lower bound, which becomes 0.
+    # `fmax` and `fmin` map NaN to the lower bound, which becomes 0.
     clamps = (np.maximum, np.minimum) if pixel.kind == "f" else (np.fmax, np.fmin)
     first, second = clamps if low <= high else clamps[::-1]
     extent = high - low if high != low else np.float32(1)
 
     def gray(values: Layer) -> Layer:
-        # Same order of operations as the C++ library, so that the results are equal bit by bit.
+        # Same order of operations as in the C++ library, for bitwise equal results.
         share: Layer = second(first(values, low), high)
         share -= low
         share /= extent
@@ -172,10 +170,10 @@ def _encoder(
 def _range(
     lower: float | None, upper: float | None, values: Layer
 ) -> tuple[np.float32, np.float32]:
-    """Return the bounds; the range of the finite values replaces those that are None."""
+    """Return `lower` and `upper`; a bound that is None becomes the finite minimum or maximum."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
-    # A given bound stays; the values lie on its other side, or there are none.
+    # All values are beyond the given bound, or there are no finite values.
     if lower is None:
         low = float(np.fmin(min_of_finites(values), high))
     if upper is None:
@@ -203,22 +201,22 @@ def from_image(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Return a map with one layer that holds the gray values of an image.
+    """Create a map with one layer from the gray values of an image.
 
     Args:
-        image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colors
-            become gray by their luma (ITU-R BT.601, OpenCV's `cvtColor`).
+        image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colors are
+            converted to luma (ITU-R BT.601, OpenCV's `cvtColor`).
         resolution: side of a pixel [m].
-        lower, upper: values of pixel 0 and of pixel 255, 65535 or 1.0. With 0 and 1 a float image
-            holds the values themselves.
+        lower, upper: layer values of pixel value 0 and of 255, 65535 or 1.0. With 0 and 1, the
+            values of a float image are copied unchanged.
         position: (2,) center of the map [m].
-        alpha_threshold: pixels with less alpha than this are NaN (1 is opaque); in integer images
-            the threshold is rounded down to a whole number.
+        alpha_threshold: pixels with a smaller alpha become NaN (1 is opaque). For integer images,
+            the scaled threshold is rounded down.
         order: order of the color channels; `cv2.imread` returns "bgr".
         timestamp: time of the data [ns].
 
     Raises:
-        GeometryError: the image, the bounds, the order or the grid are invalid.
+        GeometryError: the image, the bounds, the order or the grid is invalid.
     """
     pixels = _as_image(image)
     values = _read_gray(pixels, lower, upper, alpha_threshold, order)
@@ -238,14 +236,14 @@ def add_layer_from_image(
     alpha_threshold: float = 0.5,
     order: Order = "bgr",
 ) -> None:
-    """Add a layer that holds the gray values of an image to a map, or replace it.
+    """Add or replace a layer of a map with the gray values of an image.
 
     Args:
-        grid_map: the map, with the rows and columns of the image; it may have moved.
+        grid_map: map with as many rows and columns as the image; it may have moved.
         image, layer, lower, upper, alpha_threshold, order: as in `from_image`.
 
     Raises:
-        GeometryError: the image is not of the size of the map, or as in `from_image`.
+        GeometryError: image and map differ in size, or an error as in `from_image`.
     """
     pixels = _as_image(image, grid_map.size)
     grid_map.set_unwrapped(layer, _read_gray(pixels, lower, upper, alpha_threshold, order))
@@ -259,15 +257,15 @@ def add_color_layer_from_image(
     alpha_threshold: float = 0.5,
     order: Order = "bgr",
 ) -> None:
-    """Add a layer that holds the packed colors of an image to a map, or replace it.
+    """Add or replace a layer of a map with the packed colors of an image.
 
     Args:
-        grid_map: the map, with the rows and columns of the image; it may have moved.
+        grid_map: map with as many rows and columns as the image; it may have moved.
         image: as in `from_image`; 255, 65535 and 1.0 are full intensity.
         alpha_threshold, order: as in `from_image`.
 
     Raises:
-        GeometryError: the image is not of the size of the map, or it or the order are invalid.
+        GeometryError: image and map differ in size, or the image or the order is invalid.
     """
     _check_order(order)
 
@@ -304,13 +302,13 @@ def _read_gray(
 
 
 def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: float) -> Layer:
-    """Return a layer in map order; `values_of` converts image blocks, transparency gives NaN."""
+    """Convert pixels to a layer in map order, block by block; transparent pixels become NaN."""
     rows, columns, channels = pixels.shape
     values: Layer = np.empty((rows, columns), np.float32, order="F")
     share = as_number(alpha_threshold, "alpha_threshold")
     _check(0 <= share <= 1, "alpha_threshold", "a number from 0 to 1", alpha_threshold)
     threshold = pixels.dtype.type(share * _LARGEST[pixels.dtype.name])
-    # Values and sums beyond the range of float32 become infinite.
+    # Values and sums outside the float32 range become infinite.
     with np.errstate(over="ignore", invalid="ignore"):
         for part in slices(rows, piece_of(rows * columns) // columns):
             block = np.ascontiguousarray(pixels[part])
@@ -323,25 +321,25 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
 def change_resolution(
     grid_map: GridMap, resolution: float, interpolation: Interpolation | str | int = "cubic"
 ) -> GridMap:
-    """Return the map with cells of another size.
+    """Resample a map to another resolution.
 
-    The layers are interpolated as images by OpenCV's `resize`, in floats. A cell whose nearest cell
-    in the given map is NaN or infinite takes that value; all others are interpolated from finite
-    cells only. The layer `color` takes the nearest colors; so should other layers of packed
-    colors, with `cv2.INTER_NEAREST_EXACT`.
+    Layers are interpolated as float images with OpenCV's `resize`. If the nearest cell in the
+    original map is NaN or infinite, the new cell gets that value; all other cells are interpolated
+    from finite cells only. The layer `color` always uses the nearest color. For other layers of
+    packed colors, pass `cv2.INTER_NEAREST_EXACT`.
 
     Args:
-        resolution: side of a cell of the result [m].
-        interpolation: "nearest", "linear", "cubic", "area" or "lanczos", an `Interpolation` of such
-            a name, or a flag of `cv2.resize`.
+        resolution: new side of a cell [m].
+        interpolation: "nearest", "linear", "cubic", "area" or "lanczos", the `Interpolation` of the
+            same name, or a flag of `cv2.resize`.
 
     Returns:
         A map with `size * old / new` cells, rounded half away from zero, and start index (0, 0).
-        Position, frame, time and basic layers are kept.
+        Position, frame, time and basic layers stay unchanged.
 
     Raises:
-        GeometryError: the resolution is not positive or leaves no cell, or OpenCV does not know the
-            interpolation.
+        GeometryError: the resolution is not positive or results in no cells, or OpenCV does not
+            support the interpolation.
     """
     target = as_finite(resolution, "resolution", "a positive number", above=0.0)
     factor = grid_map.resolution / target

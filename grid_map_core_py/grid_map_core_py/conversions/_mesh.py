@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers from triangle meshes: the highest point of the mesh at each cell center."""
+"""Convert triangle meshes to layers: the highest point of the mesh at each cell center."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import fitting_geometry
 
-# Temporaries of so many triangles, and pairs of a triangle and a cell, fit into the cache.
+# Number of triangles, or of triangle-cell pairs, in a chunk whose temporaries fit into the cache.
 _TRIANGLES = _PAIRS = 1 << 13
 
 _ROUNDING = 1e-9  # bound of the rounding error of the distance to an edge [cells]
@@ -27,26 +27,26 @@ _ROUNDING = 1e-9  # bound of the rounding error of the distance to an edge [cell
 def rasterize_triangles(
     vertices: ArrayLike, faces: ArrayLike, grid_map: GridMap, layer: str = "elevation"
 ) -> GridMap:
-    """Return the map with a layer of the highest point of a mesh above or below each cell center.
+    """Return a map with a layer that holds the highest point of a mesh at each cell center.
 
-    A vertical ray through the center hits a triangle up to 1e-9 m outside its edges, so that no
-    cell is missed where triangles meet. Triangles that are vertical, of no area or not finite are
-    never hit.
+    A vertical ray through the center hits a triangle up to 1e-9 m outside the triangle's edges, so
+    that no cell between adjacent triangles is missed. Triangles that are vertical, have zero area
+    or are not finite are ignored.
 
     Args:
         vertices: (V, 3) x, y, z [m], map frame.
-        faces: (F, 3) integers, the vertices of each triangle in any direction of turn; of polygons
-            with n vertices (F, n), which are cut into fans from their first vertex.
+        faces: (F, 3) vertex indices of each triangle, in any winding order; or (F, n) for polygons
+            with n vertices, which are split into triangle fans from the first vertex.
         layer: name of the layer that is added or replaced.
 
     Returns:
-        A map with the layer, NaN where nothing is hit. It shares the others with `grid_map` as
-        described at `GridMap.with_layers`.
+        A map with the layer; cells that no triangle covers are NaN. The map shares all other layers
+        with `grid_map` as described at `GridMap.with_layers`.
 
     Raises:
-        GeometryError: an array has the wrong shape or type, or a face names no vertex.
-        LimitError: the rectangles around the triangles have more than 4 times `max_cells` cells
-            together.
+        GeometryError: an array has the wrong shape or type, or a vertex index is out of range.
+        LimitError: the bounding rectangles of the triangles contain more than 4 times `max_cells`
+            cells in total.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -85,7 +85,7 @@ def from_mesh(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Return the smallest map that covers the finite vertices of all faces.
+    """Create the smallest map that covers the finite vertices of all faces.
 
     Args:
         resolution: side of a cell [m].
@@ -93,8 +93,8 @@ def from_mesh(
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: no face has a finite vertex; and all that `rasterize_triangles` raises.
-        LimitError: the extent of the vertices takes too many cells; and as `rasterize_triangles`.
+        GridMapError: no face has a finite vertex, or an error as in `rasterize_triangles`.
+        LimitError: the map would have too many cells, or as in `rasterize_triangles`.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -110,7 +110,7 @@ def from_mesh(
 
 
 def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
-    """Return faces (F, n) as triangles (F', 3), polygons cut into fans from their first vertex."""
+    """Split faces (F, n) into triangles (F', 3), as fans from the first vertex of each face."""
     try:
         given = np.asarray(faces)
     except ValueError as error:
@@ -131,15 +131,15 @@ def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
 
 
 class _Triangles(NamedTuple):
-    """Triangles that may hit a cell, in cells.
+    """Triangles that may cover a cell center; horizontal lengths are in cells.
 
     Attributes:
-        row, column: (T,) place of the first corner.
-        by_row, by_column: (3, T) slopes of the barycentric coordinates.
-        slacks: (3, T) smallest barycentric coordinates of a hit, without the sign.
-        heights: (3, T) of the corners [m].
-        first_row, row_count, first_column, column_count: (T,) rectangles around the triangles.
-        counts: (T,) cells in the rectangles.
+        row, column: (T,) position of the first corner.
+        by_row, by_column: (3, T) slopes of the barycentric coordinates along rows and columns.
+        slacks: (3, T) tolerance for negative barycentric coordinates.
+        heights: (3, T) heights of the corners [m].
+        first_row, row_count, first_column, column_count: (T,) bounding rectangles.
+        counts: (T,) number of cells in each bounding rectangle.
     """
 
     row: Positions
@@ -158,18 +158,18 @@ class _Triangles(NamedTuple):
 def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
 ) -> _Triangles:
-    """Return the triangles that are neither vertical, nor of no area, nor infinite.
+    """Return the triangles that are finite, not vertical and have an area.
 
     Args:
-        rows, columns, z: (3, T) of the corners of triangles; cell centers have whole numbers as
-            row and column.
+        rows, columns, z: (3, T) positions of the corners [cells], with cell centers at integers,
+            and heights of the corners [m].
         size: rows and columns of the map.
         tolerance: distance from a center to an edge that still counts as a hit [cells].
     """
     along_rows, along_columns = _edges(rows), _edges(columns)
     area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
     lengths = np.hypot(along_rows, along_columns)
-    # A triangle that is thinner than the tolerance is vertical or has no area.
+    # Triangles thinner than the tolerance count as vertical or without area.
     kept = np.isfinite(z).all(axis=0) & (np.abs(area) > tolerance * lengths.max(axis=0))
     rows, columns, z, along_rows, along_columns, lengths, area = (
         np.compress(kept, values, axis=-1)
@@ -189,7 +189,7 @@ def _prepared(
 
 
 def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the numbers (n,) of cells, column after column, and the heights (n,) of hits there."""
+    """Yield the cell numbers (n,), column by column, and the heights (n,) of hits."""
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides
@@ -208,7 +208,7 @@ def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integ
 
 
 def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the hits of one triangle, without a copy of its numbers for each cell."""
+    """Yield the hits of one triangle, without copying the triangle's data for each cell."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column
@@ -226,9 +226,9 @@ def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Intege
 def _inside(
     first: Positions, second: Positions, slacks: Sequence[Positions] | Positions
 ) -> tuple[tuple[Positions, ...], Integers]:
-    """Return three barycentric coordinates of cells, and the numbers (n,) of the cells that hit.
+    """Return the three barycentric coordinates of cells, and the indices (n,) of covered cells.
 
-    They are linear over the triangle, 1 at one corner and 0 along the edge opposite.
+    Each coordinate is linear over the triangle, 1 at one corner and 0 along the opposite edge.
     """
     weights = 1.0 - first - second, first, second
     hit = weights[0] >= -slacks[0]
@@ -240,10 +240,10 @@ def _inside(
 def _heights(
     weights: Iterable[Positions], hits: Integers, corners: Iterable[Positions]
 ) -> Positions:
-    """Return the heights (n,) of hits on triangles with the heights `corners`, (n,) or one."""
+    """Return the heights (n,) of hits; `corners` are the corner heights of one or n triangles."""
     heights, total = np.zeros(len(hits)), np.zeros(len(hits))
     for weight, height in zip(weights, corners, strict=True):
-        # Extrapolation of a steep triangle beyond its edge would be far off.
+        # Clamped, because extrapolating a steep triangle beyond an edge causes large errors.
         inside = np.maximum(weight.take(hits), 0.0)
         heights += inside * height
         total += inside
@@ -251,13 +251,13 @@ def _heights(
 
 
 def _range(corners: Positions, cells: int, tolerance: float) -> tuple[Integers, Integers]:
-    """Return the first cell under each triangle along one axis, and how many there are."""
+    """Return the first cell and the number of cells under each triangle along one axis."""
     first = np.ceil(np.clip(corners.min(axis=0) - tolerance, 0, cells))
     last = np.floor(np.clip(corners.max(axis=0) + tolerance, -1, cells - 1))
     return first.astype(np.int64), np.maximum(last - first + 1, 0).astype(np.int64)
 
 
 def _edges(corners: Positions) -> Positions:
-    """Return the extent (3, T) along one axis of the edge opposite to each corner."""
+    """Return the extent (3, T) along one axis of the edge opposite each corner."""
     first, second, third = corners
     return np.array([third - second, first - third, second - first])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Colors in layers: one float32 whose bits are 0x00RRGGBB."""
+"""Packed colors: layer values whose float32 bits are 0x00RRGGBB."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def color_vector_to_value(rgb: ArrayLike) -> NDArray[np.float32]:
     """Pack colors into layer values.
 
     Args:
-        rgb: (..., 3) red, green, blue; floats in [0, 1], or integers in [0, 255]. Values beyond are
-            clamped, fractions of 1/255 are cut off.
+        rgb: (..., 3) red, green, blue; floats in [0, 1] or integers in [0, 255]. Values outside the
+            range are clamped; floats are rounded down to a multiple of 1/255.
 
     Returns:
         (...) float32; NaN where a component is NaN.
 
     Raises:
-        GeometryError: the last axis does not hold three components.
+        GeometryError: the last axis does not have length 3.
     """
     components = as_numbers(rgb, "rgb")
     if components.ndim == 0 or components.shape[-1] != 3:
@@ -42,7 +42,7 @@ def color_vector_to_value(rgb: ArrayLike) -> NDArray[np.float32]:
 def color_channels_to_value(
     red: NDArray[Any], green: NDArray[Any], blue: NDArray[Any]
 ) -> NDArray[np.float32]:
-    """Pack colors, given as three arrays, into layer values.
+    """Pack the color channels of three arrays into layer values.
 
     Args:
         red, green, blue: (...) all floats in [0, 1] or all integers in [0, 255], as in
@@ -57,19 +57,19 @@ def color_channels_to_value(
 
 
 def join_channels(red: Any, green: Any, blue: Any) -> Any:
-    """Return the bits 0x00RRGGBB of a color.
+    """Combine channels into the bits 0x00RRGGBB; filters compile this function with numba.
 
     Args:
-        red, green, blue: uint32 in [0, 255]: numbers or arrays. Filters let numba compile this.
+        red, green, blue: uint32 numbers or arrays in [0, 255].
     """
     return red << _RED | green << _GREEN | blue
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Return red, green, blue of a color, each in the lowest byte of uint32.
+    """Split bits into red, green, blue uint32 in [0, 255]; filters compile this with numba.
 
     Args:
-        bits: uint32 0x00RRGGBB: a number or an array. Filters let numba compile this.
+        bits: uint32 number or array, 0x00RRGGBB.
     """
     return bits >> _RED, bits >> _GREEN, bits
 
@@ -78,7 +78,7 @@ def color_value_to_vector(value: ArrayLike) -> NDArray[np.float32]:
     """Unpack layer values into colors.
 
     Args:
-        value: (...) float32 color values, NaN means no color; or integers 0xRRGGBB.
+        value: (...) float32 color values, NaN for no color; or integers 0xRRGGBB.
 
     Returns:
         (..., 3) float32 red, green, blue in [0, 1]; NaN where `value` is NaN.
@@ -94,10 +94,10 @@ def color_value_to_vector(value: ArrayLike) -> NDArray[np.float32]:
 
 
 def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
-    """Unpack layer values, as in `color_value_to_vector`, into red, green, blue in [0, 255].
+    """Unpack layer values into red, green, blue bytes; `value` is as in `color_value_to_vector`.
 
     Returns:
-        three arrays (...); undefined where `value` is NaN.
+        Three uint8 arrays (...) in [0, 255]; undefined where `value` is NaN.
     """
     if value.dtype.kind == "f":
         bits = value.astype(np.float32, copy=False).view(np.uint32)
@@ -108,7 +108,7 @@ def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
 
 
 def _pack(*channels: NDArray[Any]) -> NDArray[np.uint32]:
-    """Return the bits of colors, which are floats in [0, 1] or integers in [0, 255]."""
+    """Return the bits of color channels, given as floats in [0, 1] or integers in [0, 255]."""
     bits: NDArray[np.uint32] = join_channels(*map(_byte, channels))
     for channel in channels:
         if channel.dtype.kind == "f":
@@ -117,9 +117,8 @@ def _pack(*channels: NDArray[Any]) -> NDArray[np.uint32]:
 
 
 def _byte(channel: NDArray[Any]) -> NDArray[np.uint32]:
-    """Return a channel in [0, 255], its fractions cut off."""
     if channel.dtype != np.uint8:
-        # Not every integer type holds 255.
+        # Some integer types cannot represent 255.
         scaled = 255 * channel if channel.dtype.kind == "f" else channel.astype(np.float64)
         channel = np.clip(scaled, 0, 255)
     return channel.astype(np.uint32)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Elevation from raw point clouds: clean the cloud, cluster the points of each cell, take a height.
+"""Create elevation maps from raw point clouds: filter the cloud, then cluster each cell's points.
 
-The parameters are those of the C++ package `grid_map_pcl`; its parameter files load unchanged.
+The pipeline accepts the parameter files of the C++ package `grid_map_pcl` unchanged.
 """
 
 import math
@@ -20,8 +20,8 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import fitting_geometry
 
-_POINTS = 1 << 16  # number of points in a chunk, which bounds memory; a cell is never divided
-_NEIGHBORS = 8  # number of nearest neighbors that clustering links each point to at first
+_POINTS = 1 << 16  # number of points in a chunk, which bounds memory; cells are never split
+_NEIGHBORS = 8  # number of nearest neighbors to which clustering links each point initially
 
 _Triple = tuple[float, ...]
 _Edges: TypeAlias = list[tuple[Integers, Integers]]
@@ -77,7 +77,7 @@ class _ClusterExtraction:
     Attributes:
         cluster_tolerance: longest step from point to point within a cluster [m].
         min_num_points, max_num_points: clusters of fewer or more points are ignored.
-        use_max_height_as_cell_elevation: with height type 0, take the highest cluster of a cell
+        use_max_height_as_cell_elevation: with height type 0, use the highest cluster of a cell
             instead of the lowest.
     """
 
@@ -98,10 +98,10 @@ class _Grid:
     Attributes:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
         resolution: side of a cell [m].
-        height_type: 0 takes the smallest of the clusters' mean heights, 1 the mean height of the
-            cluster with the most points, the lower of equals.
-        height_thresh: with height type 1, clusters whose mean height is more than this above that
-            of the lowest [m] are ignored.
+        height_type: 0 uses the smallest mean height of all clusters; 1 uses the mean height of the
+            cluster with the most points (the lower cluster if several are equally large).
+        height_thresh: with height type 1, clusters whose mean height exceeds the smallest mean
+            height by more than this value [m] are ignored.
     """
 
     min_num_points_per_cell: int = 2
@@ -120,11 +120,11 @@ class _Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudPipeline:
-    """Makes a map from a raw point cloud; fields as in the parameter file of `grid_map_pcl`.
+    """Creates a map from a raw point cloud; fields as in the parameter file of `grid_map_pcl`.
 
-    If enabled, outliers are removed and the cloud is downsampled; then it is transformed into the
-    map frame. The points of each cell are clustered, and the height of a cell is the mean height of
-    one of its clusters. Cells without a cluster are NaN.
+    If enabled, outliers are removed and the cloud is downsampled. The cloud is then transformed to
+    the map frame, and the points of each cell are clustered. The height of a cell is the mean
+    height of one cluster. Cells without a cluster are NaN.
 
     Attributes:
         num_processing_threads: number of threads that search for neighbors.
@@ -150,14 +150,14 @@ class PointCloudPipeline:
 
     @classmethod
     def from_config(cls, config: Mapping[str, Any]) -> "PointCloudPipeline":
-        """Return the pipeline that a parameter file describes.
+        """Create a pipeline from the content of a parameter file.
 
         Args:
-            config: content of the YAML file, with or without `pcl_grid_map_extraction` around it.
-                Missing parameters have upstream's defaults.
+            config: content of the YAML file, with or without the top-level key
+                `pcl_grid_map_extraction`. Missing parameters get the defaults of `grid_map_pcl`.
 
         Raises:
-            ConfigError: a parameter is unknown, of the wrong type or is invalid.
+            ConfigError: a parameter is unknown, has the wrong type or is invalid.
         """
         config = dict(_as_mapping(_as_mapping(config).get("pcl_grid_map_extraction", config)))
         for name, kind in get_type_hints(cls).items():
@@ -176,17 +176,17 @@ class PointCloudPipeline:
         frame_id: str = "",
         timestamp: int = 0,
     ) -> GridMap:
-        """Return a map that covers the cloud.
+        """Create a map that covers the cloud.
 
         Args:
-            points: (N, 3) or wider, x, y, z [m]; those that are not finite are left out.
-            layer: name of the layer with the heights [m].
+            points: (N, 3) or wider, x, y, z [m]; points that are not finite are ignored.
+            layer: name of the height layer [m].
             frame_id: frame of the map.
             timestamp: timestamp of the map [ns].
 
         Raises:
             GridMapError: no point is finite.
-            LimitError: the cloud takes too many cells.
+            LimitError: the map would have too many cells.
         """
         cloud = self.prepared(points)
         if not len(cloud):
@@ -203,7 +203,7 @@ class PointCloudPipeline:
         return grid_map.with_layers({layer: values.reshape(geometry.size, order="F")})
 
     def prepared(self, points: npt.ArrayLike) -> Positions:
-        """Return the cleaned cloud (M, 3) [m] in the frame of the map."""
+        """Return the cleaned cloud (M, 3) in the map frame [m]."""
         cloud = finite_points(points)
         outliers, voxels = self.outlier_removal, self.downsampling
         if outliers.is_remove_outliers:
@@ -223,7 +223,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield indices (n,) of points, chunk by chunk, without sparse and crowded cells."""
+        """Yield point indices (n,) in chunks, without cells with too few or too many points."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -239,7 +239,7 @@ class PointCloudPipeline:
     def _heights(
         self, cells: Integers, points: Positions
     ) -> tuple[Integers, npt.NDArray[np.float64]]:
-        """Return the cells (m,) that have clusters of these points (n, 3), and the heights (m,)."""
+        """Cluster points (n, 3); return the cells (m,) that have clusters, and the heights (m,)."""
         extraction = self.cluster_extraction
         groups = np.unique(cells, return_inverse=True)[1]
         clusters = euclidean_clusters(
@@ -264,14 +264,14 @@ class PointCloudPipeline:
 
 
 def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
-    """Return the mean of the points in each voxel that holds any.
+    """Replace the points in each voxel by the mean of the points.
 
     Args:
-        points: (N, 3) or wider, x, y, z [m]; those that are not finite are left out.
+        points: (N, 3) or wider, x, y, z [m]; points that are not finite are ignored.
         voxel_size: (3,) sides of a voxel [m].
 
     Returns:
-        (M, 3) float64, voxel by voxel in growing x, then y, then z.
+        (M, 3) float64, one point per occupied voxel; voxels are sorted by x, then y, then z.
 
     Raises:
         GeometryError: a side is not positive and finite, or is too small for the extent of the
@@ -293,7 +293,7 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
     voxels = np.ravel_multi_index((*places.T.astype(np.int64),), (*counts.astype(np.int64),))
     _, numbers = np.unique(voxels, return_inverse=True)
     sizes = np.bincount(numbers)
-    # Relative to a point of the cloud, because sums of large coordinates lose precision.
+    # Offsets from a point of the cloud, because sums of large coordinates lose precision.
     offsets = (xyz - xyz[0]).T
     means: Positions = np.column_stack([np.bincount(numbers, along) for along in offsets])
     means /= sizes[:, None]
@@ -302,7 +302,7 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
 
 
 def finite_points(points: npt.ArrayLike) -> Positions:
-    """Return x, y, z (N, 3) as float64 of the points with finite coordinates."""
+    """Return x, y, z (N, 3) of the points with finite coordinates, as float64."""
     xyz: Positions = as_points(points)[:, :3].astype(np.float64)
     finite = np.isfinite(xyz).all(axis=1)
     return xyz if finite.all() else xyz[finite]
@@ -311,17 +311,17 @@ def finite_points(points: npt.ArrayLike) -> Positions:
 def remove_outliers(
     points: npt.ArrayLike, mean_k: int, stddev_threshold: float, *, workers: int = 1
 ) -> Positions:
-    """Return the points (M, 3), in order, without outliers far from their neighbors.
+    """Remove points far from their neighbors; return the remaining points (M, 3) in order.
 
-    A point is removed when its mean distance to its nearest `mean_k` neighbors is above the mean
-    of all these distances by more than `stddev_threshold` sample standard deviations of them (PCL's
-    statistical outlier removal).
+    This is PCL's statistical outlier removal. For each point, the mean distance to the nearest
+    `mean_k` neighbors is computed. A point is removed if this distance exceeds the mean over all
+    points by more than `stddev_threshold` sample standard deviations.
 
     Args:
-        points: (N, 3) or wider, x, y, z [m]; those that are not finite are removed.
-        mean_k: number of neighbors; all others where there are fewer.
-        stddev_threshold: may be negative, which removes more.
-        workers: threads that search for neighbors.
+        points: (N, 3) or wider, x, y, z [m]; points that are not finite are removed.
+        mean_k: number of neighbors; limited to the number of other points.
+        stddev_threshold: negative values remove more points.
+        workers: number of threads that search for neighbors.
 
     Raises:
         ConfigError: `mean_k` or `stddev_threshold` is invalid.
@@ -335,7 +335,7 @@ def remove_outliers(
         return cloud
     from scipy.spatial import cKDTree  # slow to import
 
-    # A search tree cannot split points at the same place, of which sensors may deliver thousands.
+    # A search tree cannot split identical points, and sensors may deliver thousands of these.
     places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
     # SciPy marks a missing neighbor with infinite distance and the index `len(points)`.
     copies = np.append(copies, neighbors)
@@ -345,7 +345,7 @@ def remove_outliers(
         distances, found = tree.query(places[part], k=nearest_ones, workers=workers)
         others = np.cumsum(copies[found], axis=1) - 1
         counts = np.diff(np.minimum(others, neighbors), axis=1, prepend=0)
-        # 0 times an infinite distance would be NaN.
+        # 0 times an infinite distance is NaN.
         distances[counts == 0] = 0.0
         means[part] = (distances * counts).sum(axis=1) / neighbors
     distances = means[numbers.reshape(-1)]
@@ -357,22 +357,22 @@ def remove_outliers(
 def euclidean_clusters(
     points: Positions, groups: Integers, tolerance: float, *, workers: int = 1
 ) -> Integers:
-    """Return the cluster (n,) of each point; clusters are numbered from 0 in no special order.
+    """Return the cluster number (n,) of each point, from 0 in arbitrary order.
 
-    Two points are in the same cluster when they are of the same group and steps between points of
-    that group, none longer than the tolerance, lead from one to the other.
+    Two points of a group are in the same cluster if a chain of points of the group connects them
+    with steps no longer than the tolerance.
 
     Args:
         points: (n, 3) finite x, y, z [m].
-        groups: (n,) not negative; clusters do not reach over groups.
-        tolerance: longest step [m]; one within 1e-9 m of it counts.
-        workers: threads that search for neighbors.
+        groups: (n,) group of each point, not negative; clusters never span several groups.
+        tolerance: longest step [m]; steps up to 1e-9 m longer are accepted.
+        workers: number of threads that search for neighbors.
     """
     from scipy.spatial import cKDTree  # slow to import
 
     if not len(points):
         return np.zeros(0, np.int64)
-    # A search tree cannot split points at the same place, of which sensors may deliver thousands.
+    # A search tree cannot split identical points, and sensors may deliver thousands of these.
     distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
     points, groups = distinct[:, :3], distinct[:, 3].astype(np.int64)
     reach = tolerance + BORDER_TOLERANCE
@@ -385,7 +385,7 @@ def euclidean_clusters(
     linked, _ = np.nonzero(found)
     edges: _Edges = [(linked, neighbors[found])]
     clusters = _components(len(points), edges)
-    # Only points that reached the maximum number of links may have further neighbors.
+    # Only points with the maximum number of links may have further neighbors.
     crowded = np.flatnonzero(found[:, -1])
     edges += _missing_links(points, groups, clusters, crowded, reach, workers)
     if len(edges) > 1:
@@ -401,10 +401,10 @@ def _missing_links(
     reach: float,
     workers: int,
 ) -> _Edges:
-    """Return links between crowded points of different clusters of the same group.
+    """Return links between crowded points of different clusters in the same group.
 
-    There are few such clusters, so that it is cheap to search, from each point of the smaller one,
-    the nearest point of the larger.
+    For each pair of clusters, the nearest point of the larger cluster is searched from each point
+    of the smaller cluster. This is cheap because there are few such clusters.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -419,7 +419,7 @@ def _missing_links(
     group_of = groups[crowded[starts]]
     order = np.argsort(group_of, kind="stable")
     _, begins, counts = np.unique(group_of[order], return_index=True, return_counts=True)
-    # The clusters of the same group that come before each one.
+    # Number of earlier clusters in the same group.
     before = np.arange(len(order)) - np.repeat(begins, counts)
     for places, steps in expanded(before, _POINTS):
         one, other = order[places], order[places - 1 - steps]
@@ -435,7 +435,7 @@ def _missing_links(
 
 
 def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
-    """Return points (n, 4) whose groups lie out of reach of each other in a fourth dimension."""
+    """Return points (n, 4); the fourth coordinate moves groups further apart than `reach`."""
     return np.column_stack([points, 2.0 * reach * groups])
 
 
@@ -450,7 +450,7 @@ def _components(points: int, edges: _Edges) -> Integers:
 
 
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
-"""Parameters that upstream writes as a mapping, such as `{x: 0.1, y: 0.1, z: 0.1}`."""
+"""Vector parameters that are mappings in the file, such as `{x: 0.1, y: 0.1, z: 0.1}`."""
 
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers from point clouds: the points in each cell reduced to one value.
+"""Convert point clouds to layers by reducing the points in each cell to one value.
 
 Points are arrays (N, 3) or wider; columns beyond x, y, z are ignored. Points that are not finite,
-are outside the map or beyond the height limits are left out.
+outside the map or outside the height limits are ignored.
 
-Reductions, of heights as of other fields:
+Reductions of heights and other fields:
 
-- `max`, `min`, `mean`, `median`: of the values; the median of an even number of values is the mean
-  of the middle two.
-- `first`, `last`: the value of the point that comes first or last in the cloud.
-- `variance`: the mean squared deviation from the mean (population variance; 0 for one point).
-- `count`: the number of points, 0 where there are none. All others are NaN there.
+- `max`, `min`, `mean`, `median`: statistics of the values; the median of an even number of values
+  is the mean of the middle two.
+- `first`, `last`: value of the first or last point in the cloud.
+- `variance`: mean squared deviation from the mean (population variance; 0 for one point).
+- `count`: number of points. In cells without points, `count` is 0 and all other reductions are NaN.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from . import _point_loops as point_loops
 from ._point_reductions import COLOR_REDUCTIONS, REDUCTIONS, Reduction
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
-"""Default: a layer `elevation` with the largest height of each cell."""
+"""Default layers: `elevation`, the largest height in each cell."""
 
 COLOR_FIELDS = ("rgb", "rgba", "color")
-"""Fields of these names hold packed colors: 0x00RRGGBB, as an integer or as a float32's bits."""
+"""Names of fields with packed colors: 0x00RRGGBB, as integers or as the bits of float32."""
 
 _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
@@ -63,25 +63,26 @@ def rasterize(
     min_height: float = -np.inf,
     max_height: float = np.inf,
 ) -> GridMap:
-    """Return the map with layers made of the points that fall into its cells.
+    """Return a map with layers computed from the points in each cell.
 
     Args:
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
-        layers: names of layers, each with the reduction of heights [m] that it holds.
-        fields: (N,) values of the points by name; each becomes a layer of that name. Values that
-            are not finite are left out. Fields called `rgb`, `rgba` or `color` are packed colors;
-            their alpha is dropped.
-        field_reductions: reductions of fields; the default is `mean`, for colors the mean of each
-            channel. Colors have the reductions `mean`, `first`, `last` and `count` only.
-        min_height, max_height: points below or above are left out [m]; both limits are inclusive.
+        layers: maps layer names to reductions of the heights [m].
+        fields: values (N,) of the points by field name; each field becomes a layer of the same
+            name. Values that are not finite are ignored. The fields `rgb`, `rgba` and `color` are
+            packed colors; alpha is dropped.
+        field_reductions: maps field names to reductions. The default is `mean`; the mean of colors
+            is computed per channel. Colors support only `mean`, `first`, `last` and `count`.
+        min_height, max_height: smallest and largest height of points [m], both inclusive; other
+            points are ignored.
 
     Returns:
-        A map with these layers; they replace layers of the same names. It shares the others with
-        `grid_map` as described at `GridMap.with_layers`.
+        A map with these layers, which replace layers of the same names. The map shares all other
+        layers with `grid_map` as described at `GridMap.with_layers`.
 
     Raises:
-        GeometryError: an array has the wrong shape or holds no numbers.
-        ConfigError: a reduction is unknown or does not suit colors, or a limit is invalid.
+        GeometryError: an array has the wrong shape or is not numeric.
+        ConfigError: a reduction is unknown or does not support colors, or a limit is invalid.
     """
     cloud = as_points(points)
     sources = _sources(cloud, layers, fields or {}, field_reductions or {})
@@ -93,7 +94,7 @@ def rasterize(
         flat, counted = _located(cloud, geometry, limits)
         for name, (source, reduce) in sources.items():
             cells, values = flat, source[counted]
-            # Heights that count are finite.
+            # Heights within the limits are always finite.
             if name not in layers and not (finite := np.isfinite(values)).all():
                 cells, values = cells[finite], values[finite]
             layer = reduce(cells, values, rows * cols)
@@ -116,24 +117,24 @@ def from_points(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Return a map made of points; the other arguments are as in `rasterize`.
+    """Create a map from points; the other arguments are as in `rasterize`.
 
-    Without `length` and `position` the map has the fewest cells that hold all points which are not
-    left out. Its borders are at multiples of the resolution, so that maps of several clouds have
-    the same cells.
+    Without `length` and `position`, the map is the smallest one that covers all points within the
+    height limits. The map borders are at multiples of the resolution, so that the cells of maps
+    from several clouds coincide.
 
     Args:
         resolution: side of a cell [m].
-        length: (2,) side lengths of the map [m]; None takes the fewest cells around the center.
-        position: (2,) center of the map [m]; None takes the middle of the extent of the points that
-            are not left out, if there is a length.
-        tight: True to take the fewest cells around the middle of the points, wherever the borders
-            are then.
+        length: (2,) side lengths of the map [m]; None uses the smallest map around the center.
+        position: (2,) center of the map [m]; if None and `length` is given, the map is centered on
+            the extent of the points.
+        tight: True to center the smallest map on the extent of the points, without aligning the
+            borders.
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: no point is left to take the extent from.
-        LimitError: the extent of the points takes too many cells.
+        GridMapError: no point is left to compute the extent from.
+        LimitError: the map would have too many cells.
     """
     cloud = as_points(points)
     center = None if position is None else np.array(as_pair(position, "position"))
@@ -167,15 +168,15 @@ def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
     """Return packed colors without alpha.
 
     Args:
-        values: (N,) 0xAARRGGBB as integers or as the bits of float32; the common NaN is no color.
-        name: name of the values, for the error.
+        values: (N,) 0xAARRGGBB as integers or as the bits of float32; the usual NaN is no color.
+        name: name of the values in error messages.
     """
     given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
     if given.dtype.kind in "iu":
         return (given.astype(np.uint32) & _RGB).view(np.float32)
     floats = np.ascontiguousarray(as_floats(values, name), np.float32)
     colors = floats.view(np.uint32) & _RGB
-    # Opaque colors are NaN too, but with other bits.
+    # Opaque colors are also NaN, but with different bits.
     missing = np.isnan(floats) & (colors == _NO_COLOR)
     return np.where(missing, np.float32(np.nan), colors.view(np.float32))
 
@@ -194,11 +195,11 @@ def fitting_geometry(
     Args:
         lower, upper: (2,) smallest and largest x, y [m].
         resolution: side of a cell [m].
-        hold_edges: whether positions on the -x and -y edges have to be on the map, for which a
-            rectangle of whole cells takes one row and one column more.
-        align: True to put the borders at multiples of the resolution, False to center the grid on
-            the middle of the rectangle.
-        layers: number of layers that will be made.
+        hold_edges: True if positions on the -x and -y edges must be on the map; a rectangle of
+            whole cells then needs an additional row and column.
+        align: True to align the borders with multiples of the resolution, False to center the grid
+            on the rectangle.
+        layers: number of layers to be created, for the check of the memory limit.
 
     Raises:
         LimitError: the grid or the layers would be too large.
@@ -222,7 +223,7 @@ def fitting_geometry(
         return GridGeometry(size * resolution, resolution, lower + 0.5 * (upper - lower))
     geometry = GridGeometry(size * resolution, resolution, (first + 0.5 * size) * resolution)
     if hold_edges and not geometry.is_inside(upper):
-        # Rounding has put a border below the largest position.
+        # Rounding has moved a border below the largest position.
         size = np.ceil(upper / resolution + tolerance) - first
         geometry = GridGeometry(size * resolution, resolution, (first + 0.5 * size) * resolution)
     return geometry
@@ -238,14 +239,13 @@ def _limits(min_height: float, max_height: float) -> tuple[float, float]:
 
 
 def _counted(points: NDArray[Any], limits: tuple[float, float]) -> Mask:
-    """Return which points have a finite height within the limits."""
+    """Return a mask of the points with a finite height within the limits."""
     z = np.ascontiguousarray(points[:, 2])
     counted: Mask = np.isfinite(z) & (z >= limits[0]) & (z <= limits[1])
     return counted
 
 
 def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Positions, Positions]:
-    """Return the smallest and largest x, y (2,) of the finite points within height limits."""
     counted = _counted(points, limits)
     x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
     counted &= np.isfinite(x) & np.isfinite(y)
@@ -258,10 +258,10 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return the flat cells (n,) of the points that count, and which points these are (N,)."""
+    """Return the flat cells (n,) of the points on the map within limits, and their mask (N,)."""
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)
-    # NumPy rounds a limit like the heights when it compares them.
+    # NumPy rounds the limits to the type of the heights for comparisons.
     rounded = points.dtype.type(limits).tolist()
     half, center = (0.5 * geometry.length).tolist(), geometry.position.tolist()
     frame = *rounded, *half, *center, -geometry.resolution
@@ -281,7 +281,7 @@ def _located(
 
 
 def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
-    """Return the numbers of the cells of points, and which points are on the map."""
+    """Return the flat cells (n,) of the points on the map, and a mask (N,) of these points."""
     (rows, columns), inside = geometry.cells_at(points[:, :2])
     return rows + geometry.size[0] * columns, inside
 
@@ -292,7 +292,6 @@ def _sources(
     fields: Mapping[str, ArrayLike],
     field_reductions: Mapping[str, str],
 ) -> dict[str, tuple[NDArray[Any], Reduction]]:
-    """Return the values (N,) and the reduction of each layer by its name."""
     given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
     for name, mapping in given.items():
         check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)

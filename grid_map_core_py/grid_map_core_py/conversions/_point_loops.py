@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compiled loops over points, for processes that handle many of them."""
+"""Compiled loops over points, used once a process has handled many points."""
 
 from typing import Any
 
@@ -8,36 +8,36 @@ import numpy as np
 from .._loops import Compiled, Loop, loop
 
 _MANY = 1_000_000
-"""Points that a process handles without the loops, which take longer to load."""
+"""Number of points that a process handles before loading the compiled loops pays off."""
 
 _FEW = 64
-"""Points in a cell that are sorted by insertion, whose time grows with the square."""
+"""Largest number of points in a cell for insertion sort, which takes quadratic time."""
 
 _handled = 0
 
 
 def count(points: int) -> None:
-    """Count points that will be handled."""
+    """Add `points` to the number of points that this process has handled."""
     global _handled
     _handled += points
 
 
 def ready(wanted: Loop) -> Compiled | None:
-    """Return a compiled loop, or None if it is not worth loading or there is no numba."""
+    """Return the compiled loop, or None without numba or before `_MANY` points were handled."""
     return wanted.compiled() if _handled > _MANY else None
 
 
 @loop("const float32*", "int64", ("float64", 7), ("int64", 2), "int64*", "uint8*")
 def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted: Any) -> None:
-    """Find the points on a map, rounded as in `GridGeometry.cells_at`.
+    """Find the points on a map and their cells, rounded as in `GridGeometry.cells_at`.
 
     Args:
         xyz: (3, n) coordinates of points [m], float32 or float64.
         frame: limits of z, half the length and the center of the map along x and y, and minus the
             resolution [m].
         size: number of rows and columns.
-        cells: (n,) receives the flat cells of the points that count, one after another.
-        counted: (n,) receives 1 for points that count, else 0.
+        cells: (n,) receives the flat cells of the points on the map, without gaps.
+        counted: (n,) receives 1 for points on the map and within the limits of z, else 0.
     """
     lowest, highest, half_x, half_y, center_x, center_y, step = frame
     kept = 0
@@ -58,10 +58,10 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 
 @loop("int64*", "const float32*", "int64*", "float32*", "float32*")
 def find_medians(cells: Any, values: Any, places: Any, dealt: Any, medians: Any) -> None:
-    """Write the median of the values (n,) of each cell.
+    """Write the median of the values (n,) in each cell to `medians`.
 
-    `places` says where the values of each cell begin in `dealt`, memory for n values, cell after
-    cell; it is written to. Cells without values keep what is in `medians`.
+    `places` is the start index of each cell in `dealt`, a buffer for the n values sorted by cell;
+    both are modified. Cells without values keep their entry in `medians`.
     """
     for i in range(len(values)):
         dealt[places[cells[i]]] = values[i]

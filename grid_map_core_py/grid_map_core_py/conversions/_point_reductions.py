@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reductions of the values in each cell to one value.
+"""Reductions of the point values in each cell to one value.
 
-A reduction takes the flat cell numbers (n,) and the values (n,) of points, and the number of
-cells. It returns one float32 value per cell, NaN without points.
+The arguments of a reduction are the flat cells (n,) and values (n,) of points, and the number of
+cells. It returns one float32 value per cell, NaN for cells without points.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ def _extreme(choose: np.ufunc) -> Reduction:
 
 
 def _last(cells: Integers, values: _Values, size: int) -> _Flat:
-    # A plain assignment guarantees no order if a cell occurs more than once.
+    # Plain assignment has no guaranteed order for repeated cells.
     places = np.full(size, -1)
     np.maximum.at(places, cells, np.arange(len(cells)))
     layer = np.full(size, np.nan, np.float32)
@@ -61,8 +61,8 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
     if find := ready(find_medians):
         find(cells, values, np.cumsum(numbers) - numbers, np.empty_like(values), layer)
         return layer
-    # A key of 64 bits, the cell above the value, sorts by cell and by value in one go, more than
-    # ten times as fast as `np.lexsort`.
+    # A 64-bit key, with the cell in the upper half and the value in the lower half, sorts by cell
+    # and value at once; more than ten times as fast as `np.lexsort`.
     bits = values.view(np.uint32)
     keys = cells.astype(np.uint64) << np.uint64(32)
     keys |= np.where(bits & _SIGN, ~bits, bits | _SIGN)  # integers that sort like the values
@@ -78,7 +78,7 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
 
 
 def mean_color(cells: Integers, values: npt.NDArray[Any], size: int) -> _Flat:
-    """Return the rounded mean of each channel of packed colors; see the top of the module."""
+    """Return the rounded mean color of each cell, channel by channel."""
     numbers = np.bincount(cells, minlength=size)
     means = [
         (np.bincount(cells, channel, size) + numbers // 2) // np.maximum(numbers, 1)
@@ -104,4 +104,4 @@ COLOR_REDUCTIONS: Mapping[str, Reduction] = {
     "mean": mean_color,
     **{name: REDUCTIONS[name] for name in ("first", "last", "count")},
 }
-"""Reductions of packed colors, whose bits mean nothing as numbers."""
+"""Reductions of packed colors, whose bits cannot be reduced as numbers."""

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation maps that move with a robot.
 
-`ElevationMapper` fuses scans of range sensors into heights with variances, and removes what beams
-pass through; `Parameters` are its parameters, and an `UpdateReport` sums up one scan. Each sensor
-has a `SensorModel` of its noise: `LaserModel`, `StructuredLightModel`, `StereoModel`,
-`ConstantModel`, or `PerfectModel` for none.
+`ElevationMapper` fuses scans of range sensors into heights with variances, and clears cells that
+beams pass through. `Parameters` configures the mapper, and an `UpdateReport` summarizes one update.
+A `SensorModel` describes the noise of a sensor: `LaserModel`, `StructuredLightModel`,
+`StereoModel`, `ConstantModel`, or `PerfectModel` (no noise).
 
-`RollingMap` keeps the largest, smallest, mean or last height of each cell.
+`RollingMap` stores the largest, smallest, mean or last height of each cell.
 """
 
 from ._mapper import ElevationMapper as ElevationMapper, UpdateReport as UpdateReport

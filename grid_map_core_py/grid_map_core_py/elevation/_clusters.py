@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Points of a scan sorted by cell, and clusters of points that agree with each other.
+"""Sort the points of a scan by cell, and cluster points with consistent heights.
 
-The order in which the points came changes no result.
+The results do not depend on the order of the points in the scan.
 
-From the highest point of a cell down, a point of height z and variance r joins the cluster above it
-if `|z - mean| <= max(threshold * sqrt(variance of the mean + r), relief)`; else it starts another
-one. The relief is the height by which a slope spreads the points of a cell.
+The points of a cell are visited from the highest to the lowest. A point of height z and variance r
+joins the cluster above it if `|z - mean| <= max(threshold * sqrt(variance of the mean + r),
+relief)`; otherwise it starts a new cluster. The relief is the height difference that a slope causes
+within a cell.
 """
 
 from __future__ import annotations
@@ -21,21 +22,21 @@ from .._loops import loop
 from ._parameters import Numbers, Parameters
 
 RELIEF = 0.4
-"""Difference of heights, in sides of a cell, that a slope within a cell explains."""
+"""Height difference, relative to the resolution, that a slope causes within a cell."""
 
 NONE = -1
-"""In place of the number of a cluster."""
+"""Index that stands for "no cluster"."""
 
 
 @dataclass(frozen=True)
 class Sorted:
-    """Points sorted by cell; within a cell from the highest down, equal ones by variance.
+    """Points sorted by cell, then by descending height, then by variance.
 
     Attributes:
-        order: (n,) places of the points before.
-        heights, variances: (n,) of the points.
-        cells: (m,) cells that have points, ascending.
-        begins, ends: (m,) the first point of each cell, and the one behind its last.
+        order: (n,) indices of the points before sorting.
+        heights, variances: (n,) heights [m] and variances [m^2] of the points.
+        cells: (m,) cells that contain points, ascending.
+        begins, ends: (m,) slice of the points of each cell, `begins` to `ends` (exclusive).
     """
 
     order: Integers
@@ -47,7 +48,7 @@ class Sorted:
 
     @property
     def groups(self) -> Integers:
-        """(n,) the place in `cells` of each point."""
+        """(n,) index into `cells` for each point."""
         return np.repeat(np.arange(len(self.cells)), self.ends - self.begins)
 
 
@@ -70,7 +71,7 @@ def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: 
 
 
 def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
-    """Return the order of points, in which values (n,) decide between equal points."""
+    """Return the order of the points; ties in height and variance are broken by `values` (n,)."""
     order = points.order
     same = np.zeros(len(order) + 1, np.bool_)
     same[1:-1] = (np.diff(points.heights) == 0) & (np.diff(points.variances) == 0)
@@ -88,13 +89,14 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
 def deal(
     cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Deal points to their cells, and sort them there; `borders` (size + 1) are the ends then.
+    """Sort points by cell, and the points of each cell as described at `Sorted`.
 
     Args:
         cells: (count,) cells of the points.
-        points: (count,) their heights and variances.
+        points: (count,) heights and variances of the points.
         size: number of cells.
-        borders, order, dealt: results; `dealt` are the sorted heights and variances.
+        borders: (size + 1,) zeros; receives the end of each cell's points.
+        order, dealt: (count,) receive the sorted indices, and the sorted heights and variances.
     """
     heights, variances = points
     sorted_heights, sorted_variances = dealt
@@ -116,12 +118,12 @@ def deal(
 
 
 def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) -> None:
-    """Sort some points from the highest down, equal ones by variance (Shell's method).
+    """Sort a slice of points by descending height, then by variance, with Shell's method.
 
     Args:
-        begin, end: the places of the points.
-        order, heights: numbers and heights of the points, by place.
-        variances: variances of the points, by number.
+        begin, end: the slice.
+        order, heights: point numbers and heights; sorted in place.
+        variances: variances, indexed by point number.
     """
     gap = (end - begin) // 2 if end - begin > 12 else 1
     while gap > 0:
@@ -135,23 +137,24 @@ def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) ->
                 heights[place], order[place] = heights[place - gap], before
                 place -= gap
             heights[place], order[place] = height, number
-        # Gaps of Gonnet and Baeza-Yates: 5 / 11 of the last one, and 1 at the end.
+        # Gap sequence of Gonnet and Baeza-Yates: 5 / 11 of the previous gap, and 1 at the end.
         gap = 1 if gap == 2 else (gap * 5 - 1) // 11
 
 
 @dataclass(frozen=True)
 class Clusters:
-    """The clusters of a scan, cell by cell, and those of a cell from the highest down.
+    """Clusters of a scan, sorted by cell, and by descending height within a cell.
 
     Attributes:
         points: the points on the map.
-        threshold, relief: of the gate; see `agree`.
-        groups: (q,) place of the cell of each cluster in `points.cells`.
-        firsts, counts: (q,) place of the highest point in `points`, and number of points.
-        means: (q,) heights, weighted by inverse variances [m].
-        variances: (q,) of the means [m^2]. They are larger if the points spread by more than their
-            variances explain, and include the variance that all points of a cell share.
-        spreads: (q,) the rest of the sample variance of these points [m^2], which widens the gate.
+        threshold, relief: parameters of the gate; see `agree`.
+        groups: (q,) index of each cluster's cell in `points.cells`.
+        firsts, counts: (q,) index of the highest point in `points`, and number of points.
+        means: (q,) mean heights, weighted by inverse variance [m].
+        variances: (q,) variances of the means [m^2]. They include the variance that all points of
+            a cell share, and grow if the points scatter more than their variances explain.
+        spreads: (q,) sample variance that the point variances do not explain [m^2]; it widens the
+            gate.
     """
 
     points: Sorted
@@ -165,17 +168,18 @@ class Clusters:
     spreads: Numbers
 
     def lowered(self, offset: float) -> Clusters:
-        """Return the clusters, lower by an offset [m]."""
+        """Return a copy of the clusters, lowered by `offset` [m]."""
         points = replace(self.points, heights=self.points.heights - offset)
         return replace(self, points=points, means=self.means - offset)
 
     def agree(self, heights: Numbers, variances: Numbers) -> Mask:
-        """Return which clusters (q,) agree with a height of their cell, the gate.
+        """Return a mask (q,) of the clusters that agree with the height of their cell (the gate).
 
-        They differ by at most `threshold * sqrt(sum of variances and spread)`, or by the relief.
+        A cluster agrees if its mean differs from the height by at most
+        `max(threshold * sqrt(sum of both variances and the spread), relief)`.
 
         Args:
-            heights, variances: (m,) of the cells with points; a height is NaN if unknown.
+            heights, variances: (m,) values of the cells with points; unknown heights are NaN.
         """
         gate = self.threshold * np.sqrt(variances[self.groups] + self.variances + self.spreads)
         away = np.abs(self.means - heights[self.groups])
@@ -194,16 +198,16 @@ class Clusters:
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the places of the points of some clusters (k,), and where each cluster begins."""
+        """Return the point indices of some clusters (k,), and where each cluster starts in them."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
 
 
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
-    """Return the clusters of the points on the map.
+    """Cluster the points on the map.
 
-    `common` (m,) is the variance that all points of a cell share [m^2], such as that of the pose.
+    `common` (m,) is the variance that all points of a cell share [m^2], such as the pose variance.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances
@@ -216,13 +220,13 @@ def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Param
     firsts = np.flatnonzero(counts)
     counts, (weights, lifts, squares) = counts[firsts], sums[:, firsts]
     offsets = lifts / weights
-    # The sample variance in units of the mean variance of the points: 1 by their noise alone.
+    # Ratio of the sample variance to the expected variance; 1 if noise alone scatters the points.
     others = np.maximum(counts - 1, 1)
     ratio = np.maximum(squares - lifts * offsets, 0.0) / others
     is_wide = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
     excess = np.where(is_wide, ratio - 1.0, 0.0) / weights
     groups = np.searchsorted(points.begins, firsts, side="right") - 1
-    # Relief alone makes no cell unknown.
+    # Limited, so that relief alone never raises the variance above `max_variance`.
     variances = (1.0 / weights + np.minimum(excess, given.largest_share)) + common[groups]
     means = z[firsts] + offsets
     return Clusters(
@@ -233,7 +237,7 @@ def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Param
 def _grow_arrays(
     points: Sorted, threshold: float, relief: float, counts: Integers, sums: Numbers
 ) -> None:
-    """Do what `grow_clusters` does, with NumPy: the next cluster of all cells at a time."""
+    """NumPy version of `grow_clusters`: grow one cluster per cell in each pass."""
     z, r = points.heights, points.variances
     starts, stops = points.begins, points.ends
     while len(starts):
@@ -242,7 +246,7 @@ def _grow_arrays(
         places = np.arange(lengths.sum()) + np.repeat(starts - heads, lengths)
         offsets = z[places] - np.repeat(z[starts], lengths)
         weights = 1.0 / r[places]
-        # Sums over the points of the same cell above each point.
+        # For each point, sums over the higher points of its cell.
         above = [np.cumsum(part) - part for part in (weights, weights * offsets)]
         weight, lift = (part - np.repeat(part[heads], lengths) for part in above)
         weight[heads] = 1.0
@@ -261,9 +265,10 @@ def _grow_arrays(
 
 @loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
-    """Write the size and the sums of each cluster at the place of its first point.
+    """Write the size and the sums of each cluster at the index of its first point.
 
-    The sums are those of weights, of weighted offsets from the first point, and of their squares.
+    `sums` are the sums of the weights, of the weighted height offsets from the first point, and of
+    the weighted squared offsets.
     """
     begins, ends = borders
     z, r = points

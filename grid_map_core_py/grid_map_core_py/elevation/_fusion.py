@@ -1,26 +1,27 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fusion of the points of a scan with the heights of their cells.
+"""Fuse the points of a scan with the heights of their cells.
 
-The scan alone decides which of its points are the surface of a cell: the highest cluster with
-support, that is at least `conflict_points` points, and `min_support` of the points of the densest
-cluster in the cell. A cluster agrees with a height if they differ by at most
-`threshold * sqrt(sum of their variances)`, or by the relief. A cell becomes
+The surface of a cell depends only on the scan: it is the highest cluster with support. A cluster
+has support if it contains at least `conflict_points` points, and at least the share `min_support`
+of the number of points in the cell's densest cluster. `Clusters.agree` defines when a cluster
+agrees with a height. Each cell with points gets one of these outcomes:
 
-- `CONFIRMED`: its height agrees with the surface, or with a smaller cluster above it. Both are
-  fused by inverse variances.
-- `STARTED`: it was unknown. It takes the surface, or its highest cluster if none has support.
-- `RAISED`: the surface is higher; or a smaller cluster of at least `conflict_points` points above
-  the surface, a candidate, was seen at the same height in three scans within half a second.
-- `LOWERED`: the surface is lower, and the height was not confirmed for `scanning_duration`, or at
-  most `conflict_points` points ever supported it. In the first case only points count whose beams
-  entered the cell above its height: they came through the old surface.
-- `CONTRADICTED`: none of these; the height stays.
+- `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
+  height and the cluster are fused with inverse-variance weights.
+- `STARTED`: the cell was unknown. The height becomes the surface, or the highest cluster if no
+  cluster has support.
+- `RAISED`: the surface is higher than the height; or a smaller cluster of at least
+  `conflict_points` points above the surface (a candidate) was seen at the same height in three
+  scans within half a second.
+- `LOWERED`: the surface is lower than the height, and the height was not confirmed for
+  `scanning_duration`, or at most `conflict_points` points ever supported the height. In the first
+  case, only points whose beams entered the cell above the old height count.
+- `CONTRADICTED`: none of the above; the height stays.
 
-`RAISED`, `LOWERED` and `CONTRADICTED` are conflicts, which add `multi_height_noise`.
+`RAISED`, `LOWERED` and `CONTRADICTED` are conflicts; each adds `multi_height_noise`.
 
-With drift compensation, the whole map first moves by a share of the offset between scan and map,
-and the scan is fused at the height of the moved map. Otherwise a map that is some centimeters too
-low would rise only a part of the way, and only in view. The map lags behind the odometry by
+Drift compensation first shifts the whole map by a share of the offset between scan and map, then
+shifts the scan to the map and fuses it. The map lags behind the odometry by
 `drift per scan / drift_compensation_alpha`.
 """
 
@@ -40,26 +41,27 @@ from ._parameters import Numbers, Parameters
 from ._state import OVERHANG, State, highest_around
 
 SIGHTINGS = 3
-"""Number of scans in which a candidate is seen before it becomes the surface."""
+"""Number of scans that must see a candidate before it becomes the surface."""
 
 TAIL = 0.1
-"""Share of the points of a neighbor below which a cell has only the tails of their noise."""
+"""Support, relative to a neighbor, below which a cell contains only the neighbor's noise tail."""
 
 CANDIDATE_TIME = 500
-"""Time within which these scans come [ms]."""
+"""Maximum time between the first and the last sighting of a candidate [ms]."""
 
 LEVEL = 0.03
-"""Largest difference of heights [m] between a cell that votes and its eight neighbors."""
+"""Largest height difference [m] between a cell that votes on the drift and its eight neighbors."""
 
 
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
-    """Return the height of a scan above the map [m], or 0 if the cells do not agree on it.
+    """Return the vertical offset of a scan from the map [m], or 0 if the cells do not agree.
 
-    A cell votes if its variance is small and its eight neighbors are known and level with it: near
-    steps and edges, points and map differ without drift. Its votes are the offsets of its clusters
-    within the gate and `max_drift`. The result is the mean, by inverse variances, of the votes
-    within the gate of the median. At least `min_drift_cells` and half of all votes must be among
-    them, and the result must not exceed `max_drift`.
+    A cell votes if its variance is small and its eight neighbors are known and level with it; near
+    steps and edges, points and map differ even without drift. The votes of a cell are the offsets
+    of its clusters, unless they exceed `max_drift` plus the gate. The result is the
+    inverse-variance weighted mean of the votes within the gate around the median vote. It is 0 if
+    fewer than `min_drift_cells` or fewer than half of the votes remain, or if it exceeds
+    `max_drift`.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
@@ -85,7 +87,7 @@ def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> fl
 
 
 class Outcome(IntEnum):
-    """Result of the fusion in a cell with points."""
+    """Outcome of the fusion in a cell with points; see the module docstring."""
 
     STARTED = 0
     CONFIRMED = 1
@@ -99,9 +101,10 @@ class Fusion:
     """Fuses the clusters of a scan into the cells of a map, in place.
 
     Attributes:
-        entries: returns the heights [m] at which the beams of some points entered their cells.
-        outcomes: (m,) the `Outcome` for each cell with points.
-        chosen: (m,) the cluster that decided on it.
+        entries: function that returns the heights [m] at which the beams of given points entered
+            their cells.
+        outcomes: (m,) `Outcome` of each cell with points.
+        chosen: (m,) cluster that determined the outcome.
     """
 
     clusters: Clusters
@@ -130,25 +133,25 @@ class Fusion:
 
     @property
     def is_conflict(self) -> Mask:
-        """(m,) whether the surface of the scan contradicts the height of a cell."""
+        """(m,) mask of the cells whose height the scan contradicts."""
         conflict: Mask = self.outcomes >= Outcome.RAISED
         return conflict
 
     @property
     def is_seen(self) -> Mask:
-        """(m,) whether points are part of the height of a cell now."""
+        """(m,) mask of the cells whose height this scan has set or confirmed."""
         seen: Mask = self.outcomes != Outcome.CONTRADICTED
         return seen
 
     @property
     def used(self) -> Mask:
-        """(n,) whether a point is part of the height of its cell now."""
+        """(n,) mask of the points that were fused into the height of their cell."""
         used = np.zeros(len(self.clusters.points.order), np.bool_)
         used[self.clusters.members(self.chosen[self.is_seen])[0]] = True
         return used
 
     def _decide(self, surface: Integers, is_large: Mask) -> None:
-        """Set outcomes and chosen clusters; candidates come later."""
+        """Set `outcomes` and `chosen`, without candidates, which `_merge` evaluates."""
         clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
         agrees = clusters.agree(old, self.state.variances[self._cells])
         smaller = is_large & (self._numbers < surface[groups])
@@ -165,9 +168,9 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return whether the heights of some cells (k,) give way to the clusters below them."""
+        """Return a mask (k,) of the cells whose height a lower cluster may replace."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
-        # A neighbor that stands tells of an obstacle of which the cell has only a part.
+        # A higher neighbor indicates an obstacle that covers a part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
         alone = beside <= self.clusters.means[chosen] + self.geometry.resolution
         gives = alone & (self.state.memory.support[cells] <= given.conflict_points)
@@ -183,12 +186,11 @@ class Fusion:
         return gives
 
     def _merge(self, is_large: Mask) -> None:
-        """Write heights, variances and support of the cells."""
         clusters, state, cells = self.clusters, self.state, self._cells
         old, before = state.heights[cells], state.variances[cells]
         means, new = clusters.means[self.chosen], clusters.variances[self.chosen]
         rise, merged = means - old, before * new / (before + new)
-        # If a scan and a map disagree within the relief, both are less certain than they claim.
+        # If scan and map agree only within the relief, their variances are too small.
         doubt = np.maximum((rise / clusters.threshold) ** 2 / (before + new), 1.0)
         fits, stays = self.outcomes == Outcome.CONFIRMED, ~self.is_seen
         heights = np.where(fits, old + rise * merged / new, np.where(stays, old, means))
@@ -204,9 +206,9 @@ class Fusion:
         support[grown] = SIGHTINGS * clusters.counts[found[grown]]
 
         state.heights[cells], state.memory.support[cells] = heights, support
-        # Points come down anywhere in a cell. If u is the largest difference of heights to a
-        # neighbor, at most the side of a cell, the mean of n points varies by u^2 / 12 n around the
-        # height of the center. A cell with few points beside one with many has only outlying noise
+        # Points are spread over the cell. If u is the largest height difference to a neighbor, at
+        # most the resolution, the mean of n points has the variance u^2 / (12 n) around the height
+        # at the center. A cell with few points beside a cell with many contains only the noise tail
         # of the neighbor's points, which does not average out.
         size, low = self.geometry.size, heights.astype(np.float32)
         above = highest_around(state.heights, size)[cells] - low
@@ -221,18 +223,18 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the candidates (m,) that were seen in enough scans, or `NONE`; note the others."""
+        """Return the candidates (m,) seen in enough scans, or `NONE`; remember the others."""
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])
         candidates &= ~clusters.agree(heights, variances)
         waits = (memory.candidate_age[cells] <= CANDIDATE_TIME)[groups]
-        # Wide enough for the points of a pole, and narrow enough for outliers.
+        # This gate accepts the points of a pole and rejects outliers.
         spreads = 1.5 * (clusters.variances + clusters.spreads)
         gate = np.maximum(clusters.threshold * np.sqrt(spreads), clusters.relief)
         away = np.abs(means - memory.candidate[cells][groups])
         again = clusters.first(candidates & waits & (away <= gate))
-        # One that was seen only once makes room.
+        # A candidate that was seen only once is replaced.
         waits &= ((again != NONE) | (memory.sightings[cells] > 1.0))[groups]
         new = clusters.first(candidates & ~waits)
         sightings = np.where(new != NONE, 1.0, memory.sightings[cells] + (again != NONE))
@@ -245,9 +247,9 @@ class Fusion:
         return np.where(done, again, NONE)
 
     def _overhangs(self, is_large: Mask) -> Integers:
-        """Return the lowest cluster (m,) above a gap in each cell, or `NONE`; note the gaps.
+        """Return the lowest overhanging cluster (m,) of each cell, or `NONE`.
 
-        A height that turns out to be that of an overhang is forgotten.
+        The layer `overhang` is updated, and heights that belong to an overhang become NaN.
         """
         clusters, state, cells = self.clusters, self.state, self._cells
         groups, heights = clusters.groups, clusters.points.heights

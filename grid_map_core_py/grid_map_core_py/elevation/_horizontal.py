@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Heights and bounds over the horizontal uncertainty: a cell may be where its neighbor is seen.
+"""Heights and bounds that account for the horizontal uncertainty of cells.
 
-A cell is a mixture of the cells around it. The weight of a neighbor is the probability that a
-normal error with the `horizontal_variance` of the cell, along each axis, leads there.
+Each cell becomes a mixture of the cells around it. The weight of a neighbor is the probability that
+a normal error with the cell's `horizontal_variance` along each axis ends in the neighbor.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ Cells = NDArray[np.float64]
 
 
 def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float) -> list[Layer]:
-    """Return height, variance, upper and lower bound of each known cell.
+    """Return the height, variance, upper bound and lower bound of each cell, NaN where unknown.
 
-    Mean and variance are those of the mixture. The bounds are the quantiles of 99 % and 1 % of the
-    bounds of its parts. Neighbors that are unknown, or more than four cells away, have no weight.
+    Height and variance are the mean and variance of the mixture. The bounds are the 99 % quantile
+    of the neighbors' upper bounds and the 1 % quantile of the neighbors' lower bounds. Neighbors
+    that are unknown, or more than four cells away, have no weight.
 
     Args:
-        heights, variances: of the map; a height is NaN where it is unknown.
-        horizontal: variances along x and y [m^2].
+        heights, variances: heights [m], NaN where unknown, and variances [m^2] of the cells.
+        horizontal: horizontal variance of each cell along x and y [m^2].
         resolution: side of a cell [m].
 
     Raises:
@@ -61,7 +62,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield weight, height and variance of each neighbor of the known cells (k,)."""
+    """Yield weights, heights and variances (k,), one neighbor of all known cells at a time."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
@@ -86,7 +87,7 @@ def _share(step: int, deviations: Cells) -> Cells:
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the smallest value (k,) with at most a weight of `_TAIL` above it."""
+    """Return the smallest value (k,) such that larger values weigh at most `_TAIL`."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.argmax(above > _TAIL, axis=0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`ElevationMapper`, whose updates call the stages in the modules beside this one."""
+"""`ElevationMapper`; the sibling modules implement the stages of an update."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 _LOOPS = deal, grow_clusters, cover, trace
 
 LATE = 10**9
-"""Time [ns] after which scans that are all earlier than an old one start the clock anew."""
+"""If all scans of this period [ns] are earlier than a previous scan, the clock restarts."""
 
 KEPT = "time", *BOUNDS
-"""Layers that `masked_replace` does not take from the other map."""
+"""Layers that `masked_replace` does not copy from the other map."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,12 @@ class UpdateReport:
         points_used: number of points that were fused into the height of a cell.
         points_dropped: number of points that were ignored.
         points_gated: number of points on the map that do not agree with their cell.
-        reasons: numbers of the dropped points by reason.
-        conflicts: number of cells that the scan contradicts, replaced cells included.
-        cells_cleared: number of cells that the visibility cleanup has cleared.
-        drift: how much higher than the map the scan was [m]; 0 without drift compensation, or if
-            the cells did not agree on it.
-        milliseconds: duration by stage [ms]: `points`, `clusters`, `drift`, `fusion`,
+        reasons: number of dropped points for each reason.
+        conflicts: number of cells that the scan contradicts, including replaced cells.
+        cells_cleared: number of cells that the visibility cleanup cleared.
+        drift: vertical offset of the scan from the map [m]; 0 without drift compensation, or if
+            the cells do not agree on an offset.
+        milliseconds: duration of each stage [ms]: `points`, `clusters`, `drift`, `fusion`,
             `visibility`, `values`, `layers`.
     """
 
@@ -79,18 +79,18 @@ class UpdateReport:
 class ElevationMapper:
     """Map of heights with variances from the scans of range sensors, around a moving robot.
 
-    The layers are `elevation` [m], its `variance` [m^2], the `time` of its last confirmation
-    [s since the first scan], `upper_bound` and `lower_bound` of the height with a probability of
-    99 % [m], and one for each value of the points. NaN means unknown.
+    The layers are `elevation` [m], `variance` of the elevation [m^2], `time` of the last
+    confirmation [s since the first scan], `upper_bound` and `lower_bound` of the height with a
+    probability of 99 % [m], and one layer for each value of the points. NaN means unknown.
 
     Args:
-        geometry: size, resolution and initial place of the map.
+        geometry: size, resolution and initial position of the map.
         frame_id: frame of the map.
-        sensor: model of the noise of the sensor, unless `update` gets another one.
-        value_fusions: ways of fusion by names of values or regular expressions: `average`,
+        sensor: noise model of the sensor, used by `update` unless another model is passed.
+        value_fusions: maps value names or regular expressions to a fusion method: `average`,
             `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is `color` for
-            `rgb`, `rgba` and `color`, and `average` for others.
-        parameters: the parameters of elevation mapping, such as `min_variance`.
+            `rgb`, `rgba` and `color`, and `average` for all other values.
+        parameters: fields of the elevation mapping parameters, such as `min_variance`.
 
     Raises:
         ConfigError: a parameter is unknown or invalid.
@@ -136,23 +136,23 @@ class ElevationMapper:
         self._start: int | None = None
         self._last = 0
         self._late: int | None = None
-        # The first scan shall not wait for compiled loops.
+        # Compile the loops now, so that the first scan is not delayed.
         for made in _LOOPS:
             made.compiled()
 
     @staticmethod
     def must_compile() -> bool:
-        """Return whether the next mapper will compile loops, which takes some seconds once."""
+        """Return whether creating a mapper will compile loops, which takes a few seconds once."""
         return any(made.must_compile() for made in _LOOPS)
 
     @property
     def grid_map(self) -> GridMap:
-        """The map. Each update creates a new one; earlier maps stay unchanged."""
+        """The current map. Each update creates a new map; earlier maps stay unchanged."""
         return self._map
 
     @property
     def parameters(self) -> Parameters:
-        """The parameters."""
+        """The current parameters."""
         return self._parameters
 
     def update(
@@ -167,29 +167,30 @@ class ElevationMapper:
         sensor: SensorModel | None = None,
         limits: Parameters | None = None,
     ) -> UpdateReport:
-        """Fuse the points of a scan; after an error the map is unchanged.
+        """Fuse the points of a scan into the map; after an error the map is unchanged.
 
         The result does not depend on the order of the points.
 
         Args:
-            points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite, and
-                those at the origin, are dropped.
+            points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite or lie
+                at the origin are dropped.
             transform: (4, 4) from the sensor to the map frame.
-            timestamp: time of the scan [ns]. A scan that is earlier than the last one counts as
-                simultaneous. After a jump of more than `max_time_jump`, or if all scans of a second
-                are earlier, the clock starts anew with a `RuntimeWarning`, and all cells count as
-                confirmed at that time. A timestamp of 0 counts as missing if the last scan is later
-                than `max_time_jump`: all points are dropped with a `RuntimeWarning`.
-            pose_covariance: (6, 6) of x, y, z [m], roll, pitch, yaw [rad] of the sensor; rotations
-                are about the axes of the map. None is an exact pose.
-            values: (N,) further values of the points by the names of their layers.
-            position: (2,) where the map moves first [m]; None leaves it where it is.
-            sensor: model of the noise; None takes that of the constructor.
-            limits: parameters whose limits of ranges and heights hold for this scan; None takes
-                those of the mapper.
+            timestamp: time of the scan [ns]. If it is earlier than the previous timestamp, the
+                previous one is used. After a jump of more than `max_time_jump`, or if all scans
+                within a second are too early, the clock restarts with a `RuntimeWarning`, and all
+                cells count as confirmed at that time. A timestamp of 0 counts as missing if the
+                previous one exceeds `max_time_jump`: all points are dropped with a
+                `RuntimeWarning`.
+            pose_covariance: (6, 6) covariance of x, y, z [m], roll, pitch, yaw [rad] of the sensor;
+                rotations are about the map axes. None means an exact pose.
+            values: further values (N,) of the points by layer name.
+            position: (2,) new center of the map [m], set before fusing; None does not move the map.
+            sensor: noise model; None uses the model passed to the constructor.
+            limits: parameters whose range and height limits apply to this scan; None uses the
+                parameters of the mapper.
 
         Raises:
-            GridMapError: an argument is invalid; the message names it.
+            GridMapError: an argument is invalid; the message names the argument.
             LimitError: the layers of the values would be too large.
         """
         clock = _Stages()
@@ -221,7 +222,7 @@ class ElevationMapper:
             hidden = in_map_order(self._hidden, moved.position)
             height, noise = self._noise, covariance
             if covariance is not None:
-                # What an odometry gains on its way is no noise: the map moves with it.
+                # Drift of the odometry is not noise: drift compensation shifts the map with it.
                 height = min(height, float(covariance.matrix[0, 0]))
                 noise = covariance.with_height(min(height, self._parameters.largest_share))
             limits = limits or self._parameters
@@ -242,7 +243,7 @@ class ElevationMapper:
         return report
 
     def configure(self, **parameters: Any) -> None:
-        """Change parameters, except `horizontal_variances`; after an error none has changed."""
+        """Change parameters except `horizontal_variances`; after an error all are unchanged."""
         new = build(Parameters, {**vars(self._parameters), **parameters})
         has_layer = self._parameters.horizontal_variances
         kept = new.horizontal_variances == has_layer
@@ -262,27 +263,27 @@ class ElevationMapper:
         self._hidden = in_map_order(self._hidden, position)
 
     def clear(self) -> None:
-        """Make all cells unknown; the clock goes on."""
+        """Set all cells to unknown; the clock is not reset."""
         self._map = self._map.copy()
         self._map.clear_all()
         self._hidden = GridMap.from_geometry(self._map.geometry, HIDDEN)
         self._noise = math.inf
 
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
-        """Replace layers with those of another map, where the other map covers this one.
+        """Replace the layers of this map with the layers of another map where the maps overlap.
 
-        Each cell gets the values of the cell of the other map that contains its center, for all
-        layers that both maps have, NaN included. If the other map has no variance, new heights get
-        `min_variance`.
+        All layers that exist in both maps are replaced. Each cell gets the value, NaN included, of
+        the other map's cell that contains the cell center. If the other map has no layer
+        `variance`, the variance of new heights is `min_variance`.
 
         Args:
             grid_map: the other map, in the same frame.
-            mask_layer: layer of the other map that is NaN where this map stays as it is; if there
-                is none, all cells are replaced.
+            mask_layer: layer of the other map; cells where it is NaN stay unchanged. If the layer
+                does not exist, all cells are replaced.
 
         Raises:
-            GridMapError: it is no map, or in another frame.
-            LayerNotFoundError: it has no layer in common with this map.
+            GridMapError: `grid_map` is not a map, or has another frame.
+            LayerNotFoundError: the maps have no layer in common.
         """
         if not isinstance(grid_map, GridMap):
             raise GridMapError(f"grid_map: expected a GridMap, got {short(grid_map)}")
@@ -312,14 +313,14 @@ class ElevationMapper:
         self._map = target.with_layers(shaped(state.layers(self._parameters), target.size))
 
     def fused_map(self) -> GridMap:
-        """Return a map whose heights and bounds allow for the horizontal uncertainty.
+        """Return a copy of the map that accounts for the horizontal uncertainty of cells.
 
-        A known cell becomes a mixture of the cells at which it may truly lie: it gets the height
-        and variance of the mixture, and bounds of which each excludes 1 % of the mixture. Other
-        layers stay unchanged.
+        Each known cell becomes a mixture of the cells that it may coincide with. The layers
+        `elevation` and `variance` describe the mixture, and each bound excludes 1 % of the mixture.
+        Other layers stay unchanged.
 
         Raises:
-            ConfigError: the mapper was made without `horizontal_variances`.
+            ConfigError: the mapper was created without `horizontal_variances`.
         """
         wanted = self._parameters.horizontal_variances
         check(wanted, "horizontal_variances", "True for a fused map", wanted)
@@ -333,7 +334,7 @@ class ElevationMapper:
     # Stages
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
-        """Let cells grow older; return the start of the clock and the time of the scan [ns]."""
+        """Age the cells; return the start of the clock and the time of the scan [ns]."""
         start = stamp if self._start is None else self._start
         first = stamp if self._late is None else self._late
         self._late = first if stamp < last else None
@@ -362,7 +363,6 @@ class ElevationMapper:
         now: float,
         clock: _Stages,
     ) -> UpdateReport:
-        """Fuse a scan into the state of the map at a time [s]."""
         given, offset, cleared = self._parameters, 0.0, np.zeros(0, np.int64)
         with clock.stage("clusters"):
             on_map = np.flatnonzero(scan.cells != OUTSIDE)
@@ -420,7 +420,7 @@ class ElevationMapper:
 
 @dataclass
 class _Stages:
-    """Durations of stages [ms]."""
+    """Measures the duration of each stage of an update [ms]."""
 
     milliseconds: dict[str, float] = field(default_factory=dict)
 
@@ -445,7 +445,6 @@ def _add_motion(
     pose: NDArray[np.float64],
     geometry: GridGeometry,
 ) -> None:
-    """Let cells lose certainty by the motion of the sensor since the last scan."""
     x, y, _ = pose[:3, 3]
     added = of_motion(old, covariance, x - old_pose[0, 3], y - old_pose[1, 3])
     rows, columns = geometry.axes_in_map_order()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters of elevation mapping, and sensor models: how uncertain a measured height is.
+"""Parameters of elevation mapping, and sensor models, which predict the variance of heights.
 
-A model describes the covariance S (3, 3) of a point in the frame of the sensor. Only its share
-along the vertical of the map is needed, `axis @ S @ axis`, where `axis` (3,) is the third row of
-the rotation from the sensor to the map: the vertical as the sensor sees it.
+A model describes the covariance S (3, 3) of a point in the sensor frame. Elevation mapping uses
+only the variance along the vertical of the map, `axis @ S @ axis`. `axis` (3,), the vertical in the
+sensor frame, is the third row of the rotation from the sensor to the map frame.
 """
 
 from __future__ import annotations
@@ -109,12 +109,12 @@ class Parameters:
 
     @property
     def largest_variance(self) -> float:
-        """The limit of variances [m^2], infinite for none."""
+        """Variance [m^2] above which cells become unknown; infinite if there is no limit."""
         return self.max_variance if self.max_variance > 0 else math.inf
 
     @property
     def largest_share(self) -> float:
-        """Largest variance [m^2] by relief or pose, which alone shall make no cell unknown."""
+        """Cap on the variance [m^2] from relief or pose, so that neither alone clears a cell."""
         return 0.25 * self.largest_variance
 
 
@@ -125,10 +125,10 @@ Numbers = NDArray[np.float64]
 
 
 class SensorModel(Protocol):
-    """A model of the noise of a range sensor, for models of your own."""
+    """Interface of the noise model of a range sensor; implement it for custom sensors."""
 
     def vertical_variances(self, points: Numbers, distances: Numbers, axis: Numbers) -> Numbers:
-        """Return the variances (n,) of points along the vertical [m^2].
+        """Return the vertical variances (n,) of points [m^2].
 
         Args:
             points: (3, n) x, y, z [m], sensor frame.
@@ -136,15 +136,15 @@ class SensorModel(Protocol):
             axis: (3,) unit vector of the map's vertical, sensor frame.
 
         Returns:
-            The variances; NaN for points that the sensor cannot measure, which are dropped.
+            Variances; NaN for points that the sensor cannot measure, which are dropped.
         """
 
 
 class _Model:
-    """Checks the parameters of a model: finite numbers, not negative unless listed."""
+    """Checks that model parameters are finite, and not negative unless listed as signed."""
 
     max_variance: ClassVar[float] = 0.01
-    """Default of this parameter for maps of the sensor [m^2]."""
+    """Default of `Parameters.max_variance` for this sensor [m^2]."""
 
     _signed: tuple[str, ...] = ()
     _positive: tuple[str, ...] = ()
@@ -176,7 +176,7 @@ class LaserModel(_Model):
     beam_angle: float = 0.0006
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
-        # A product of matrices would round points differently at different places in the array.
+        # In a matrix product, rounding would depend on the index of a point in the array.
         x, y, z = map(float, axis)
         slope = (points[0] * x + points[1] * y + points[2] * z) / distances
         slope *= slope
@@ -186,7 +186,7 @@ class LaserModel(_Model):
 
 
 class _Camera(_Model):
-    """Noise along the optical axis, the z axis of the sensor, and beside it."""
+    """Noise along the optical axis (z of the sensor frame) and across it."""
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
         del distances
@@ -197,7 +197,7 @@ class _Camera(_Model):
         return np.where(self._is_measured(depth), variances, np.nan)
 
     def _deviations(self, depth: Any) -> tuple[Any, Any]:
-        """Return the standard deviations [m] along and beside the optical axis."""
+        """Return the standard deviations [m] along and across the optical axis."""
         raise NotImplementedError
 
     def _is_measured(self, depth: Any) -> Any:
@@ -274,7 +274,7 @@ class StereoModel(_Camera):
 
 @dataclass(frozen=True, kw_only=True)
 class PerfectModel(_Model):
-    """A sensor without noise, for simulations."""
+    """Sensor without noise, for simulations."""
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
         del points, axis
@@ -283,7 +283,7 @@ class PerfectModel(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantModel(_Model):
-    """The same vertical variance in all directions: `sensor_noise_factor` times distance squared.
+    """Vertical variance of `sensor_noise_factor` times the squared distance, in all directions.
 
     Attributes:
         sensor_noise_factor: vertical variance at a distance of 1 m [m^2].

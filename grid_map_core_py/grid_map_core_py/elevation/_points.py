@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans: uncertain poses, and points from the frame of the sensor to cells."""
+"""Scans: covariances of sensor poses, and the assignment of points to map cells."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from ..plugins import check
 from ._parameters import Numbers, Parameters, SensorModel
 
 OUTSIDE = -1
-"""In place of the cell of a point beside the map."""
+"""Cell number of points outside the map."""
 
 LEAST_VARIANCE = 1e-12
-"""Variance [m^2] of points that claim a smaller one, so that weights stay finite."""
+"""Lower limit of the variance of a point [m^2], so that weights stay finite."""
 
 _TOLERANCE = 1e-6
 """Tolerance of symmetry and of negative eigenvalues, relative to the largest element."""
 
 _HEIGHT_AND_TILT, _LEVEL = np.array([2, 3, 4]), np.array([0, 1, 5])
-"""Places of z, roll and pitch, and of the others, among x, y, z, roll, pitch, yaw."""
+"""Indices of (z, roll, pitch) and of (x, y, yaw) in a pose (x, y, z, roll, pitch, yaw)."""
 
 
 @dataclass(frozen=True)
@@ -36,52 +36,53 @@ class Covariance:
     """Covariance of the pose of a sensor; rotations are about the map axes.
 
     Attributes:
-        matrix: (3, 3) of z [m], roll and pitch [rad]: height and tilt.
-        level: (3, 3) of x, y [m] and yaw [rad].
+        matrix: (3, 3) covariance of z [m], roll and pitch [rad].
+        level: (3, 3) covariance of x, y [m] and yaw [rad].
     """
 
     matrix: NDArray[np.float64]
     level: NDArray[np.float64]
 
     def of_points(self, x: Any, y: Any) -> Any:
-        """Return the variance of z [m^2] that the pose gives to points.
+        """Return the variance of the height of points due to the pose [m^2].
 
-        It is `J_q Q J_q^T` with J_q = (y, -x), plus the variance of z: a rotation by (roll, pitch)
-        about the sensor lifts a point by `roll * y - pitch * x`.
+        A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
+        result is `J_q Q J_q^T` with J_q = (y, -x), plus the variance of z.
 
         Args:
-            x, y: places relative to the sensor [m], map frame.
+            x, y: positions relative to the sensor [m], map frame.
         """
         (height, _, _), (_, roll, both), (_, _, pitch) = self.matrix.tolist()
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
 
     def with_height(self, variance: float) -> Covariance:
-        """Return the covariance with another variance of z [m^2]."""
+        """Return a copy with the given variance of z [m^2]."""
         matrix = self.matrix.copy()
         matrix[0, 0] = variance
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the same for cells, correlations of height and tilt included."""
+        """Return the height variance of cells, including the correlation of height and tilt."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the mean of the variances of x and y [m^2]: yaw turns a place by (-y, x)."""
+        """Return the mean of the x and y variances of cells [m^2]; yaw moves a cell by (-y, x)."""
         (along_x, _, x_yaw), (_, along_y, y_yaw), (_, _, yaw) = self.level.tolist()
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the same for points at a height z relative to the sensor, tilt included."""
+        """Return `level_of_places` plus the tilt term of points at height z above the sensor."""
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
         return self.level_of_places(x, y) + tilt * z * z
 
 
 def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Covariance | None:
-    """Return the height and tilt of the covariance of a pose (6, 6), or None.
+    """Convert a pose covariance (6, 6) to a `Covariance`; None stays None.
 
     Raises:
-        GeometryError: it has another shape, or is not symmetric, finite and positive semi-definite.
+        GeometryError: the shape is wrong, or the matrix is not symmetric, finite and positive
+            semi-definite.
     """
     if values is None:
         return None
@@ -104,10 +105,10 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
 
 
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
-    """Return the covariance that the motion from one pose to the next has added.
+    """Return the covariance that the motion from one pose to the next adds.
 
-    The old uncertainty moves along: a tilt lifts the sensor by `roll * dy - pitch * dx`. Where the
-    new pose is more certain than that, nothing is added.
+    The old covariance is propagated to the new position: a tilt lifts the sensor by
+    `roll * dy - pitch * dx`. Nothing is added where the new pose is more certain than the result.
 
     Args:
         old, new: covariances of both poses.
@@ -121,7 +122,7 @@ def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covaria
 def _added(
     old: NDArray[np.float64], new: NDArray[np.float64], moved: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return `new - moved @ old @ moved.T` without its negative part."""
+    """Return `new - moved @ old @ moved.T` with negative eigenvalues set to 0."""
     scale = max(float(np.abs(old).max()), float(np.abs(new).max())) or 1.0
     added = new / scale - moved @ (old / scale) @ moved.T
     values, vectors = np.linalg.eigh(0.5 * (added + added.T))
@@ -132,18 +133,17 @@ def _added(
 
 @dataclass(frozen=True)
 class Scan:
-    """Points of a scan within all limits.
+    """Points of a scan that are within all limits.
 
     Attributes:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
-        variances: (n,) variances of z from the sensor alone [m^2].
-        cells: (n,) number of the cell of each point, column after column in map order, or
-            `OUTSIDE`.
-        places: (n,) places of the points in the cloud.
-        horizontal: (n,) variances along x and y [m^2]; (0,) if they are not wanted.
-        dropped: number of dropped points by reason.
-        noise: covariance of the pose, which all points share; None means an exact pose.
+        variances: (n,) variances of z from the sensor noise alone [m^2].
+        cells: (n,) cell number of each point, column by column in map order, or `OUTSIDE`.
+        places: (n,) indices of the points in the cloud.
+        horizontal: (n,) variances along x and y [m^2]; (0,) if not requested.
+        dropped: number of dropped points for each reason.
+        noise: pose covariance, shared by all points; None means an exact pose.
     """
 
     sensor: Positions
@@ -156,12 +156,12 @@ class Scan:
     noise: Covariance | None
 
     def lowered(self, offset: float) -> Scan:
-        """Return the scan, lower by an offset [m]."""
+        """Return a copy of the scan, lowered by `offset` [m]."""
         down = np.array([0.0, 0.0, offset])
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
     def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return the variances of z (k,) at places in the map frame, due to the pose [m^2]."""
+        """Return the height variances (k,) due to the pose at positions in the map frame [m^2]."""
         if self.noise is None:
             return np.zeros(len(x))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -170,9 +170,9 @@ class Scan:
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (n, 3) or wider, rotated by (3, 3), as x, y, z (3, n).
+    """Rotate points (n, 3) or wider by a matrix (3, 3); return x, y, z (3, n).
 
-    Unlike in a product of matrices, rounding does not depend on the place of a point in the array.
+    Unlike in a matrix product, rounding does not depend on the index of a point in the array.
     """
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))
@@ -194,7 +194,7 @@ def distances_of(points: NDArray[np.float64]) -> Numbers:
 
 
 def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
-    """Return a copy of a map, moved by whole cells and stored from start index (0, 0)."""
+    """Return a copy of a map with start index (0, 0), moved to `position` by whole cells."""
     result = grid_map.copy()
     if position is not None:
         result.move(position)
@@ -203,7 +203,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 
 
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
-    """Return values of points (count,) by name."""
+    """Check the values of points and return them by name as arrays (count,)."""
     columns = {}
     check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():
@@ -227,10 +227,10 @@ def located(
     Args:
         cloud: (N, 3) or wider, sensor frame [m].
         transform: (4, 4) from the sensor to the map frame.
-        noise: covariance of the pose, which all points share; None means an exact pose.
-        sensor: model of the noise.
+        noise: pose covariance, shared by all points; None means an exact pose.
+        sensor: noise model of the sensor.
         geometry: geometry of the map.
-        given: parameters.
+        given: parameters of the mapper, with the range and height limits.
     """
     count, kept, dropped = len(cloud), 0, dict[str, int]()
     points, variances = np.empty((3, count)), np.empty(count)
@@ -263,7 +263,7 @@ def _horizontal(
     covariance: Covariance | None,
     sensor: SensorModel,
 ) -> Numbers:
-    """Return the mean (n,) of the variances of points along x and along y [m^2]."""
+    """Return the mean (n,) of the x and y variances of each point [m^2]."""
     own = np.ascontiguousarray(cloud[:, :3].T, dtype=np.float64)
     distances = distances_of(own)
     along = [sensor.vertical_variances(own, distances, axis) for axis in transform[:2, :3]]
@@ -281,7 +281,7 @@ def _located_part(
     given: Parameters,
     dropped: dict[str, int],
 ) -> tuple[Integers, NDArray[np.float64], Numbers, Integers]:
-    """Return places, positions (3, n), variances and cells of the points that count."""
+    """Return cloud indices, positions (3, n), variances and cells of the points within limits."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)

@@ -29,24 +29,24 @@ _Layers = dict[str, Layer]
 
 
 class RollingMap:
-    """Fuses the heights of successive point clouds, in a window that can move over the ground.
+    """Fuses the heights of successive point clouds in a window that can move.
 
     Args:
-        geometry: size, resolution and initial place of the window.
+        geometry: size, resolution and initial position of the window.
         frame_id: frame of the points and of the map.
-        layer: name of the layer that holds heights [m]; the only basic layer.
-        fusion: `max` and `min` keep the highest or lowest height of all clouds, `last` that of the
-            last cloud with points in the cell. `mean` gives all points of all clouds the same
-            weight, and adds the layers `variance` (population variance [m^2]) and `count` (number
-            of points).
-        reduction: height of a cell from one cloud: `max`, `min`, `mean`, `median`, `first`
-            or `last`. The fusion `mean` ignores it.
+        layer: name of the height layer [m]; the only basic layer.
+        fusion: `max` and `min` keep the highest or lowest height of all clouds; `last` keeps the
+            height from the last cloud with points in the cell. `mean` gives all points of all
+            clouds the same weight, and adds the layers `variance` (population variance [m^2]) and
+            `count` (number of points).
+        reduction: reduces the points of one cloud in a cell to one height: `max`, `min`, `mean`,
+            `median`, `first` or `last`. The fusion `mean` ignores the reduction.
         max_count: for the fusion `mean`, maximum weight of earlier clouds in points, so that the
-            map follows changes of the ground; 0 is no limit.
-        min_height, max_height: points below or above are left out [m], map frame.
+            map follows changes of the ground; 0 means no limit.
+        min_height, max_height: points below or above these heights are ignored [m], map frame.
 
     Raises:
-        ConfigError: an argument is none of these.
+        ConfigError: an argument is invalid.
     """
 
     def __init__(
@@ -71,14 +71,14 @@ class RollingMap:
         self._fusion = _FUSIONS[fusion]
         self._max_count = max_count or np.inf
         self._min_height, self._max_height = min_height, max_height
-        # Rasterizing an empty cloud checks all arguments and creates all layers.
+        # Rasterizing an empty cloud checks the arguments and creates the layers.
         self._map = self._rasterized(geometry, np.empty((0, 3)), {})
         self._map.frame_id = frame_id
         self._map.basic_layers = [layer]
 
     @property
     def grid_map(self) -> GridMap:
-        """The current map; `fuse` and `move` change it, so copy it to keep it."""
+        """The current map; copy the map to keep it, because `fuse` and `move` modify it."""
         return self._map
 
     def move(self, position: ArrayLike) -> None:
@@ -105,19 +105,19 @@ class RollingMap:
         """Fuse the points of a cloud into the map; after an error the map is unchanged.
 
         Args:
-            points: (N, 3) x, y, z [m], sensor frame. Those that are not finite, and those beside
-                the map, are left out.
-            columns: (N,) further values of the points by layer; these layers hold the mean of the
-                last cloud with values in the cell.
+            points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
+                map are ignored.
+            columns: further values (N,) of the points by layer name; these layers hold the mean
+                from the last cloud with values in the cell.
             transform: (4, 4) from the sensor to the map frame; None for points in the map frame.
-            min_range, max_range: limits of the distance from the sensor [m]; other points are left
-                out.
-            position: (2,) where the map moves first [m]; None leaves it where it is.
-            timestamp: time of the cloud and then of the map [ns].
+            min_range, max_range: smallest and largest distance of points from the sensor [m];
+                other points are ignored.
+            position: (2,) new center of the map [m], set before fusing; None does not move the map.
+            timestamp: time of the cloud [ns], which becomes the time of the map.
 
         Raises:
-            GridMapError: an array or the position is invalid, or a column has the name of a layer
-                of heights.
+            GridMapError: an array or the position is invalid, or a column has the name of a height
+                layer.
         """
         cloud = as_points(points)
         columns = as_columns(columns, len(cloud))
@@ -127,10 +127,10 @@ class RollingMap:
             cloud, columns = cloud[kept], {name: data[kept] for name, data in columns.items()}
         if transform is not None:
             matrix = as_rigid(transform)
-            # Points that stay where they are keep their type.
+            # The identity transform is skipped, so that the points keep their type.
             if not np.array_equal(matrix, np.eye(4)):
                 cloud = (rotated(cloud, matrix[:3, :3]) + matrix[:3, 3:4]).T
-        # Everything that can fail happens before the map moves.
+        # All steps that can fail precede the move of the map.
         geometry = self._map.geometry
         if position is not None:
             geometry = geometry.shifted(geometry.index_shift(position))
@@ -168,7 +168,7 @@ def _newer(old: Layer, new: Layer) -> Layer:
 
 
 def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
-    """Return mean, variance and number of the points of both.
+    """Return the mean, variance and number of old and new points together.
 
     Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
     """
@@ -176,7 +176,7 @@ def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
     seen = np.flatnonzero(flat(new[_COUNT]))
     mean_1, variance_1, count_1 = (flat(new[name])[seen].astype(np.float64) for name in new)
     mean_0, variance_0, count_0 = (flat(old[name])[seen].astype(np.float64) for name in new)
-    # Unknown values have weight 0, but NaN times 0 would be NaN.
+    # Unknown values have weight 0, but NaN times 0 is NaN.
     mean_0[count_0 == 0] = variance_0[count_0 == 0] = 0.0
     total = np.minimum(count_0, max_count) + count_1
     share, step = count_1 / total, mean_1 - mean_0
@@ -193,4 +193,4 @@ _FUSIONS: dict[str, Callable[[_Layers, _Layers, float], _Layers]] = {
     "mean": _mean,
     "last": lambda old, new, _: {name: _newer(old[name], new[name]) for name in new},
 }
-"""Functions that fuse a layer with the layer of a new cloud, by name."""
+"""Functions that fuse the layers of the map with the layers of a new cloud, by fusion name."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The layers of an elevation map while an update works on them, and neighbors of cells."""
+"""Working copy of the layers of an elevation map during an update, and neighbors of cells."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from ._clusters import Sorted, in_one_order
 from ._parameters import Numbers, Parameters
 
 BOUND = 2.486
-"""Standard deviations between the height and its bounds, as in the C++ package."""
+"""Distance between a height and its bounds [standard deviations], as in the C++ package."""
 
 BOUNDS = ("upper_bound", "lower_bound")
 FUSED = ("elevation", "variance")
-"""Layers that scans change; the others of `OWN` follow from them."""
+"""Layers that scans change; the other layers in `OWN` are derived."""
 
 OWN = (*FUSED, "time", *BOUNDS)
 HORIZONTAL = "horizontal_variance"
 OVERHANG = "overhang"
 
 _OLDEST = 2.0**24
-"""Largest whole number of milliseconds that float32 counts to."""
+"""Upper limit of ages [ms]; float32 represents all integers up to this one."""
 
 
 @dataclass
 class Memory:
-    """Memory of cells beside the layers of the map, (cells,) each; NaN is nothing.
+    """Internal state of cells that is not published as map layers; (cells,) each, NaN if unset.
 
     Attributes:
-        support: number of points that ever supported the height.
+        support: number of points that have ever supported the height.
         age: time since the last confirmation [ms].
         candidate: height [m] of a cluster above the surface that may become the surface.
-        sightings: number of scans in which it was seen.
-        candidate_age: time since the first of them [ms].
-        overhang_age: time since the overhang was seen last [ms].
+        sightings: number of scans in which the candidate was seen.
+        candidate_age: time since the candidate was first seen [ms].
+        overhang_age: time since the overhang was last seen [ms].
     """
 
     support: NDArray[np.float32]
@@ -54,18 +54,18 @@ class Memory:
 
 
 HIDDEN = tuple(f"# {field.name}" for field in fields(Memory))
-"""Names of the layers that hold a `Memory`, beside those of the map."""
+"""Names of the internal layers that store a `Memory`."""
 
 
 @dataclass
 class State:
-    """The layers of a map while an update works on them: flat, column after column in map order.
+    """Layers of a map during an update, flat: column by column in map order.
 
     Attributes:
-        heights, variances, times: (cells,) of the cells; a height is NaN where it is unknown.
+        heights, variances, times: (cells,) values of the cells; unknown heights are NaN.
         others: all layers of the map by name.
-        memory: memory of the cells beside them.
-        weights: weights of layers of values.
+        memory: internal state of the cells.
+        weights: weights of the value layers by name.
     """
 
     heights: Numbers
@@ -77,7 +77,7 @@ class State:
 
     @classmethod
     def of(cls, grid_map: GridMap, hidden: GridMap) -> State:
-        """Return the state of a map in map order; it shares the memory of some layers."""
+        """Create the state from a map in map order; some layers share memory with the map."""
         layers, own = (
             {name: flat(data) for name, data in part.items()} for part in (grid_map, hidden)
         )
@@ -86,31 +86,31 @@ class State:
         return cls(heights, variances, layers["time"], layers, memory, own)
 
     def grow_older(self, milliseconds: int) -> None:
-        """Let time pass [ms]."""
+        """Increase all ages by `milliseconds`."""
         for age in (self.memory.age, self.memory.candidate_age, self.memory.overhang_age):
             np.minimum(age + milliseconds, _OLDEST, out=age)
 
     def lift(self, height: float) -> None:
-        """Move the map up [m]."""
+        """Raise all heights by `height` [m]."""
         for layer in (self.heights, self.memory.candidate, self.others.get(OVERHANG)):
             if layer is not None:
                 layer += height
 
     def hidden(self) -> dict[str, NDArray[np.float32]]:
-        """Return the layers beside those of the map, flat."""
+        """Return the internal layers by name, flat."""
         return dict(zip(HIDDEN, vars(self.memory).values(), strict=True)) | self.weights
 
     def is_stale(self, given: Parameters) -> Mask:
-        """Return which cells (cells,) were not confirmed for `scanning_duration`."""
+        """Return a mask (cells,) of the cells not confirmed for `scanning_duration`."""
         stale: Mask = self.memory.age >= 1e3 * given.scanning_duration
         return stale
 
     def confirm(self, cells: Integers | Mask, now: float) -> None:
-        """Note that cells were seen at a time [s]."""
+        """Record that `cells` were confirmed at time `now` [s]."""
         self.times[cells], self.memory.age[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
-        """Return all layers of the map, flat; cells that are too uncertain are unknown."""
+        """Return all layers of the map, flat; cells above `max_variance` become NaN."""
         with np.errstate(over="ignore", invalid="ignore"):
             heights = self.heights.astype(np.float32)
             least = np.float32(parameters.min_variance)
@@ -125,7 +125,7 @@ class State:
         return layers
 
     def keep_horizontal(self, variances: Numbers, points: Sorted, used: Mask) -> None:
-        """Set the horizontal variance of each cell to the mean over the points that it uses now."""
+        """Set the horizontal variance of each cell to the mean over its `used` points."""
         groups, order = points.groups[used], in_one_order(points, variances)[used]
         counts = np.bincount(groups, minlength=len(points.cells))
         seen = np.flatnonzero(counts)
@@ -135,25 +135,26 @@ class State:
 
 
 def flat(layer: NDArray[Any]) -> NDArray[Any]:
-    """Return a view of a layer in map order: column after column."""
+    """Return a flat view of a layer in map order, column by column."""
     return layer.reshape(-1, order="F")
 
 
 def shaped(layers: Mapping[str, NDArray[np.float32]], size: tuple[int, int]) -> dict[str, Layer]:
-    """Return flat layers as (rows, cols); no copy."""
+    """Return views of flat layers as (rows, cols)."""
     return {name: data.reshape(size, order="F") for name, data in layers.items()}
 
 
 def highest_around(
     values: NDArray[Any], size: Size, radius: int = 1, *, itself: bool = True
 ) -> NDArray[np.float32]:
-    """Return the largest value (cells,) up to `radius` cells away from each cell, -inf for none.
+    """Return the maximum (cells,) of the values within `radius` cells of each cell.
 
-    `itself` is False to leave out the value of the cell. NaN values do not count.
+    NaN values are ignored; the result is -inf if no value remains. If `itself` is False, the value
+    of the cell is excluded.
     """
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
     kernel[radius, radius] = itself
-    # OpenCV takes a tenth of the time for float32.
+    # OpenCV is ten times as fast with float32.
     with np.errstate(over="ignore"):
         known = np.fmax(values.astype(np.float32), np.float32(-np.inf)).reshape(size[::-1])
     around: Any = cv2.dilate(known, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=-np.inf)
@@ -169,16 +170,17 @@ def at_centers(
     geometry: GridGeometry,
     threshold: float,
 ) -> Numbers:
-    """Return heights (n,) of points on a slope, moved along it to the centers of their cells [m].
+    """Return the heights (n,) of points, moved along the slope to their cell centers [m].
 
-    The slope along each axis is the smaller one of the differences from both neighbors. Steps,
-    where the differences have other signs or one is within the gate, are no slopes.
+    The slope along each axis is the smaller of the height differences to both neighbors. If the
+    differences have opposite signs, or one is within the gate, the slope is 0: the cell is at a
+    step.
 
     Args:
-        points: (3, n) on the map.
-        cells: (n,) their cells.
-        heights, variances: (cells,) of the map.
-        threshold: of the gate.
+        points: (3, n) points on the map.
+        cells: (n,) cells of the points.
+        heights, variances: (cells,) heights and variances of the map.
+        threshold: threshold of the gate.
     """
     seen = np.zeros(len(heights), np.bool_)
     seen[cells] = True
@@ -201,7 +203,7 @@ def at_centers(
         smaller = np.where(np.abs(one) < np.abs(other), one, other)
         slopes[known] = np.where(one * other > 0.0, smaller, 0.0)
         sloping = np.flatnonzero(slopes[cells])
-        # The axes of a map point from high to low coordinates.
+        # Rows and columns are in the direction of descending x and y.
         away = (centers[place[sloping]] - points[axis, sloping]) / geometry.resolution
         result[sloping] -= slopes[cells[sloping]] * away
     return result

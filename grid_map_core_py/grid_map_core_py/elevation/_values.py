@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Further values of points: one layer for each, fused by name.
+"""Fusion of further point values, such as colors and classes; each value has one layer.
 
-Values count for the points that became part of the height of their cell. A cell whose height starts
-anew forgets its values. Ways of fusion:
+Only the values of points that were fused into the height of their cell are used. A cell whose
+height is replaced loses its earlier values. Fusion methods:
 
-- `average`: mean by inverse variances of the heights, over all scans.
-- `latest`: the same over the points of the last scan that has some.
-- `exponential`: `exponential_alpha` of that, and the rest of the layer.
+- `average`: mean over all scans, weighted by the inverse variances of the heights.
+- `latest`: the same mean over the last scan with points in the cell.
+- `exponential`: weighted sum of `latest`, with weight `exponential_alpha`, and the old value.
 - `max`: the largest value.
-- `color`: packed colors; the mean of each channel over the points of the last scan.
-- `class_bayesian`: probabilities of classes. All such layers of one pattern are one set. They hold
-  the means of a Dirichlet distribution that begins with one count for each class; a point adds its
-  probabilities.
+- `color`: packed colors; the mean of each channel over the last scan with points in the cell.
+- `class_bayesian`: class probabilities. All layers that match one pattern form a set of classes.
+  The layers hold the means of a Dirichlet distribution that starts with one count per class; each
+  point adds its probabilities.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ FUSIONS = ("average", "latest", "exponential", "max", "color", "class_bayesian")
 
 @dataclass(frozen=True)
 class Chosen:
-    """The points that are part of their cells now.
+    """Points that were fused into the height of their cells.
 
     Attributes:
         points: all points on the map.
-        used: (n,) which of them count.
-        fresh: (cells,) cells whose height has started anew.
+        used: (n,) mask of the points that were fused.
+        fresh: (cells,) mask of the cells whose height was replaced.
     """
 
     points: Sorted
@@ -54,10 +54,10 @@ class ValueFusion:
     """Fuses values of points into layers.
 
     Args:
-        fusions: ways of fusion by the name of the value, or by a regular expression that matches
-            the whole name; names come first, then the first expression that matches. The default is
-            `color` for `rgb`, `rgba` and `color`, and `average` for others.
-        exponential_alpha: share of the last scan in `exponential`.
+        fusions: maps value names, or regular expressions that match the whole name, to a fusion
+            method. Names are looked up first, then the expressions in order. The default is
+            `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
+        exponential_alpha: weight of the last scan in `exponential`.
     """
 
     def __init__(self, fusions: Mapping[str, str], exponential_alpha: float) -> None:
@@ -81,13 +81,13 @@ class ValueFusion:
         layers: dict[str, NDArray[np.float32]],
         weights: dict[str, NDArray[np.float32]],
     ) -> None:
-        """Fuse values (n,) of points into flat layers (cells,), which are replaced or added.
+        """Fuse point values (n,) into flat layers (cells,).
 
         Args:
-            values: values of all points on the map before they were sorted, by layer.
-            layers: layers by name.
-            weights: the weights of `average` by name, and the counts of `class_bayesian` by the
-                pattern of the classes.
+            values: values of all points on the map, in the order before sorting, by layer name.
+            layers: layers by name; updated in place.
+            weights: weights of `average` by layer name, and counts of `class_bayesian` by class
+                pattern; updated in place.
         """
         sets: dict[str, list[str]] = {}
         for name in values:
@@ -114,7 +114,6 @@ class ValueFusion:
             weights[pattern] = np.where(seen, before + added, total).astype(np.float32)
 
     def _fusion_of(self, name: str) -> tuple[str, str]:
-        """Return the pattern that a name matches, and its way of fusion."""
         if name in self._fusions:
             return name, self._fusions[name]
         for pattern, fusion in self._fusions.items():
@@ -164,7 +163,7 @@ class ValueFusion:
 def _forgotten(
     layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
 ) -> NDArray[np.float32]:
-    """Return a copy of a layer without the values of cells that have started anew."""
+    """Return a copy of a layer in which cells with a replaced height are reset to `nothing`."""
     if layer is None:
         return np.full(len(fresh), nothing, np.float32)
     copy = layer.copy()
@@ -175,9 +174,9 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of the points that count, in one order."""
+    """Return cells, values and weights of the fused points, in an order-independent sequence."""
     points = chosen.points
-    # Values of float32 keep their bits: colors are such bits.
+    # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)
     order = in_one_order(points, sortable)
     found = values[order] if is_color else sortable[order]

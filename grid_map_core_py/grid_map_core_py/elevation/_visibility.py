@@ -1,23 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Visibility: what a beam passes through is no longer there.
+"""Visibility cleanup: clear the cells that beams have passed through.
 
-Each beam goes from the sensor to its point through all cells on its way, in order (Amanatides and
-Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). In a cell, the height of a beam is
-the largest that it has there. A beam clears a cell that was not confirmed for `scanning_duration`
-if it is below the foot of the cell, `h - max(3 sqrt(v), relief)`, unless
+Each beam is traced from the sensor to its point, cell by cell (Amanatides and Woo, "A Fast Voxel
+Traversal Algorithm for Ray Tracing", 1987). The height of a beam in a cell is the largest height of
+the beam within the cell. The foot of a cell is `h - max(3 sqrt(v), relief)`. A beam below the foot
+clears a cell that was not confirmed for `scanning_duration`, unless
 
-- its own point lies in this cell,
-- a point of this scan in the cell or one of its 8 neighbors is higher than the beam, or at most one
-  resolution lower: the beam passed beside something that still stands, such as a wall that covers
-  a part of the cell,
-- another cell, at most two cells away, still stands: no beam crossed it below its foot, which is
-  higher than the beam or at most one resolution lower, and more than one resolution above the
-  lowest neighbor. Beams that run along a wall pass between its points. Or
-- it grazes the surface: the angle between the beam and the plane through the neighbors is less than
-  `cleanup_min_angle`.
+- the point of the beam lies in the cell,
+- a point of this scan in the cell or its 8 neighbors is higher than the beam, or at most one
+  resolution lower: the beam passed beside a remaining obstacle, such as a wall that covers a part
+  of the cell,
+- another cell, at most two cells away, still contains an obstacle: no beam crossed that cell below
+  its foot, and the foot is higher than the beam or at most one resolution lower, and more than one
+  resolution above the lowest neighbor (beams along a wall pass between the points of the wall), or
+- the beam grazes the surface: the angle between the beam and the plane through the neighbors is
+  less than `cleanup_min_angle`.
 
-The beam counts as ending three standard deviations above its point. It proves nothing from where it
-is below the surface of a cell that this scan confirmed, or of a neighbor: it was reflected.
+The end of a beam is raised by three standard deviations of its point. Where a beam is below the
+surface of a cell that this scan confirmed, or of a neighbor, the beam was reflected; from there on
+it clears no cells.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from ._state import State, highest_around
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
     """Return the heights (k,) at which beams entered the cells of their points [m].
 
-    `order` (n,) are the places of the points on the map in the scan, `chosen` (k,) some of these.
+    `order` (n,) holds the scan indices of the points on the map; `chosen` (k,) indexes `order`.
     """
     chosen = order[chosen]
     rows = geometry.size[0]
@@ -66,7 +67,7 @@ def cleared_cells(
 ) -> Integers:
     """Return the numbers of the cells that beams prove to be free.
 
-    `points` are the points on the map, `confirmed` (k,) the cells that this scan has confirmed.
+    `points` are the points on the map; `confirmed` (k,) are the cells that this scan confirmed.
     """
     heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
@@ -79,7 +80,7 @@ def cleared_cells(
     floors = np.full(len(heights), -np.inf)
     floors[points.cells] = points.heights[points.begins] + resolution
     floors = highest_around(floors, size)[candidates].astype(np.float64)
-    # The lowest foot among the confirmed neighbors of each cell.
+    # For each cell, the lowest foot among the confirmed cells around it.
     guards = np.full(len(heights), np.nan)
     guards[confirmed] = -feet[confirmed]
     guards = -highest_around(guards, size).astype(np.float64)
@@ -104,7 +105,7 @@ def cleared_cells(
         _trace_arrays(ways, frame, size, surface)
     proven = np.flatnonzero(proofs < np.inf)
     found, beams = candidates[proven], proofs[proven]
-    # Cells beside the found ones, of which these may be a part, whose feet no beam crossed.
+    # Keep cells next to an obstacle that no beam crossed; they may be a part of the obstacle.
     feet[candidates[crossed.view(np.bool_)]] = np.nan
     ground = -highest_around(-heights, size)[found]
     beside = highest_around(feet, size, 2)[found]
@@ -114,19 +115,19 @@ def cleared_cells(
 
 
 def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any) -> None:
-    """Do what `trace` does, with NumPy: one step of all beams at a time."""
+    """NumPy version of `trace`: advance all beams by one cell at a time."""
     ceilings, places, floors, normals, guards, proofs, crossed = surface
     start, limits = np.array(frame[:2])[:, None], np.array(size)[:, None]
     with np.errstate(all="ignore"):
         length = np.sqrt(ways[0] * ways[0] + ways[1] * ways[1] + ways[2] * ways[2])
         ways, rise = ways[:2] / -frame[3], ways[2]
-        # Shares of a beam, from 0 at the sensor to 1 at the point, at the borders of the map.
+        # Beam parameters at the map borders; 0 is the sensor, 1 is the point.
         ends = np.stack([-start / ways, (limits - start) / ways])
         still = ways == 0.0
         off = (still & ((start < 0.0) | (start > limits))).any(axis=0) | still.all(axis=0)
         ends = np.where(still, np.array([-np.inf, np.inf])[:, None, None], ends)
         t = np.maximum(ends.min(axis=0).max(axis=0), 0.0)
-        # Not beyond the border by rounding.
+        # Rounding must not put the end beyond the border.
         last = np.minimum(ends.max(axis=0).min(axis=0) * (1.0 - 1e-9), 1.0)
         last = np.minimum(last, frame[5] / length)
         on_map = ~off & (t < last)
@@ -158,10 +159,10 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
 
 
 def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
-    """Return the upward unit normals (3, k), along rows, columns and z, of the surface in cells.
+    """Return the upward unit normals (3, k) of the surface in `cells`, along rows, columns and z.
 
-    The surface is the plane through the neighbors along rows and columns. A neighbor without data,
-    or beside the map, counts as the cell itself.
+    The surface is the plane through the neighbors along rows and columns. The cell itself replaces
+    a neighbor that is unknown or outside the map.
     """
     here, normals = heights[cells], np.ones((3, len(cells)))
     lines = cells % size[0], cells // size[0]
@@ -178,9 +179,9 @@ def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -
 
 
 def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
-    """Return whether a beam does not graze the surface in a cell.
+    """Return whether the angle between a beam and the surface of a cell is large enough.
 
-    The sine of the angle between them is the share of the beam along the normal.
+    The sine of the angle is the component of the beam along the normal, divided by its length.
     """
     x, y = x * resolution, y * resolution
     across = x * normals[place] + y * normals[place + 1] + rise * normals[place + 2]
@@ -188,21 +189,21 @@ def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, 
 
 
 MARGIN = 1e-9
-"""Heights [m] by which beams are looked at too early, against rounding."""
+"""Safety margin [m] for rounding when `last_ring` skips rings that a beam cannot clear."""
 
 SECTORS, RINGS = 512, 32
-"""Parts around the sensor, by direction and distance; beams above all cells of a part skip it."""
+"""Number of polar bins around the sensor; a beam above all cells of the outer bins skips them."""
 
 
 def direction(x: Any, y: Any) -> Any:
-    """Return a number from 0 to `SECTORS` that grows with the angle of a vector that is not 0."""
+    """Map the direction of a nonzero vector to [0, `SECTORS`], monotonically in its angle."""
     part = y / (abs(x) + abs(y))
     turn = 2.0 - part if x < 0.0 else (part if y >= 0.0 else 4.0 + part)
     return turn * (SECTORS / 4)
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the difference of distances within a ring [cells], so that rings hold the map."""
+    """Return the width of a ring [cells] such that `RINGS` rings cover the map."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -210,7 +211,7 @@ def ring_width(frame: Any, size: Any) -> Any:
 
 @loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
 def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
-    """Write the largest `lowest` of the cells that a sector of a ring overlaps into the table."""
+    """Write the maximum of `lowest` over the cells that overlap each polar bin into `table`."""
     width = ring_width(frame, size)
     for i in range(count):
         x = cells[i] % size[0] + 0.5 - frame[0]
@@ -234,22 +235,22 @@ def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any
 
 
 def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
-    """Return the span of a beam that is on the map along one axis."""
+    """Clip the beam parameters `first` to `last` to the extent of the map along one axis."""
     if way == 0.0:
         return first, (last if 0.0 <= start <= size else -1.0)
     one, other = -start / way, (size - start) / way
-    # Not beyond the border by rounding.
+    # Rounding must not put the end beyond the border.
     return max(first, min(one, other)), min(last, max(one, other) * (1.0 - 1e-9))
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the share of a beam at the end of the last ring where it can clear cells, or 0."""
+    """Return the beam parameter at the end of the last ring where it can clear cells, or 0."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))
     step = width / distance
     per_ring = rise * step
-    # The lowest height of a beam in a ring is at its far end if the beam descends.
+    # A descending beam is lowest at the far end of a ring.
     height = frame[2] + (per_ring if rise < 0.0 else 0.0) - MARGIN
     while ring >= 0 and height + per_ring * ring >= table[sector + ring]:
         ring -= 1
@@ -268,16 +269,16 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
     """Find the cells that beams prove to be free.
 
     Args:
-        ways: beams along x, y and z, from the sensor to the point [m].
+        ways: x, y and z of the vectors from the sensor to the points [m].
         count: number of beams.
         frame: row, column and height of the sensor, the resolution, the sine of the smallest angle,
             and the maximum length of beams.
-        size: rows and columns.
-        table: that of `cover`.
-        surface: for each cell, the height below which beams clear it and its place among the
+        size: rows and columns of the map.
+        table: result of `cover`.
+        surface: for each cell, the height below which beams clear the cell, and its index among the
             candidates; floors and normals of the candidates; for each cell, the height below which
             beams end. The last two are results for the candidates: the height of the lowest beam
-            that proves them to be free, and 1 where beams crossed.
+            that proves the candidate to be free, and 1 if a beam crossed the candidate.
     """
     rows, columns = size
     width = ring_width(frame, size)
@@ -294,7 +295,7 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
 
 
 def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
-    """Follow one beam from cell to cell."""
+    """Trace one beam from cell to cell; the arguments are as in `trace`."""
     ceilings, places, floors, normals, guards, proofs, crossed = surface
     x, y, rise = way
     t, last = span
@@ -314,19 +315,19 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
             crossed[place] = 1
             passes = beam > floors[place]
             if passes and faces(normals, 3 * place, x, y, rise, frame[3], frame[4]):
-                # Only lower beams tell more.
+                # From now on, only lower beams matter.
                 proofs[place] = ceilings[cell] = beam
         if frame[2] + rise * min(out, last) < guards[cell]:
             break
         t = out
-        # Sums without branches, which the processor could not foresee.
+        # Branch-free, because the processor cannot predict these branches.
         cell += by_row if is_row else by_column
         next_row += step_row if is_row else 0.0
         next_column += 0.0 if is_row else step_column
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return the first row, the share of the beam at its end, and the share from row to row."""
+    """Return the first row, the beam parameter at its border, and the parameter step per row."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells of a map in a shape, along a line or in a window.
+"""Select the cells of a map in a shape, along a line or in a window.
 
 - Shapes: `circle_cells`, `ellipse_cells`, `polygon_cells`, `spiral_cells`, `submap_cells`,
-  `map_cells`; lines: `line_cells`, `line_cells_between`. Each returns (rows, cols), which index a
-  layer; `cells_to_mask` makes a mask of them. Cells beyond the map are left out. The functions
-  raise `GeometryError` for numbers that are negative or not finite, and `OutOfMapError` for indices
-  outside the map.
+  `map_cells`; lines: `line_cells`, `line_cells_between`. Each function returns (rows, cols), which
+  index a layer; `cells_to_mask` converts the cells to a mask. Cells outside the map are omitted.
+  The functions raise `GeometryError` for negative sizes and for numbers that are not finite, and
+  `OutOfMapError` for indices outside the map.
 - Windows around every cell: `sliding_windows`, `window_array`.
-- `Polygon`: vertices in the plane of the map.
+- `Polygon`: a polygon in the plane of the map.
 - `half_chords` and `BORDER_TOLERANCE`: the rounding of discs and borders in all packages.
 """
 

@@ -15,15 +15,15 @@ from .._arrays._pieces import slices
 from ..errors import GeometryError, short
 from ..map._axis import BORDER_TOLERANCE
 
-_CHUNK = 2**16  # number of pairs of a point and an edge in a chunk, which fits into the cache
+_CHUNK = 2**16  # number of point-edge pairs in a chunk, which fits into the cache
 
 
 class BoundingBox(NamedTuple):
-    """The smallest rectangle along x and y that holds all vertices.
+    """Smallest rectangle parallel to x and y that contains all vertices.
 
     Attributes:
-        center: (2,) its center [m].
-        length: (2,) its sides along x and y [m].
+        center: (2,) center of the rectangle [m].
+        length: (2,) sides of the rectangle along x and y [m].
     """
 
     center: Positions
@@ -31,10 +31,10 @@ class BoundingBox(NamedTuple):
 
 
 class Polygon:
-    """An immutable polygon; operations return a new one.
+    """Immutable polygon; operations return a new polygon.
 
-    The last vertex is joined to the first. Edges may cross: the even-odd rule decides.
-    Two polygons are equal if they have the same vertices in the same order. Methods raise
+    The last vertex is connected to the first. Edges may cross; the even-odd rule defines the
+    inside. Two polygons are equal if they have the same vertices in the same order. Methods raise
     `GeometryError` for too few vertices and for numbers that are not finite.
 
     Args:
@@ -52,31 +52,31 @@ class Polygon:
         points = np.empty((0, 2)) if given.size == 0 else as_positions(given, "vertices")
         ends: tuple[list[float], ...] = ()
         if points.ndim == 2 and len(points):
-            # NaN and infinities are among these.
+            # Minima and maxima reveal NaN and infinities.
             ends = np.minimum.reduce(points).tolist(), np.maximum.reduce(points).tolist()
         if points.ndim != 2 or not all(map(math.isfinite, chain(*ends))):
             raise GeometryError(
                 f"vertices: expected finite x, y of shape (V, 2), got {short(vertices)}"
             )
-        # The smallest and the largest x, y [m].
+        # Smallest and largest x, y [m].
         self._ends = ends
-        # (V + 1, 2) the last vertex, then all vertices.
+        # (V + 1, 2): the last vertex, then all vertices.
         self._closed = np.concatenate((points[-1:], points))
         self._closed.flags.writeable = False
         self._vertices = self._closed[1:]
 
     @classmethod
     def of(cls, polygon: Polygon | ArrayLike) -> Polygon:
-        """Return a polygon unchanged, or make one from (V, 2) vertices [m]."""
+        """Return a polygon unchanged, or create a polygon from (V, 2) vertices [m]."""
         return polygon if isinstance(polygon, Polygon) else cls(polygon)
 
     @classmethod
     def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
-        """Return a circle as `n` vertices, counter-clockwise; the last one equals the first.
+        """Create a circle of `n` vertices, counter-clockwise; the last vertex equals the first.
 
         Args:
             center: (2,) center [m].
-            radius: [m].
+            radius: radius of the circle [m].
             n: number of vertices, at least 2.
         """
         start = as_finite(radius, "radius", least=0.0), 0.0
@@ -86,12 +86,12 @@ class Polygon:
     def convex_hull_of_two_circles(
         cls, center1: ArrayLike, center2: ArrayLike, radius: float, n: int = 20
     ) -> Polygon:
-        """Return the hull of two circles of the same radius [m].
+        """Create the convex hull of two circles of the same radius.
 
         Args:
             center1, center2: (2,) centers [m].
-            radius: radius of both [m].
-            n: number of vertices, at least 3; one is added if it is odd and the centers differ.
+            radius: radius of both circles [m].
+            n: number of vertices, at least 3; rounded up to an even number if the centers differ.
         """
         first, second = np.array((as_pair(center1, "center1"), as_pair(center2, "center2")))
         radius, n = as_finite(radius, "radius", least=0.0), _number(n, 3)
@@ -99,7 +99,7 @@ class Polygon:
             return cls.from_circle(first, radius, n)
         x, y = radius * _normalized(second - first)
         half = (n + 1) // 2
-        # Each half circle begins a quarter turn from the line between the centers.
+        # Each half circle starts a quarter turn from the line between the centers.
         return cls(
             np.concatenate([first + _arc((-y, x), half, 0.5), second + _arc((y, -x), half, 0.5)])
         )
@@ -108,10 +108,10 @@ class Polygon:
     def convex_hull(cls, *polygons: Polygon | ArrayLike) -> Polygon:
         """Return the convex hull of polygons, counter-clockwise from the vertex of smallest x, y.
 
-        Vertices in the middle of an edge are left out (Andrew's monotone chain).
+        Vertices in the middle of an edge are omitted (Andrew's monotone chain).
 
         Args:
-            polygons: each a polygon, or its (V, 2) vertices [m].
+            polygons: polygons, or (V, 2) vertices of polygons [m].
         """
         vertices = [cls.of(polygon).vertices for polygon in polygons]
         points = np.unique(np.concatenate([np.empty((0, 2)), *vertices]), axis=0).tolist()
@@ -126,13 +126,13 @@ class Polygon:
 
     @property
     def area(self) -> float:
-        """Area enclosed [m^2], never negative; where edges cross, parts may cancel each other."""
+        """Enclosed area [m^2], never negative; if edges cross, parts may cancel each other."""
         self._need_vertices(3, "area")
         return abs(0.5 * float(_doubled_areas(self._vertices).sum()))
 
     @property
     def centroid(self) -> Positions:
-        """(2,) center of the area [m]; NaN where there is no area."""
+        """(2,) centroid of the area [m]; NaN if the area is 0."""
         self._need_vertices(3, "centroid")
         points = self._vertices - self._vertices[0]
         areas = _doubled_areas(self._vertices)
@@ -142,7 +142,7 @@ class Polygon:
 
     @property
     def bounding_box(self) -> BoundingBox:
-        """Center and sides of the rectangle around all vertices."""
+        """Smallest rectangle parallel to x and y that contains all vertices."""
         self._need_vertices(1, "bounding_box")
         lower, upper = map(np.array, self._ends)
         return BoundingBox(0.5 * (lower + upper), upper - lower)
@@ -150,13 +150,13 @@ class Polygon:
     def is_inside(self, points: ArrayLike) -> bool | Mask:
         """Return a mask of the points inside, by the even-odd rule.
 
-        A point on an edge on the left or below is inside, on the right or above it is outside.
+        Points on a left or lower edge are inside; points on a right or upper edge are outside.
 
         Args:
             points: (2,) or (N, 2) x, y [m]; NaN is outside.
 
         Returns:
-            bool, or (N,) bool.
+            bool for one point, (N,) bool for several points.
         """
         points = as_positions(points, "points")
         flat = points.reshape(-1, 2)
@@ -171,7 +171,7 @@ class Polygon:
         return inside.reshape(points.shape[:-1]) if points.ndim > 1 else bool(inside[0])
 
     def thicken_line(self, thickness: float) -> Polygon:
-        """Return the rectangle that reaches `thickness` [m] to both sides of a line."""
+        """Return the rectangle that extends `thickness` [m] to both sides of a two-vertex line."""
         if len(self._vertices) != 2 or (self._vertices[0] == self._vertices[1]).all():
             raise GeometryError(f"thicken_line: expected 2 distinct vertices, got {short(self)}")
         start, end = self._vertices
@@ -180,11 +180,11 @@ class Polygon:
         return Polygon([start + across, start - across, end - across, end + across])
 
     def offset_inward(self, margin: float) -> Polygon:
-        """Return the polygon with its edges moved inwards by `margin` [m]; outwards if negative.
+        """Return the polygon with all edges moved inwards by `margin` [m]; outwards if negative.
 
-        For convex polygons: at a vertex that points inwards, the edges move the other way.
-        Vertices less than 1e-9 m apart move as one. A margin larger than the polygon turns it
-        inside out.
+        Use this for convex polygons only: at a reflex vertex, the edges move the wrong way.
+        Vertices less than 1e-9 m apart move together. A margin larger than the polygon turns the
+        polygon inside out.
 
         Raises:
             GeometryError: the polygon has no area, or the margin is not finite.
@@ -205,10 +205,10 @@ class Polygon:
         return Polygon(moved[of_vertex])
 
     def to_inequality_constraints(self) -> tuple[Positions, Positions]:
-        """Return (A, b) so that `A @ x <= b` holds for the points x of a convex polygon.
+        """Return (A, b) such that `A @ x <= b` holds for the points x of a convex polygon.
 
-        Every edge gives a row, scaled so that A (x - m) is 1 on the edge, where m is the mean of
-        the vertices.
+        Each edge results in one row, scaled such that A (x - m) is 1 on the edge, where m is the
+        mean of the vertices.
 
         Returns:
             A: (E, 2).
@@ -222,14 +222,14 @@ class Polygon:
         start = corners - mean
         along = _following(start) - start
         distance = _cross(start, along)
-        # Convex polygons have no edge in line with the mean, which no scale would fit.
+        # An edge in line with the mean cannot be scaled; convex polygons have no such edge.
         scaled = np.abs(distance) > 1e-12 * np.abs(distance).max()
         normals = np.stack([along[:, 1], -along[:, 0]], axis=1)[scaled]
         a = normals / distance[scaled, None]
         return a, 1.0 + a @ mean
 
     def triangulate(self) -> list[Polygon]:
-        """Return the triangles between the first vertex and each edge of a convex polygon."""
+        """Split a convex polygon into triangles between the first vertex and each edge."""
         return [Polygon([self._vertices[0], *pair]) for pair in pairwise(self._vertices[1:])]
 
     def __len__(self) -> int:
@@ -245,7 +245,7 @@ class Polygon:
         return f"Polygon({self._vertices.tolist()})"
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Unpickled by default, the array would be writable.
+        # Default unpickling would return a writable array.
         return Polygon, (self._vertices,)
 
     def _need_vertices(self, count: int, what: str) -> None:
@@ -253,7 +253,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Return the (C, 2) vertices without repetitions, and the index of every vertex in them."""
+        """Return the (C, 2) vertices without repetitions, and the (V,) index of each vertex."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -261,12 +261,12 @@ class Polygon:
             abs(_doubled_areas(corners).sum()) > 1e-12 * np.ptp(corners, axis=0).max() ** 2
         ):
             raise GeometryError(f"expected a polygon with an area, got {short(self)}")
-        # Vertices before the first of these map to index -1, the last one.
+        # Vertices before the first corner get index -1, the last corner.
         return corners, np.cumsum(begins) - 1
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at which edges from (2, ...) to (2, ...) reach y (...), rounded as in C++."""
+    """Return the x where edges from `start` to `end` (2, ...) reach y (...), rounded as in C++."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -282,8 +282,8 @@ def _cross(a: Positions, b: Positions) -> Positions:
 
 
 def _doubled_areas(vertices: Positions) -> Positions:
-    """Return (V,) twice the signed areas of the triangles of the first vertex and each edge."""
-    # Far from the origin, products of coordinates would cancel to rounding errors.
+    """Return (V,) twice the signed area of each triangle between the first vertex and an edge."""
+    # Far from the origin, products of large coordinates would lose precision.
     points = vertices - vertices[0]
     return _cross(points, _following(points))
 
@@ -293,7 +293,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return (n, 2) vectors: the first one turned counter-clockwise, the last one by `turns`."""
+    """Return (n, 2) vectors: `start` rotated counter-clockwise in equal steps up to `turns`."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start
@@ -301,7 +301,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return the half of a convex hull to the right of sorted points."""
+    """Return one half of the convex hull of sorted points: the chain to the right of the points."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

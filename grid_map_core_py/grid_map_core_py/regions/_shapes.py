@@ -28,11 +28,11 @@ from ..map._ring_buffer import lines, place
 from ._polygon import Polygon, edge_x
 
 _BAND = 2**13  # number of cells in a band, whose temporaries fit into the cache
-_FLIP = np.uint8(1)  # of the type of the array, which saves NumPy a conversion
+_FLIP = np.uint8(1)  # has the type of the array, which avoids a conversion
 
 
 def map_cells(grid_map: GridMap) -> Cells:
-    """Return all cells (rows, cols), column after column of the buffer."""
+    """Return all cells (rows, cols) of a map, column by column of the buffer."""
     rows, columns = grid_map.size
     cells = empty_cells(rows * columns)
     cells[0].reshape(columns, rows)[...] = np.arange(rows)
@@ -41,11 +41,11 @@ def map_cells(grid_map: GridMap) -> Cells:
 
 
 def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) of a block that are on the map, row after row of the map.
+    """Return the cells (rows, cols) of a block that are on the map, row by row of the map.
 
     Args:
         start_index: buffer index of the block's cell with the largest x and y.
-        size: rows and columns of the block.
+        size: number of rows and columns of the block.
     """
     start, extent = as_size(start_index, "start_index"), as_size(size, "size")
     grid_map.geometry.check_indices(start)
@@ -70,7 +70,7 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
         grid_map["elevation"][ring] = np.nan
 
     Args:
-        cells: (rows, cols), as the regions return them, or (N, 2); buffer indices.
+        cells: buffer indices, as (rows, cols) like the results of `circle_cells`, or as (N, 2).
     """
     chosen = grid_map.geometry.check_indices(cells, "cells")
     mask: Mask = np.zeros(grid_map.size, dtype=np.bool_, order="F")
@@ -79,13 +79,13 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
 
 
 def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
-    """Return the cells (rows, cols) whose center is in a disc, row after row.
+    """Return the cells (rows, cols) whose centers are in a disc, row by row.
 
     The disc is closed: a center within 1e-9 m of the rim is inside.
 
     Args:
         center: (2,) center of the disc [m]; it may be outside the map.
-        radius: [m], not negative.
+        radius: radius of the disc [m], not negative.
     """
     limit, (x, y) = checked_radius(radius), as_pair(center, "center")
     geometry = grid_map.geometry
@@ -94,7 +94,7 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     half = half_chords(limit, of_rows[rows] + x)
     first = of_columns.searchsorted(-y - half, side="left")
     stop = of_columns.searchsorted(half - y, side="right")
-    # The run of a row that misses the disc is empty: its half chord is negative.
+    # Rows that miss the disc have a negative half chord and an empty run.
     counts, columns = _runs(first, np.maximum(first, stop))
     (row, column), (height, width) = grid_map.start_index, grid_map.size
     place(columns, column, width)
@@ -102,14 +102,14 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
 
 
 def half_chords(radius: float, distances: Positions) -> Positions:
-    """Return half the lengths of chords of a disc; negative for lines that miss the disc.
+    """Return half the length of each chord of a disc; negative for lines that miss the disc.
 
     Args:
         radius: radius of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to include cell centers
             on the rim, as `circle_cells` does.
-        distances: (...) from the center to the chords, in the unit of the radius.
+        distances: (...) distances from the center to the chords, in the unit of the radius.
     """
-    # Dividing by the radius first keeps the squares from overflowing.
+    # Dividing by the radius first prevents overflow of the squares.
     across = distances / radius
     rest = (1.0 - across) * (1.0 + across)
     return radius * np.copysign(np.sqrt(np.abs(rest)), rest)
@@ -118,16 +118,16 @@ def half_chords(radius: float, distances: Positions) -> Positions:
 def ellipse_cells(
     grid_map: GridMap, center: ArrayLike, length: ArrayLike, rotation: float = 0.0
 ) -> Cells:
-    """Return the cells (rows, cols) whose center is in an ellipse, row after row.
+    """Return the cells (rows, cols) whose centers are in an ellipse, row by row.
 
-    With u and v the coordinates along the axes, these are the centers with
+    A center with the coordinates u and v along the axes of the ellipse is inside if
     u^2 / (length_x / 2)^2 + v^2 / (length_y / 2)^2 <= 1, without a tolerance.
 
     Args:
         center: (2,) center of the ellipse [m]; it may be outside the map.
         length: (2,) lengths of the full axes [m], along x and y before the rotation; if one is 0,
-            there are no cells.
-        rotation: counter-clockwise [rad].
+            no cells are returned.
+        rotation: counter-clockwise rotation of the ellipse [rad].
     """
     center = np.array(as_pair(center, "center"))
     half_axes = 0.5 * np.array(as_pair(length, "length"))
@@ -139,7 +139,7 @@ def ellipse_cells(
     reach = np.hypot((a * cosine, a * sine), (b * sine, b * cosine))
     reach += BORDER_TOLERANCE
     rows, columns = grid_map.geometry.box(center - reach, center + reach)
-    # Both negated, which changes nothing in an ellipse.
+    # Negating both coordinates does not change which cells are in the ellipse.
     x, y = grid_map.geometry.negated_axes
     x, y = x[rows, None] + center[0], y[columns] + center[1]
     mask: Mask = np.empty((x.size, y.size), dtype=np.bool_)
@@ -151,20 +151,20 @@ def ellipse_cells(
 
 
 def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
-    """Return the cells (rows, cols) whose center `Polygon.is_inside` contains, row after row.
+    """Return the cells (rows, cols) whose centers are inside a polygon, row by row.
 
     Args:
-        polygon: a polygon, or its (V, 2) vertices [m].
+        polygon: a `Polygon`, or (V, 2) vertices [m]; `Polygon.is_inside` defines the inside.
     """
     polygon = Polygon.of(polygon)
     if not len(polygon):
         return empty_cells(0)
     rows, columns = grid_map.geometry.box(*polygon._ends)
-    # All coordinates are negated, so that those of cells ascend, as `searchsorted` needs them.
+    # All coordinates are negated, so that cell coordinates ascend, as `searchsorted` requires.
     x, y = grid_map.geometry.negated_axes
     x, y, vertices = x[rows], y[columns], -polygon._closed.T
     # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
-    # As in `Polygon.is_inside`, a column crosses an edge when one end is above it and one does not.
+    # As in `Polygon.is_inside`, an edge crosses a column if only one of its ends is above it.
     below = y.searchsorted(vertices[1], side="right")
     before, after = below[:-1], below[1:]
     counts, crossed = _runs(np.minimum(before, after), np.maximum(before, after))
@@ -180,10 +180,10 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
 
 
 def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) along a line, from its start to its end.
+    """Return the cells (rows, cols) along a line, from start to end.
 
-    The line is clipped to the map, and drawn with Bresenham's algorithm between the cells of its
-    ends, both included.
+    The line is clipped to the map and drawn with Bresenham's algorithm from the cell of the clipped
+    start to the cell of the clipped end, both included.
 
     Args:
         start, end: (2,) ends of the line [m]; they may be outside the map.
@@ -199,7 +199,7 @@ def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
 
 
 def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) along the line between two buffer indices, both included."""
+    """Return the cells (rows, cols) on the line between two buffer indices, both included."""
     ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
     for cell in ends:
         grid_map.geometry.check_indices(cell)
@@ -211,8 +211,8 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
 def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     """Return the buffer cells of Bresenham's line between two cells of the map.
 
-    The axis with more steps takes one per cell. After k of n cells, the other axis has taken
-    (n // 2 + k * steps) // n of its steps: the error term of the usual loop in closed form.
+    The axis with more steps advances by one per cell. After k of n cells, the other axis has
+    advanced by (n // 2 + k * steps) // n: the error term of the usual loop in closed form.
     """
     steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))
@@ -236,23 +236,20 @@ def _taken(steps: int, longer: int) -> Integers:
 
 
 def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size]:
-    """Return the first and the last cell of a line clipped to the map.
-
-    After Liang and Barsky.
-    """
+    """Return the first and last cell of a line clipped to the map (Liang-Barsky algorithm)."""
     on_map = geometry.contains(start), geometry.contains(end)
     enters, leaves = 0.0, 1.0
     lower = (geometry.position - 0.5 * geometry.length).tolist()
     upper = geometry.corner.tolist()
     for a, b, low, high in zip(start, end, lower, upper, strict=True):
-        # The difference of two large numbers could overflow; the difference of their halves cannot.
+        # The difference of two large numbers may overflow; the difference of their halves cannot.
         extent = 0.5 * b - 0.5 * a
         if extent:
             cuts = sorted((0.5 * border - 0.5 * a) / extent for border in (low, high))
             enters, leaves = max(enters, cuts[0]), min(leaves, cuts[1])
         elif not (low <= a <= high or any(on_map)):
             enters, leaves = 1.0, 0.0
-    # Rounding may put an end that is on the border outside.
+    # Rounding may move an end from the border to the outside.
     if on_map[0]:
         enters, leaves = 0.0, max(leaves, 0.0)
     elif on_map[1]:
@@ -261,7 +258,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
         fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
         points = (1.0 - fractions) * start + fractions * end
         (rows, columns), found = geometry.cells_at(points)
-        # The borders at -x and -y are outside, and so is the middle of a line along them.
+        # The -x and -y borders are outside the map; so is the middle of a line along a border.
         if found.any():
             first, last, _ = zip(rows.tolist(), columns.tolist(), strict=True)
             return first, last
@@ -269,7 +266,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) of runs `first` ... `stop` - 1, and their numbers in a row (N,)."""
+    """Return the lengths (R,) of the ranges `first` to `stop`, and the ranges concatenated (N,)."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)
@@ -278,7 +275,6 @@ def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
 
 
 def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -> Cells:
-    """Return the cells (rows, cols) of a block where `mask` is true, row after row."""
     (row, column), (height, width) = grid_map.start_index, grid_map.size
     # Views without copies, faster than `broadcast_to`.
     row_of = np.ndarray(mask.shape, np.int64, lines(height, row)[rows], strides=(8, 0))
@@ -287,11 +283,11 @@ def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -
 
 
 def empty_cells(count: int) -> Cells:
-    """Return uninitialized `count` rows and columns."""
+    """Return uninitialized arrays for the rows and columns of `count` cells."""
     rows, columns = np.empty((2, count), dtype=np.int64)
     return rows, columns
 
 
 def checked_radius(radius: float) -> float:
-    """Check a radius [m], and enlarge it by the tolerance of the closed rim."""
+    """Check a radius [m], and return it enlarged by `BORDER_TOLERANCE`."""
     return as_finite(radius, "radius", least=0.0) + BORDER_TOLERANCE

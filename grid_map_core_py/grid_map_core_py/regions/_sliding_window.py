@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sliding windows: a square of cells around every cell."""
+"""Sliding windows: the square of cells around each cell."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..errors import GeometryError, GridMapError, short
 from ..map._grid_map import GridMap
 
 EdgeHandling: TypeAlias = Literal["inside", "crop", "empty", "mean"]
-"""Treatment of windows that reach beyond the map; see `sliding_windows`."""
+"""Handling of windows that extend beyond the map; see `sliding_windows`."""
 
 
 def sliding_windows(
@@ -33,15 +33,16 @@ def sliding_windows(
 
     Args:
         layer: name of the layer.
-        edge_handling: for windows that reach beyond the map: "inside" leaves them out, "crop"
-            cuts them off, "empty" pads them with NaN, "mean" with the mean of their finite values.
-        window_size: side of the window in cells, odd.
-        window_length: side of the window [m] instead; rounded to cells, one added if that is even.
+        edge_handling: handling of windows that extend beyond the map: "inside" skips these windows,
+            "crop" crops them, "empty" pads them with NaN, and "mean" pads with the mean of the
+            window's finite values.
+        window_size: side of the window [cells], odd.
+        window_length: alternative to `window_size` [m]; rounded to cells, plus 1 if even.
     """
     _check_edge_handling(edge_handling, get_args(EdgeHandling))
     size = _window_cells(grid_map.resolution, window_size, window_length)
     if edge_handling in ("inside", "crop"):
-        # A larger window would show no further cells, but its margin would take memory.
+        # A larger window would contain no further cells, but its margin would use memory.
         size = min(size, 2 * max(grid_map.size) + 1)
     padded = _padded(grid_map.unwrapped(layer), size // 2)
     return _windows(padded, grid_map.start_index, grid_map.size, edge_handling, size)
@@ -55,15 +56,16 @@ def window_array(
     *,
     window_length: float | None = None,
 ) -> Layer:
-    """Return all windows at once, in map order for every start index.
+    """Return the windows around all cells as one array, in map order for any start index.
 
-    `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a filter. The
-    arguments are those of `sliding_windows`, without "crop", whose windows differ in size.
+    `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a median filter.
+    The arguments are as in `sliding_windows`, except that "crop" is invalid: its windows differ in
+    size.
 
     Returns:
         (rows, cols, size, size) float32, read-only; with "inside" (rows - size + 1,
-        cols - size + 1, size, size). "inside" and "empty" take the memory of one layer, "mean"
-        that of all windows.
+        cols - size + 1, size, size). "inside" and "empty" use the memory of one layer, "mean" uses
+        the memory of all windows.
     """
     _check_edge_handling(edge_handling, ("inside", "empty", "mean"))
     size = _window_cells(grid_map.resolution, window_size, window_length)
@@ -73,7 +75,7 @@ def window_array(
         return windows
     beyond = _view(_padded(np.zeros(grid_map.size, dtype=np.float32), margin), size)
     filled = windows.copy()
-    # Row by row, so that temporaries stay small compared to the result.
+    # Row by row, to keep temporaries small compared to the result.
     for row, outside in zip(filled, beyond, strict=True):
         np.copyto(row, _finite_means(row)[:, None, None], where=np.isnan(outside))
     filled.flags.writeable = False
@@ -104,7 +106,7 @@ def _window_cells(resolution: float, size: int | None, length: float | None) -> 
 def _windows(
     padded: Layer, start: Size, shape: Size, edge_handling: EdgeHandling, size: int
 ) -> Iterator[tuple[Size, Layer]]:
-    """Yield buffer index and window of every cell of a layer with a margin of NaN, in map order."""
+    """Yield the buffer index and window of each cell; `padded` has a margin of NaN."""
     margin = size // 2
     for column, row in product(range(shape[1]), range(shape[0])):
         first = (row - start[0]) % shape[0], (column - start[1]) % shape[1]
@@ -128,7 +130,7 @@ def _windows(
 
 
 def _view(data: Layer, size: int) -> Layer:
-    """Return the (rows - size + 1, cols - size + 1, size, size) windows without a copy."""
+    """Return the windows as a view (rows - size + 1, cols - size + 1, size, size)."""
     if min(data.shape) < size:
         rows, columns = (max(side - size + 1, 0) for side in data.shape)
         return np.empty((rows, columns, size, size), dtype=np.float32)
@@ -136,7 +138,6 @@ def _view(data: Layer, size: int) -> Layer:
 
 
 def _padded(data: Layer, margin: int) -> Layer:
-    """Return a copy of a layer with a margin of NaN."""
     rows, columns = data.shape
     padded: Layer = np.full((rows + 2 * margin, columns + 2 * margin), np.nan, np.float32, "F")
     padded[margin : margin + rows, margin : margin + columns] = data
@@ -145,7 +146,6 @@ def _padded(data: Layer, margin: int) -> Layer:
 
 
 def _finite_means(windows: Layer) -> Layer:
-    """Return the (N,) means of the finite values of (N, rows, cols); NaN where there is none."""
     finite = np.isfinite(windows)
     total = np.sum(windows, axis=(1, 2), dtype=np.float64, where=finite)
     with np.errstate(invalid="ignore"):

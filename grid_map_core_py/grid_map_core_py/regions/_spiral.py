@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells of a disc in a spiral from the inside out."""
+"""Cells of a disc in spiral order, from the inside out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
 from ._shapes import checked_radius, circle_cells, empty_cells
 
-# Spirals of fewer rings are cut out of a cached one (0.8 MB), which saves sorting the cells.
+# Smaller spirals are cut out of a cached spiral of this size (0.8 MB), which avoids sorting.
 KEPT_RINGS = 128
 
 # Largest distance [cells] from the map, so that squares of distances are exact integers.
@@ -26,20 +26,20 @@ FAR = 2.0**30
 def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) of a disc from the inside out, ring by ring.
 
-    The ring of a cell is its distance from the center cell, in cells, rounded down. A ring runs
-    clockwise as seen from above and ends in the direction of -x. The cell under the center, if it
-    is on the map, always comes first; the others are those of `circle_cells`.
+    The ring number of a cell is its distance from the center cell [cells], rounded down. Each ring
+    runs clockwise as seen from above and ends in the direction of -x. The cell that contains the
+    center, if on the map, always comes first; all other cells are as in `circle_cells`.
 
     Args:
         center: (2,) center of the disc [m]; it may be outside the map.
-        radius: [m], not negative.
+        radius: radius of the disc [m], not negative.
     """
     limit, center = checked_radius(radius), as_pair(center, "center")
     middle = _cell_under(grid_map.geometry, center)
     if limit < (KEPT_RINGS - 2) * grid_map.resolution:
         return _cut_out(grid_map, center, middle, limit)
     cells = circle_cells(grid_map, center, radius)
-    # Sorted in place; each axis on its own takes less memory.
+    # Sorted in place, one axis at a time, to save memory.
     axes = list(zip(cells, middle, grid_map.start_index, grid_map.size, strict=True))
     for numbers, cell, start, size in axes:
         place(numbers, -start % size, size)
@@ -53,12 +53,12 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
 
 
 def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
-    """Return the map cell under a position, which may be beyond the map."""
+    """Return the map cell that contains a position, which may be outside the map."""
     steps = geometry._x.steps(position[0]), geometry._y.steps(position[1])
     row, column = (math.floor(max(min(step, FAR), -FAR)) for step in steps)
     if 0 <= row < geometry.size[0] and 0 <= column < geometry.size[1]:
         return row, column
-    # Rounding may put a position that is on the border outside.
+    # Rounding may move a position from the border to the outside.
     if cell := geometry.cell_at(position):
         return cell
     tolerance = BORDER_TOLERANCE / geometry.resolution
@@ -72,14 +72,14 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
         return empty_cells(0)
-    # x, y from the center of the disc to the center of its cell [m].
+    # x, y from the center of the disc to the center of the middle cell [m].
     off_center = (
         geometry._x.center_of(middle[0]) - center[0],
         geometry._y.center_of(middle[1]) - center[1],
     )
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # Number of rings that are entirely in the disc and on the map; the center cell always counts.
+    # Number of rings entirely in the disc and on the map, including the center cell in any case.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
@@ -101,7 +101,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return the (2, N) offsets from the center cell, and how many there are within n rings."""
+    """Return the (2, N) offsets from the center cell, and the number of offsets within n rings."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]
@@ -112,7 +112,7 @@ def _kept_spiral() -> tuple[Integers, list[int]]:
 
 def _spiral_order(rows: Integers, columns: Integers) -> Integers:
     """Return the order of (N,) offsets from the center cell: by ring, then clockwise."""
-    # 8 exceeds the range of the angle, 2 pi.
+    # The factor 8 exceeds the range of the angle, 2 pi.
     key = 8.0 * _rings(rows, columns)
     key += np.arctan2(columns, -rows)
     return np.argsort(key)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Simulated range sensors over a map, for tests and demos of elevation mapping.
 
-- `cast_rays` returns where beams meet a layer of heights, which is the true terrain.
-- `SpinningLidar` and `DepthCamera` hold the beam directions of a sensor, and `scan` returns
-  the points that the sensor measures, with the noise of a sensor model from `elevation`.
-- `with_box`, `with_ramp` and `with_stairs` place objects on a terrain; a box with a new center for
-  each scan is a moving obstacle.
+- `cast_rays` returns the ranges at which beams hit a height layer, the true terrain.
+- `SpinningLidar` and `DepthCamera` compute the beam directions of a sensor. `scan` returns the
+  points that the sensor measures, with the noise of a sensor model from `elevation`.
+- `with_box`, `with_ramp` and `with_stairs` place objects on a terrain. To simulate a moving
+  obstacle, place a box at a new center for each scan.
 """
 
 from ._objects import with_box as with_box, with_ramp as with_ramp, with_stairs as with_stairs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Objects on a terrain. Each function returns a map that shares the other layers."""
+"""Place objects on a terrain. Each function returns a map that shares all other layers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..map import GridMap
 from ..regions import polygon_cells
 
 _Profile: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Fraction of the height as a function of the fraction of the length."""
+"""Maps the relative position along the object (0 to 1) to the relative height (0 to 1)."""
 
 
 def with_box(
@@ -29,13 +29,13 @@ def with_box(
     """Return a map with a box on the ground.
 
     Args:
-        grid_map: the terrain; it is not changed.
-        center: (2,) center of the object [m], map frame; outside the map it is not visible.
-        length: (2,) sides of the object along its own x and y [m].
-        height: height of the object above the mean ground under it [m]; higher ground sticks out.
+        grid_map: the terrain, which stays unchanged.
+        center: (2,) center of the object [m], map frame; parts outside the map are cut off.
+        length: (2,) side lengths of the object along the object's x and y axes [m].
+        height: height of the object above the mean ground below it [m]; higher ground sticks out.
         yaw: rotation of the object relative to the map [rad].
-        layer: name of the layer of heights. Cells belong to the object if their centers do;
-            those without ground get a height as well.
+        layer: name of the height layer. A cell belongs to the object if the cell center does;
+            cells of the object without ground also get a height.
 
     Raises:
         GeometryError: an argument is not finite.
@@ -53,7 +53,7 @@ def with_ramp(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with a ramp that rises to `height` along its x axis; see `with_box`."""
+    """Return a map with a ramp that rises to `height` along the ramp's x axis; see `with_box`."""
     return _with_object(grid_map, center, length, height, yaw, layer, lambda share: share)
 
 
@@ -67,7 +67,7 @@ def with_stairs(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with stairs of equal steps that rise along their x axis; see `with_box`."""
+    """Return a map with stairs: equal steps rise along the object's x axis; see `with_box`."""
     count = as_finite(steps, "steps", "a number of steps", least=1.0)
 
     def profile(share: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,22 +25,22 @@ def cast_rays(
 ) -> Positions:
     """Return the ranges at which beams hit the surface of a layer.
 
-    The surface is that of `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between cell
-    centers, and level from the outermost centers to the border. A step between neighboring cells is
-    therefore as wide as a cell. Four centers enclose a hole if one of their values is not finite.
-    The ground below the surface is solid: a beam from outside the map or through a hole hits the
-    side of the ground.
+    The surface is defined as in `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between
+    cell centers, and level from the outermost centers to the border. A step between neighboring
+    cells is therefore one cell wide. The patch between four centers is a hole if one of the four
+    values is not finite. The ground below the surface is solid: a beam from outside the map or
+    through a hole hits the side of the ground.
 
     Args:
-        grid_map: the terrain, which may have been moved.
-        origins: (N, 3) start points of the beams, or (3,) for all of them [m], map frame.
-        directions: (N, 3) of any length but 0, map frame.
-        layer: name of the layer of heights [m].
-        max_range: range from which no beam returns [m].
+        grid_map: the terrain, which may have moved.
+        origins: (N, 3) start points of the beams, or (3,) for a common start point [m], map frame.
+        directions: (N, 3) directions of any nonzero length, map frame.
+        layer: name of the height layer [m].
+        max_range: range from which beams do not return [m].
 
     Returns:
-        (N,) ranges [m]; NaN for beams that do not return, begin on or below the surface, or are not
-        finite. The points are `origins + ranges[:, None] * directions` for directions of length 1.
+        (N,) ranges [m]; NaN for beams that do not return, start on or below the surface, or are not
+        finite. For unit directions, the points are `origins + ranges[:, None] * directions`.
 
     Raises:
         GeometryError: an array has another shape, or `max_range` is not a number above 0.
@@ -63,7 +63,7 @@ def cast_rays(
     ranges = np.full(len(along), np.nan)
     with np.errstate(all="ignore"):
         along = along / np.linalg.norm(along, axis=1, keepdims=True)
-        # In cells of the padded heights, whose first center is one before that of the map.
+        # In cells of the padded heights, which start one cell before the map.
         corner = geometry.corner + 0.5 * geometry.resolution
         rays = np.empty((6, len(along)))
         rays[:2] = ((corner - begins[:, :2]) / geometry.resolution).T
@@ -86,9 +86,9 @@ def cast_rays(
 
 
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
-    """Return the ranges (2, N) between which beams may hit the surface; NaN if they cannot.
+    """Return the smallest and largest range (2, N) at which beams may hit the surface, or NaN.
 
-    Between them, a beam is over or under the map, and not above its highest point.
+    Between these ranges, a beam is above or below the map area and not above the highest point.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
@@ -106,20 +106,20 @@ def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) 
 def march(
     heights: Any, rows: int, columns: int, rays: Any, span: Any, count: int, ranges: Any
 ) -> None:
-    """Write the range of each beam, NaN if it does not return.
+    """Write the range of each beam to `ranges`, NaN for beams that do not return.
 
-    Units along the surface are cells: the height `[i, k]` is at `(i, k)`, and the patch `[i, k]` is
-    between the heights `[i, k]` and `[i + 1, k + 1]`. Beams cross patches in order (Amanatides and
-    Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). Each crossing is computed from
-    the start of the beam, so that rounding errors do not add up.
+    Horizontal coordinates are in cells: the height `[i, k]` is at `(i, k)`, and the patch `[i, k]`
+    is between the heights `[i, k]` and `[i + 1, k + 1]`. Beams cross patches in order (Amanatides
+    and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). Each crossing is computed
+    from the start of the beam, so that rounding errors do not accumulate.
 
     Args:
-        heights: (rows, columns).
-        rows, columns: number of heights.
-        rays: (6, count) row, column and z [m] of beams at range 0, and their change per meter.
+        heights: (rows, columns) heights [m].
+        rows, columns: shape of the heights.
+        rays: (6, count) row, column and z [m] of each beam at range 0, and the change per meter.
         span: (2, count) nearest and farthest range at which each beam can hit the surface.
         count: number of beams.
-        ranges: (count,) results.
+        ranges: (count,) receives the ranges [m].
     """
     for ray in range(count):
         row, column, z = rays[ray], rays[count + ray], rays[2 * count + ray]
@@ -150,7 +150,7 @@ def march(
                 k += 1 if d_column > 0.0 else -1
             crosses = crosses and i >= 0 and i < rows - 1 and k >= 0 and k < columns - 1
             begin = max(begin, leave)
-        # A beam that begins in the ground hits it at once.
+        # A beam that starts in the ground hits the ground at range 0.
         ranges[ray] = found if found > 0.0 else np.nan
 
 
@@ -164,7 +164,7 @@ def _crossing(start: float, step: float, patch: int) -> float:
 def _above(
     a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
 ) -> Any:
-    """Return f of the height f[0] + f[1] t + f[2] t^2 of a beam above a + b u + c v + d u v."""
+    """Return f: at t, a beam is f[0] + f[1] t + f[2] t^2 above the patch a + b u + c v + d u v."""
     return (
         z - (a + b * u + c * v + d * (u * v)),
         d_z - (b * d_row + c * d_column + d * (u * d_column + v * d_row)),
@@ -173,10 +173,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the first t >= 0 at which f0 + f1 t + f2 t^2 <= 0; NaN if there is none.
-
-    The forms are those without cancellation.
-    """
+    """Return the first t >= 0 at which f0 + f1 t + f2 t^2 <= 0 (no cancellation); NaN if none."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0
@@ -188,7 +185,7 @@ def _root(f0: float, f1: float, f2: float) -> float:
 
 
 def _march_arrays(heights: Any, rays: Positions, span: Positions, ranges: Positions) -> None:
-    """Compute `march` with NumPy: all beams cross one patch at a time."""
+    """NumPy version of `march`: advance all beams by one patch at a time."""
     last = np.array(heights.shape)[:, None] - 2
     ranges[...] = np.nan
     numbers = np.arange(len(ranges))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sensors: the directions of their beams, and the points that they measure."""
+"""Range sensors: beam directions and simulated scans."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ._rays import cast_rays
 
 @dataclass(frozen=True, kw_only=True)
 class SpinningLidar:
-    """Directions of a lidar that spins around its z axis; x is forward.
+    """Beam directions of a lidar that spins around its z axis; x is forward.
 
     Attributes:
         rings: number of rings, at equally spaced elevation angles.
         lowest, highest: elevation angles of the outermost rings [rad].
-        azimuths: number of beams per ring and turn.
+        azimuths: number of beams per ring and revolution.
     """
 
     rings: int = 16
@@ -38,7 +38,7 @@ class SpinningLidar:
 
     @property
     def directions(self) -> Positions:
-        """(rings * azimuths, 3) of length 1, ring by ring from the lowest, from x towards y."""
+        """(rings * azimuths, 3) unit vectors, ring by ring from the lowest, each from x to y."""
         elevations = np.linspace(self.lowest, self.highest, self.rings)
         azimuths = np.linspace(0.0, 2.0 * np.pi, self.azimuths, endpoint=False)
         elevation, azimuth = np.meshgrid(elevations, azimuths, indexing="ij")
@@ -49,7 +49,7 @@ class SpinningLidar:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthCamera:
-    """Directions of the pixels of a pinhole camera; z is forward, x right and y down.
+    """Beam directions of a pinhole depth camera; z is forward, x right and y down.
 
     Attributes:
         width, height: number of pixels.
@@ -67,12 +67,12 @@ class DepthCamera:
 
     @property
     def focal_length(self) -> float:
-        """Focal length in pixels; the principal point is the middle of the image."""
+        """Focal length [pixels]; the principal point is the center of the image."""
         return 0.5 * self.width / math.tan(0.5 * self.angle)
 
     @property
     def directions(self) -> Positions:
-        """(height * width, 3) of depth 1, row by row from the top, each from the left."""
+        """(height * width, 3) vectors with z = 1, row by row from the top, each from the left."""
         x = (np.arange(self.width) - 0.5 * (self.width - 1)) / self.focal_length
         y = (np.arange(self.height) - 0.5 * (self.height - 1)) / self.focal_length
         down, right = np.meshgrid(y, x, indexing="ij")
@@ -92,14 +92,14 @@ def scan(
     """Return the points that a sensor measures on a terrain, all at the same time.
 
     Args:
-        grid_map: the terrain; `cast_rays` defines its surface.
-        directions: (N, 3) of the beams, sensor frame, such as `SpinningLidar().directions`.
+        grid_map: the terrain; `cast_rays` defines the surface.
+        directions: (N, 3) beam directions, sensor frame, such as `SpinningLidar().directions`.
         transform: (4, 4) from the sensor frame to the map frame.
-        sensor: model of the noise, which is normal with the covariance of the model at the true
-            point; points that the sensor cannot measure do not return. None means no noise.
-        random: source of the noise; None makes a new one in every call.
-        layer: name of the layer of heights [m].
-        max_range: range from which no beam returns [m].
+        sensor: noise model. The noise is normal with the model's covariance at the true point;
+            points that the sensor cannot measure become NaN. None means no noise.
+        random: random generator of the noise; None creates a new generator in each call.
+        layer: name of the height layer [m].
+        max_range: range from which beams do not return [m].
 
     Returns:
         (N, 3) in the order of the beams, sensor frame; NaN for beams that do not return.
@@ -122,9 +122,9 @@ def scan(
 
 
 def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
-    """Return the covariances (N, 3, 3) of points (N, 3), NaN where there is no measurement.
+    """Return the covariances S (N, 3, 3) of points (N, 3), NaN for points without a measurement.
 
-    A model gives a variance along an axis, `axis @ S @ axis`; six axes determine S.
+    S is computed from the variances `axis @ S @ axis` that the model returns for six axes.
     """
     coordinates = np.ascontiguousarray(points.T)
     distances = np.linalg.norm(points, axis=1)
