@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Multi-layer grid maps in NumPy, without ROS.
 
-- `GridMap`: named float32 layers over a rectangular grid that follows a robot without copying data;
-  `GridGeometry`, `Interpolation`, `BufferRegion` and `SignedDistanceField` belong to it.
-- Regions: `circle_cells` and its siblings return the cells (rows, cols) of a shape, which index a
-  layer; `cells_to_mask`, `sliding_windows`, `window_array`, `Polygon`.
-- Conversions: `to_image`, `from_image`, `change_resolution`, `from_points`, `from_mesh`, and colors
-  as layer values.
+- `GridMap`: named float32 layers over a rectangular grid that follows a robot without copying data.
+  Related classes: `GridGeometry`, `Interpolation`, `BufferRegion`, `SignedDistanceField`.
+- Regions: `circle_cells` and similar functions return the cells (rows, cols) of a shape, to index
+  a layer. See also `cells_to_mask`, `sliding_windows`, `window_array` and `Polygon`.
+- Conversions: `to_image`, `from_image`, `change_resolution`, `from_points`, `from_mesh`;
+  `color_vector_to_value` and `color_value_to_vector` pack and unpack colors.
 - Files: `load` and `save` choose the format from the file name.
-- Statistics of finite values: `mean_of_finites` and its siblings.
+- Statistics of finite values: `mean_of_finites` and similar functions.
 - Errors: all derive from `GridMapError`.
 
-`map`, `regions`, `conversions`, `files`, `elevation`, `simulation`, `tiled`, `plugins`, `limits`,
-`errors` and `testing` have more names and are imported lazily.
+The modules `map`, `regions`, `conversions`, `files`, `elevation`, `simulation`, `tiled`, `plugins`,
+`limits`, `errors` and `testing` provide further names and are imported lazily.
 """
 
 from importlib import import_module

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`python3 -m grid_map_core_py`, the command line `grid-map`."""
+"""Entry point of `python3 -m grid_map_core_py`, which runs the command line `grid-map`."""
 
 import signal
 import sys
 
-# Until `main` handles it, Ctrl-C ends the process at once and without a traceback.
+# Until `main` sets a handler, Ctrl-C ends the process immediately, without a traceback.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 

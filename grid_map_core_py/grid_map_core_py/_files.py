@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Helpers for files that the packages of the suite share."""
+"""File helpers shared by the packages of the suite."""
 
 from .files._formats import (
     MapRecord as MapRecord,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters from YAML and ROS, checked and cast to the types that dataclasses declare.
+"""Check parameters from YAML and ROS, and cast them to the types that dataclasses declare.
 
-Casts where YAML is loose: `1` for a float, `3.0` for an integer, a list for a tuple.
+YAML values of a similar type are cast: `1` to a float, `3.0` to an integer, a list to a tuple.
 """
 
 import inspect
@@ -34,14 +34,14 @@ DEEPEST = 50
 
 
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
-    """Return the dataclass `cls` with the parameters as its fields.
+    """Create an instance of the dataclass `cls` with the given parameters as fields.
 
-    Fields may be `bool`, `int`, `float`, `str`, a `Literal`, a `tuple[X, ...]` or `list[X]` of
-    those, or optional.
+    Supported field types are `bool`, `int`, `float`, `str`, `Literal`, `tuple[X, ...]` and
+    `list[X]` of these types, and optional types.
 
     Raises:
-        ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` itself refused
-            it.
+        ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` rejects a
+            value.
     """
     known = {f.name: f for f in fields(cls) if f.init}  # type: ignore[arg-type]
     for name in parameters:
@@ -70,7 +70,7 @@ def descriptions(cls: type) -> dict[str, str]:
 
 
 def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield node names, such as `/robot/viewer`, and their parameters from a ROS file."""
+    """Yield each node name, such as `/robot/viewer`, and its parameters in a ROS file."""
     for key, value in content.items():
         if key == "ros__parameters" and isinstance(value, Mapping):
             yield path or "/", value
@@ -79,17 +79,17 @@ def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[
 
 
 def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
-    """Return parameters with dots in their names, `a.b: 1`, as mappings, `a: {b: 1}`.
+    """Convert parameters with dotted names, `a.b: 1`, to nested mappings, `a: {b: 1}`.
 
-    ROS reads an empty mapping in a parameter file as None; a mapping replaces it.
+    ROS reads an empty mapping in a parameter file as None; nested parameters replace such a None.
 
     Args:
         parameters: values by name.
         above: nesting depth of `parameters`.
 
     Raises:
-        ConfigError: a parameter has both a value and parameters below it, or is nested more than
-            `DEEPEST` times.
+        ConfigError: a parameter has both a value and nested parameters, or is nested more than
+            `DEEPEST` levels deep.
     """
     result: dict[str, Any] = {}
     expected = "no value, as there are parameters below it"
@@ -115,14 +115,14 @@ def cast(name: str, value: object, kind: Any) -> Any:
     """Return the value of a parameter, cast to a declared type.
 
     Args:
-        name: name of the parameter, for the error.
+        name: name of the parameter, for the error message.
         value: value from YAML. None becomes an empty tuple or list if one is expected, because ROS
             reads an empty list as None.
         kind: one of the types that `build` supports.
     """
     result = _try_cast(value, kind)
     if result is MISSING:
-        # ROS reads y, n, yes, no, on and off as truth values.
+        # ROS reads y, n, yes, no, on and off as booleans.
         is_text = kind is str or (get_origin(kind) is Literal and str in map(type, get_args(kind)))
         unquoted = is_text and isinstance(value, bool | int | float)
         raise mismatch(name, describe(kind) + (" (quote it)" if unquoted else ""), value)
@@ -130,7 +130,7 @@ def cast(name: str, value: object, kind: Any) -> Any:
 
 
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
-    """Return a `ConfigError` that says what was expected and what was given."""
+    """Return a `ConfigError` that states the expected and the given value."""
     found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
     return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 
@@ -142,7 +142,7 @@ def check(condition: bool, name: str, expected: str, value: object) -> None:
 
 
 def _try_cast(value: object, kind: Any) -> object:
-    """Return the value converted to the type; MISSING if it does not fit."""
+    """Return `value` cast to the type `kind`, or MISSING if the cast is impossible."""
     origin = get_origin(kind)
     if origin is Literal:
         return value if value in get_args(kind) else MISSING
@@ -161,7 +161,7 @@ def _try_cast(value: object, kind: Any) -> object:
     if kind is float and is_number:
         return float(typing.cast("float", value))
     if kind is int:
-        # NumPy's integers are integral as well.
+        # NumPy integers also count as integral.
         is_whole = isinstance(value, numbers.Integral) and is_number
         is_whole |= isinstance(value, float) and value.is_integer()
         return int(typing.cast("int", value)) if is_whole else MISSING
@@ -169,7 +169,7 @@ def _try_cast(value: object, kind: Any) -> object:
 
 
 def describe(kind: Any) -> str:
-    """Return the description of a type that `build` supports."""
+    """Describe a type supported by `build`, for error messages."""
     origin = get_origin(kind)
     if origin is Literal:
         return "one of " + ", ".join(map(repr, get_args(kind)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Temporary files and folders, removed at the end or by a signal."""
+"""Temporary files and folders that are removed on exit, also if a signal ends the process."""
 
 import shutil
 import tempfile
@@ -13,7 +13,7 @@ _paths: set[Path] = set()
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Remove a file, link or folder on exit, if it still has this name."""
+    """Remove the file, link or folder `path` when the context exits, unless it was renamed."""
     _paths.add(path)
     try:
         yield path
@@ -23,12 +23,12 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 
 def scratch_folder() -> AbstractContextManager[Path]:
-    """Return a new folder that is removed at the end."""
+    """Return a context manager of a new temporary folder that is removed on exit."""
     return unfinished(Path(tempfile.mkdtemp(prefix="grid-map-")))
 
 
 def remove(path: Path) -> None:
-    """Remove a file, a link or a folder, if it is there."""
+    """Remove a file, link or folder if it exists."""
     if path.is_symlink() or not path.is_dir():
         path.unlink(missing_ok=True)
         return
@@ -36,11 +36,11 @@ def remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
         if not path.exists():
             return
-        # After an error, threads of Zarr may still write into the folder.
+        # After an error, Zarr threads may still write into the folder.
         time.sleep(0.02)
 
 
 def remove_all() -> None:
-    """Remove all unfinished files and folders, before the process ends."""
+    """Remove all unfinished files and folders; called before the process ends."""
     for path in [*_paths]:
         remove(path)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts for commands of `grid-map` in your own package.
+"""Building blocks for `grid-map` commands in other packages.
 
 A command is a module with `add_arguments(parser)` and `run(options)`, which returns the exit code.
-A package adds it through an entry point of the group `grid_map_core_py.commands`: the name of the
-command and the module. The first line of the module's docstring describes it in
-`grid-map NAME --help`.
+A package adds a command through an entry point of the group `grid_map_core_py.commands`, which has
+the name of the command and refers to the module. `grid-map NAME --help` shows the first line of the
+module's docstring.
 
-Data goes to standard output, messages to standard error. Exit codes: 0; 1 after an error; 2 for
-wrong arguments; 128 plus its number after a signal.
+Data goes to standard output, messages to standard error. Exit codes are 0 for success,
+1 for an error, 2 for wrong arguments, and 128 plus the signal number after a signal.
 """
 
 from ._commands import (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Error classes of this package, and values in their messages.
+"""Error classes of this package, and helpers that format error messages.
 
 GridMapError
 ├── LayerNotFoundError (KeyError)
@@ -30,21 +30,21 @@ __all__ = [
 
 
 class GridMapError(Exception):
-    """Base of all errors of the grid_map packages: catch this one to catch them all.
+    """Base class of all errors that the grid_map packages raise.
 
-    Its text is at most 500 characters long, whatever names it contains.
+    The message is shortened to at most 500 characters.
     """
 
     def __str__(self) -> str:
         return cut(self.whole_text())
 
     def whole_text(self) -> str:
-        """Return the text of the error, however long it is."""
+        """Return the error message without shortening it."""
         return super().__str__()
 
 
 class LayerNotFoundError(GridMapError, KeyError):
-    """The map does not have the requested layer."""
+    """A requested layer is not in the map."""
 
     def __init__(self, layer: object, available: Iterable[str]) -> None:
         self.layer = layer
@@ -84,19 +84,19 @@ class MissingPackageError(GridMapError, ImportError):
         return f"{feature} needs the package {package!r}, which is not installed: {remedy}"
 
 
-_LONGEST = 80  # characters of a value in a message
-_LONGEST_TEXT, _END = 500, 100  # characters of a whole message, and those at its end
-_MOST_NAMES = 1000  # names that are compared with a wrong one
-_MOST_ELEMENTS = 4  # elements of an array that is shown in full
+_LONGEST = 80  # maximum characters of a value in a message
+_LONGEST_TEXT, _END = 500, 100  # maximum characters of a message, and of its end if shortened
+_MOST_NAMES = 1000  # maximum number of names compared with a wrong name
+_MOST_ELEMENTS = 4  # maximum elements of an array that is shown in full
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxlong = _repr.maxother = _LONGEST
 
 
 def short(value: object) -> str:
-    """Return a value as one line of at most 80 characters, for the message of an error.
+    """Format a value as one line of at most 80 characters, for an error message.
 
-    Larger arrays are described by their shape and type.
+    Arrays with more than four elements are described by shape and dtype.
     """
     shape, dtype = getattr(value, "shape", None), getattr(value, "dtype", None)
     if dtype is not None and isinstance(shape, tuple) and math.prod(shape) > _MOST_ELEMENTS:
@@ -106,14 +106,14 @@ def short(value: object) -> str:
 
 
 def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
-    """Return `; did you mean a or b?` with at most `most` similar names; "" if there is none."""
-    # A message may bring any number of names.
+    """Return `; did you mean a or b?` with at most `most` similar names, or "" without any."""
+    # A message may contain any number of names, so only the first ones are compared.
     close = difflib.get_close_matches(str(wrong)[:_LONGEST], islice(known, _MOST_NAMES), most)
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
 
 def required(module: str, feature: str, remedy: str) -> Any:
-    """Return a module that a feature needs, or raise `MissingPackageError` with the remedy."""
+    """Import a module that a feature needs, or raise `MissingPackageError` with the remedy."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -121,7 +121,7 @@ def required(module: str, feature: str, remedy: str) -> Any:
 
 
 def cut(text: str) -> str:
-    """Shorten a text to 500 characters by cutting out its middle."""
+    """Shorten a text to at most 500 characters by replacing its middle with ` ... `."""
     if len(text) <= _LONGEST_TEXT:
         return text
     return f"{text[: _LONGEST_TEXT - _END - 5]} ... {text[-_END:]}"

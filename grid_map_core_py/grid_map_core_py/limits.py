@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Limits on the size of messages, files and requests, checked before memory is allocated.
 
-A few bytes can announce a map of any size. Sizes given in Python, as in `GridMap(...)`, have no
-limit. Set limits for the process, or for a block::
+A message of a few bytes can declare a map of any size. Sizes given in Python, as in `GridMap(...)`,
+are not limited. Set limits for the process, or for a `with` block::
 
     from grid_map_core_py.limits import changed_limits, set_limits
 
@@ -10,7 +10,7 @@ limit. Set limits for the process, or for a block::
     with changed_limits(max_bytes=1e10):
         grid_map = load("map.npz")
 
-Both hold for the whole process, all threads included.
+Both functions affect all threads of the process.
 """
 
 import math
@@ -29,15 +29,15 @@ __all__ = [
 ]
 
 FREE_BYTES = 100_000_000
-"""Unpacked bytes that `max_ratio` always allows, because uniform maps compress well."""
+"""Unpacked size up to which `max_ratio` is ignored [bytes], because uniform maps compress well."""
 
 VISITS = 4
-"""Maximum number of visits to cells, as a multiple of `max_cells`."""
+"""Maximum total number of cells of overlapping parts, as a multiple of `max_cells`."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits; each is a number of at least 1.
+    """Limits on maps and files; each is a finite number of at least 1.
 
     Attributes:
         max_cells: largest number of cells (rows times columns) of a map.
@@ -49,7 +49,7 @@ class Limits:
 
     max_cells: float = 16_000_000
     max_bytes: float = 4_000_000_000
-    max_ratio: float = 1100  # Deflate packs at most 1032 bytes into one.
+    max_ratio: float = 1100  # Deflate compresses at most 1032 bytes into one.
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -80,7 +80,7 @@ def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
 
 @contextmanager
 def changed_limits(**changes: float) -> Iterator[None]:
-    """Change limits of the process within a `with` block."""
+    """Change limits of the process for the duration of a `with` block."""
     before = set_limits(**changes)
     try:
         yield
@@ -89,12 +89,12 @@ def changed_limits(**changes: float) -> Iterator[None]:
 
 
 def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
-    """Raise `LimitError` if a map would have too many cells, or its layers too many bytes.
+    """Raise `LimitError` if a map would have too many cells or bytes.
 
     Args:
         name: subject of the error message.
         size: rows and columns; they may be infinite.
-        layers: number of layers to allocate; 0 if the input contains their bytes.
+        layers: number of layers to allocate; 0 if the input already contains the layer data.
     """
     cells = size[0] * size[1]
     if not cells <= current_limits().max_cells:
@@ -105,11 +105,11 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 
 def check_visits(name: str, visits: float) -> None:
-    """Raise `LimitError` if overlapping parts of a map have too many cells together.
+    """Raise `LimitError` if overlapping parts of a map have too many cells in total.
 
     Args:
         name: subject of the error message.
-        visits: sum of the cells of all parts.
+        visits: total number of cells of all parts.
     """
     if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
@@ -121,7 +121,7 @@ def most_bytes(packed: float) -> float:
 
 
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if packed data claims to unpack to too many bytes.
+    """Raise `LimitError` if packed data declares too many unpacked bytes.
 
     Args:
         name: subject of the error message.
@@ -133,7 +133,7 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
 
 
 def check_ratio(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if data unpacked in pieces exceeds `max_ratio`."""
+    """Raise `LimitError` if the ratio of unpacked to packed bytes exceeds `max_ratio`."""
     if unpacked > _most_by_ratio(packed):
         _refuse("max_ratio", name, "bytes from one byte", f"{unpacked} unpacked from {packed}")
 

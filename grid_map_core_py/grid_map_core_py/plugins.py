@@ -21,25 +21,25 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Registry(Generic[T]):
-    """Classes by type name: those built into a package, and those of entry points.
+    """Mapping from type names to classes: built-in classes and classes of entry points.
 
     Attributes:
         built_in: classes by type name.
-        group: group of the entry points. The name of an entry point is the type, its object the
-            class. They are looked up on first request.
+        group: entry-point group, searched on first use. Each entry point has the name of a type and
+            refers to its class.
     """
 
     built_in: Mapping[str, type[T]]
     group: str
 
     def __getitem__(self, type_name: str) -> type[T]:
-        """Return the class of a type."""
+        """Return the class with this type name; raise `ConfigError` if the name is unknown."""
         plugins = self._plugins
         if type_name in plugins:
             entry = plugins[type_name]
             try:
                 loaded: type[T] = entry.load()
-            except Exception as error:  # a plugin may raise anything; the user must learn which one
+            except Exception as error:  # a plug-in may raise any error; the message names it
                 raise ConfigError(f"cannot load {entry.value!r}: {error}") from error
             return loaded
         if type_name in self.built_in:
@@ -52,13 +52,13 @@ class Registry(Generic[T]):
 
     @property
     def types(self) -> tuple[str, ...]:
-        """All type names, sorted."""
+        """Sorted names of all types."""
         return tuple(sorted({*self.built_in, *self._plugins}))
 
     @cached_property
     def _plugins(self) -> dict[str, EntryPoint]:
         plugins: dict[str, EntryPoint] = {}
-        # A package that is on the path twice shows the same entry point twice.
+        # A package that is on the path twice yields each entry point twice.
         for entry in dict.fromkeys(entry_points(group=self.group)):
             if entry.name in self.built_in or entry.name in plugins:
                 other = plugins[entry.name].value if entry.name in plugins else "a built-in"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Assertions and hypothesis strategies for tests that involve maps.
 
-Needs the package `hypothesis` for the strategies only.
+Only the strategies need the package `hypothesis`.
 """
 
 from typing import TYPE_CHECKING
@@ -28,7 +28,7 @@ def assert_maps_equal(
     The start index of the buffer does not matter. NaN equals NaN.
 
     Args:
-        rtol, atol: tolerances of the layer values, relative and absolute.
+        rtol, atol: relative and absolute tolerance of the layer values.
     """
     for name in ("size", "frame_id", "timestamp", "layers", "basic_layers"):
         found, wanted = getattr(actual, name), getattr(expected, name)
@@ -48,12 +48,11 @@ def assert_maps_equal(
 
 
 def register_profiles() -> None:
-    """Register and load profiles of hypothesis, for the `conftest.py` of a package.
+    """Register hypothesis profiles and load `grid_map`; for the `conftest.py` of a package.
 
-    The profile `grid_map`, which is loaded, tries the same examples every time, so that results are
-    reproducible. `explore` tries new and more examples every time: `pytest
-    --hypothesis-profile=explore`, or `make explore`. Neither limits the time of an example, which
-    depends on the machine.
+    The profile `grid_map` runs the same examples every time, so that results are reproducible. The
+    profile `explore` runs more examples, and new ones every time; select it with `pytest
+    --hypothesis-profile=explore` or `make explore`. Neither profile limits the time per example.
     """
     from hypothesis import settings
 
@@ -63,7 +62,7 @@ def register_profiles() -> None:
 
 
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
-    """Return an equal map stored from another start index, as after moves; uses `np.roll`."""
+    """Return an equal map whose layers are stored from another start index, as after moves."""
     result = grid_map.copy()
     shift = np.subtract(start_index, grid_map.start_index)
     for layer in result:
@@ -80,12 +79,12 @@ def grid_maps(
     allow_infinity: bool = True,
     allow_moved: bool = True,
 ) -> "SearchStrategy[GridMap]":
-    """Return a strategy for maps, including single cells, moved buffers and infinities.
+    """Return a strategy that generates maps, including single cells, moved buffers and infinities.
 
     Args:
         layers: names of the layers; the first one is sometimes a basic layer.
         max_side: largest number of cells along a side.
-        allow_nan, allow_infinity: whether such values may occur in the layers.
+        allow_nan, allow_infinity: whether layers may contain NaN or infinities.
         allow_moved: whether the start index may differ from (0, 0).
     """
     from hypothesis import strategies as st

@@ -27,7 +27,7 @@ Integers: TypeAlias = NDArray[np.int64]
 """(N,) int64, such as the rows or the columns of cells."""
 
 Cells: TypeAlias = tuple[Integers, Integers]
-"""(rows, cols) of cells, as `numpy.nonzero` returns them: `layer[cells]` picks their values."""
+"""(rows, cols) of cells, as returned by `numpy.nonzero`; `layer[cells]` returns the cell values."""
 
 Size: TypeAlias = tuple[int, int]
 """Rows and columns."""
@@ -75,7 +75,7 @@ def as_point(values: ArrayLike, name: str) -> Pair:
 
 
 def plain_pair(values: Any) -> Pair | None:
-    """Return `values` if it is a plain pair of numbers, else None; skips the array conversion."""
+    """Return `values` as two floats if it is a plain pair of numbers, else None; a fast path."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind not in "fiu":
@@ -211,7 +211,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
     Args:
         values: a tuple (rows, cols), as for NumPy indexing, or (N, 2) rows and columns; one cell is
             (row, col).
-        name: name of the parameter, for the message.
+        name: name of the parameter, for error messages.
     """
     if isinstance(values, tuple):
         numbers = [_as_integers(value, name) for value in values]
@@ -230,7 +230,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or a (rows, cols) array to a layer; warn if a value exceeds float32."""
+    """Copy a scalar or a (rows, cols) array to a layer; warn if a value exceeds float32's range."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""
@@ -254,7 +254,7 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
 def is_name(text: object) -> bool:
     """Return whether `text` is a valid name of a layer or a frame.
 
-    A valid name is a non-empty string without control characters and lone surrogates.
+    A valid name is a non-empty string without control characters or lone surrogates.
     """
     if not isinstance(text, str) or not text:
         return False

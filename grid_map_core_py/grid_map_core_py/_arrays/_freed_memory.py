@@ -11,11 +11,11 @@ LARGEST_BLOCK = 2**25
 
 
 def keep_memory() -> None:
-    """Keep up to 1 GB of freed memory, for messages above 32 MB and for tiles.
+    """Make glibc keep up to 1 GB of freed memory, for messages above 32 MB and for tiles.
 
-    By default, glibc returns such blocks to the system at once, and the system clears the pages of
-    the next one, which takes longer than copying a message. The subscriptions of this suite call
-    this function for large messages; a node that only publishes them must call it itself.
+    By default, glibc returns each large freed block to the system, which then clears the pages of
+    the next block; this takes longer than copying a message. The subscriptions of this suite call
+    this function for large messages; nodes that only publish large messages must call it.
     """
     with suppress(AttributeError):  # Other C libraries have no such function.
         mallopt = ctypes.CDLL(None).mallopt

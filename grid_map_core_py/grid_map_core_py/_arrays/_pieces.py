@@ -20,9 +20,9 @@ def elementwise(
     """Return `function(*arrays)` computed piece by piece.
 
     Args:
-        function: takes and returns (n,) arrays of equal length.
+        function: maps (n,) arrays to an (n,) array.
         dtype: dtype of the result.
-        arrays: arrays of shapes that broadcast.
+        arrays: arrays with shapes that can be broadcast together.
 
     Returns:
         An array of the broadcast shape, in the memory order of the arrays.
@@ -57,14 +57,14 @@ def slices(count: int, step: int) -> Iterator[slice]:
 
 
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
-    """Yield the members of all groups in order, at most `limit` at once.
+    """Enumerate the members of all groups in order, in chunks of at most `limit` members.
 
     Args:
         counts: (G,) number of members of each group.
 
     Yields:
-        groups: (n,) the group of each member.
-        members: (n,) its number within the group, from 0.
+        groups: (n,) group number of each member.
+        members: (n,) number of each member within the group, from 0.
     """
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0

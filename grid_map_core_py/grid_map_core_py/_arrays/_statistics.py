@@ -25,29 +25,29 @@ _PIECE = 2**17
 
 
 def number_of_finites(values: ArrayLike) -> int:
-    """Return how many of the values are finite."""
+    """Return the number of finite values."""
     return sum(int(np.count_nonzero(np.isfinite(piece))) for piece in _pieces(values))
 
 
 def sum_of_finites(values: ArrayLike) -> float:
-    """Return the sum of the finite values, NaN where there are none."""
+    """Return the sum of the finite values, or NaN if there are none."""
     total = float(sum(map(_sum, _pieces(values))))
     return total if total != 0.0 or number_of_finites(values) else np.nan
 
 
 def mean_of_finites(values: ArrayLike) -> float:
-    """Return the mean of the finite values, NaN where there are none."""
+    """Return the mean of the finite values, or NaN if there are none."""
     number = number_of_finites(values)
     return float(sum(map(_sum, _pieces(values)))) / number if number else np.nan
 
 
 def min_of_finites(values: ArrayLike) -> float:
-    """Return the smallest finite value, NaN where there are none."""
+    """Return the smallest finite value, or NaN if there are none."""
     return _extreme(np.fmin, values)
 
 
 def max_of_finites(values: ArrayLike) -> float:
-    """Return the largest finite value, NaN where there are none."""
+    """Return the largest finite value, or NaN if there are none."""
     return _extreme(np.fmax, values)
 
 
@@ -58,7 +58,7 @@ def _pieces(values: ArrayLike) -> Iterator[NDArray[Any]]:
 
 def _sum(values: NDArray[Any]) -> float:
     if values.dtype == np.float32:
-        # Twice as fast as picking the finite values, but wrong for infinities.
+        # Twice as fast as selecting the finite values, but wrong for infinities.
         with np.errstate(invalid="ignore"):
             total = float(cv2.patchNaNs(values.copy(), 0.0).sum(dtype=np.float64))
         if np.isfinite(total):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The command line `grid-map`, for the packages of the suite; `commands` has the public part."""
+"""Command line `grid-map`, for the packages of the suite; `commands` is the public part."""
 
 from ._arguments import (
     add_destination as add_destination,

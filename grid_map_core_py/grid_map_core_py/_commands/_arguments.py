@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Arguments shared by several commands, and their completion in shells."""
+"""Command-line arguments shared by several commands, with shell completion."""
 
 import argparse
 from collections.abc import Callable
@@ -11,7 +11,7 @@ _FORMAT = "name of the format, if the name of the file does not tell it"
 
 
 def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
-    """Add the file to read and the options of its formats.
+    """Add the arguments for the source file and the options for reading.
 
     Args:
         parser: parser of the command.
@@ -61,7 +61,7 @@ def add_layers(parser: argparse.ArgumentParser, text: str) -> None:
 
 
 def add_destination(parser: argparse.ArgumentParser) -> None:
-    """Add the output file and the options of its format."""
+    """Add the arguments for the destination file and the options for writing."""
     parser.add_argument(
         "destination",
         help="name without ending (a bag), .npz, .tif, .zarr, .png, .rrd (Rerun), .yaml (nav2's "
@@ -93,7 +93,7 @@ def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> N
     action.completer = completer  # type: ignore[attr-defined]
 
 
-# On any error a completer returns nothing; the command itself reports the error.
+# If an error occurs, a completer returns nothing; the command itself reports the error.
 
 
 def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
@@ -106,7 +106,7 @@ def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 
 def _topics(parsed_args: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return the topics of maps in a bag, or the single map of another file."""
+    """Return the map topics of a bag, or the single map of another file."""
     with suppress(Exception):
         from ._maps import describe
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Entry point of the command line, and the signals that end it."""
+"""Entry point of the command line, and handling of the signals that end it."""
 
 import argparse
 import ctypes
@@ -50,17 +50,17 @@ class Parser(argparse.ArgumentParser):
     """Parser that reports errors in one line and accepts numbers such as -1e-3 as values."""
 
     def __init__(self, **options: Any) -> None:
-        # An abbreviation that is unique today may be ambiguous with the next option.
+        # An abbreviation that is unique today may become ambiguous with a new option.
         super().__init__(allow_abbrev=False, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d|-inf(inity)?$")
 
     def error(self, message: str) -> NoReturn:
-        """End the process with exit code 2."""
+        """Print the error and end the process with exit code 2."""
         self.exit(2, f"{PROGRAM}: error: {shown(message)} (see '{self.prog} --help')\n")
 
 
 def make_parser(words: Sequence[str]) -> Parser:
-    """Return the parser of the whole command line; only the command in `words` has arguments."""
+    """Create the parser of the command line; only the command in `words` gets arguments."""
     parser = Parser(
         prog=PROGRAM, description="Look at grid maps in files, convert, filter and draw them."
     )
@@ -85,7 +85,7 @@ def make_parser(words: Sequence[str]) -> Parser:
 
 
 def _commands() -> dict[str, EntryPoint]:
-    """Return the commands of all packages by name, those of this package first."""
+    """Return the commands of all packages by name, starting with this package."""
     known = {name: EntryPoint(name, f"{__package__}.{name}", GROUP) for name in BUILT_IN}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         known.setdefault(entry.name, entry)
@@ -110,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """End the process without an exception, which a library could catch."""
+    """Remove temporary files and end the process, without an exception that could be caught."""
     remove_all()
     signal.signal(number, signal.SIG_DFL)
     signal.raise_signal(number)
@@ -169,8 +169,8 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
     """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
     A SIGHUP that is ignored, as under `nohup`, stays ignored.
-    A handler must not use locks such as those of `threading.Event`: the thread that it interrupts
-    may hold them.
+    A handler must not use locks, such as in `threading.Event`, because the interrupted thread may
+    hold them.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
@@ -179,9 +179,9 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
-    """Return a `preexec_fn` that makes Linux send this signal when the parent's thread ends."""
+    """Return a `preexec_fn`: Linux sends the child this signal when the parent thread ends."""
     set_parent_death_signal = 1
-    # Loaded here, since the new process may do little before its program starts.
+    # Loaded before the fork, because the child should do little before its program starts.
     parent, control = os.getpid(), ctypes.CDLL(None).prctl
 
     def prepare() -> None:

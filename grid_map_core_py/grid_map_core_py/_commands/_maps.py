@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reading and writing the map files that a command line names.
+"""Reading and writing of the map files given on a command line.
 
-Slow imports are inside the functions that need them.
+Modules that are slow to import are imported inside functions.
 """
 
 import argparse
@@ -38,7 +38,7 @@ _WRITING = (
     *("black", "white"),
 )
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
-"""Options of formats whose name differs from that of the command-line option."""
+"""Format options whose name differs from the name of the command-line option."""
 
 _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 
@@ -94,7 +94,7 @@ def source_format(options: argparse.Namespace) -> str:
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the map that the arguments of `add_source` name, or only some of its layers."""
+    """Read the map given by the arguments of `add_source`; `layers` None means all layers."""
     found, given = _choose(options)
     with _source(options.source) as path:
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
@@ -129,7 +129,7 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield records of the maps to copy from the source to the destination.
 
-    If both are bags and `--index` is not given, these are all maps of the bag, else one map.
+    If source and destination are bags and `--index` is not given, all maps are copied, else one.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)
@@ -153,7 +153,7 @@ def open_records(
 
 @contextmanager
 def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]]":
-    """Yield records of all maps of a bag, whatever `--index` says."""
+    """Yield records of all maps of a bag, regardless of `--index`."""
     found, given = _choose(options)
     if found.open_maps is None:
         raise CommandError(f"{options.source}: expected a bag, which holds many maps")
@@ -164,7 +164,7 @@ def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]
 
 @contextmanager
 def _source(path: str) -> Iterator[Path | str]:
-    """Yield the path or address; standard input is first copied, for random access."""
+    """Yield the path or address; standard input is copied to a file, for random access."""
     if path != STANDARD:
         yield path if _is_address(path) else Path(path)
         return
@@ -215,7 +215,7 @@ class Destination:
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:
-        """Return whether to copy a whole bag, because no topic, map or layer is selected."""
+        """Return whether to copy a whole bag; True if no topic, map or layer is selected."""
         chosen = (options.topic, options.index, options.layers)
         is_whole = all(one is None for one in chosen)
         return self.format.save_all is not None and self._holds_many and is_whole
@@ -237,7 +237,7 @@ class Destination:
             if self.path != STANDARD:
                 self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
                 continue
-            # A ZIP archive is not written sequentially.
+            # A ZIP archive cannot be written sequentially.
             with scratch_folder() as folder:
                 path = folder / "map.npz"
                 self.format.save(grid_map, path, **self._given)  # type: ignore[misc]
@@ -254,7 +254,7 @@ class Destination:
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Raise `CommandError` if a file exists; with `force` only for devices, pipes, sockets."""
+    """Raise `CommandError` if a path exists; with `force`, only for devices, pipes and sockets."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)

@@ -17,15 +17,15 @@ _JSON_PERIOD = 1.0  # time between two lines of JSON [s]
 
 
 class CommandError(GridMapError):
-    """A command failed: exit code 1."""
+    """Failure of a command; exit code 1."""
 
 
 class UsageError(CommandError):
-    """The arguments are invalid, independent of the files: exit code 2."""
+    """Arguments that are invalid independently of the files; exit code 2."""
 
 
 def message(text: str) -> None:
-    """Print a line of text for the user, to standard error, as `shown` returns it."""
+    """Print a line to standard error, escaped and shortened by `shown`."""
     print(f"grid-map: {shown(text)}", file=sys.stderr)
 
 
@@ -47,7 +47,7 @@ def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> N
 
 
 def shown(text: str) -> str:
-    """Return a text of at most 500 characters with control characters escaped."""
+    """Escape the control characters of a text and shorten it to at most 500 characters."""
     return cut("".join(one if one.isprintable() else repr(one)[1:-1] for one in cut(text)))
 
 
@@ -56,7 +56,7 @@ def number(value: float) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Format a length or coordinate, to the millimeter even for northings."""
+    """Format a length or coordinate [m] with 12 digits: millimeters even for UTM northings."""
     return f"{value:.12g}"
 
 
@@ -76,9 +76,9 @@ class ProgressBar:
     the last state is written.
 
     Args:
-        stream: None means standard error, or standard output for `as_json`.
-        clock: returns the time [s].
-        quiet: show nothing.
+        stream: stream to write to; None means standard error, or standard output for `as_json`.
+        clock: function that returns the time [s].
+        quiet: whether to show nothing.
         unit: name of the counted items.
         cells: number of cells per unit, to show the rate in cells; the first call then reports how
             many units were finished before.
@@ -113,7 +113,7 @@ class ProgressBar:
             self._show(end="\n")
 
     def __call__(self, done: int, total: int | None = None) -> None:
-        """Show that `done` of `total` are finished; None if `total` is unknown."""
+        """Show that `done` of `total` units are finished; `total` is None if unknown."""
         self._done, self._total = done, total
         now = self._clock()
         if self._before is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Options and execution of commands on tiles."""
+"""Command-line options and execution of computations on tiles."""
 
 import argparse
 import logging
@@ -25,9 +25,9 @@ _RECTANGLE = ("position", "lat", "lon", "length")
 """Options of `add_rectangle`."""
 
 _OPTIONS = ("workers", "memory", "scheduler", "resume", "cog")
-"""Options that apply to tiles only."""
+"""Options that apply only to tiled maps."""
 
-_PATIENCE = 30  # maximum time a cluster takes to answer [s]
+_PATIENCE = 30  # maximum time to wait for a cluster [s]
 _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 
@@ -50,7 +50,7 @@ def add_tiles(parser: argparse.ArgumentParser) -> None:
 
 
 def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
-    """Add the rectangle of a map to read, which may be larger than memory."""
+    """Add the options for a rectangle of a map; the map may be larger than memory."""
     group = parser.add_argument_group("rectangle")
     about = "its center [m] in the frame of the map"
     group.add_argument("--position", type=float, nargs=2, metavar=("X", "Y"), help=about)
@@ -64,9 +64,9 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 
 
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Return the rectangle that the arguments of `add_rectangle` name.
+    """Read the rectangle given by the arguments of `add_rectangle`.
 
-    Only the chunks of stores and rasters under the rectangle are read.
+    From stores and rasters, only the chunks that the rectangle overlaps are read.
     """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
@@ -97,10 +97,10 @@ def has_rectangle(options: argparse.Namespace) -> bool:
 def tiled_source(
     options: argparse.Namespace, destination: Destination | None = None, *, also_small: bool = False
 ) -> "TiledMap | None":
-    """Return the map of the source if it is to be read window by window, else None.
+    """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    This applies to Zarr stores and GeoTIFF files. Without a destination, and from GeoTIFF to
-    GeoTIFF, small files are read at once unless `also_small` is set.
+    Zarr stores and GeoTIFF files are read window by window. Without a destination, and from
+    GeoTIFF to GeoTIFF, small files are read as a whole unless `also_small` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -158,14 +158,14 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Select the processes or the cluster of `add_tiles` for computations in the context."""
+    """Compute with the processes or cluster of the `add_tiles` arguments within the context."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles", _REMEDY).config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):
             yield
         return
     distributed = required("distributed", "a cluster", _REMEDY)
-    # Errors are raised too, so their log would repeat them.
+    # Errors are also raised, so logging would only repeat them.
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     if options.scheduler is None:

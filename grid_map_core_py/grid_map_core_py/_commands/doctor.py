@@ -45,7 +45,7 @@ PACKAGES = {
     "nav2_msgs.msg": ("costmaps of nav2", "apt install ros-jazzy-nav2-msgs"),
     "tf2_ros": ("clouds in other frames", "apt install ros-jazzy-tf2-ros-py"),
 }
-"""Modules with their purpose and the command that installs them."""
+"""Purpose and installation command of each module."""
 
 REQUIRED = ("numpy", "scipy", "cv2", "yaml", "grid_map_core_py")
 
@@ -112,9 +112,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def examined(modules: list[str]) -> dict[str, tuple[str, str]]:
-    """Return the status ("ok", "missing" or "broken") of modules, and their version or error.
+    """Return the status ("ok", "missing" or "broken") of each module, and its version or error.
 
-    They are imported in a separate process, because a broken one may end the process.
+    A separate process imports the modules, because a broken module may end the process.
     """
     found: dict[str, tuple[str, str]] = {}
     while rest := modules[len(found) :]:

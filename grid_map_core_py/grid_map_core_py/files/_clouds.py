@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Point clouds and meshes from files, and maps made from them.
+"""Loading of point clouds and meshes, as arrays or as maps.
 
 The package `pypcd4` reads PCD files, and `trimesh` reads PLY, OBJ and STL files.
 """
@@ -22,7 +22,7 @@ from ..map._grid_map import GridMap
 from ._shared import naming, package_for, storage_errors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
-"""(N,) values of the points by the name of the field."""
+"""Mapping from field names to the (N,) values of the points."""
 
 _MESHES = (".ply", ".obj", ".stl")
 
@@ -34,27 +34,27 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
         path: the file; its ending selects the format.
 
     Returns:
-        points: (N, 3) x, y, z, float32 or float64 as in the file; they may hold NaN. The viewpoint
-            that a PCD file may name is not applied.
-        fields: other values of each point in a PCD or PLY file, such as `intensity`. Colors come as
-            one field `rgb` of packed colors, ready for `rasterize`. A PCD field of several numbers
-            comes as several fields, `name__0000` and so on.
+        points: (N, 3) x, y, z, float32 or float64 as in the file; may contain NaN. The viewpoint of
+            a PCD file is not applied.
+        fields: other values of each point in a PCD or PLY file, such as `intensity`. Colors are
+            returned as one field `rgb` of packed colors, ready for `rasterize`. A PCD field with
+            several numbers is split into fields `name__0000` and so on.
     """
     file = Path(path)
     if file.suffix.lower() == ".pcd":
         pypcd4 = package_for(file, "PCD", "pypcd4")
         with storage_errors(file, "read"):
             cloud = pypcd4.PointCloud.from_path(file)
-            # For a file with a single point the reader returns a 1-D array.
+            # For a file with a single point, the reader may return a 0-D array.
             rows = np.atleast_1d(cloud.pc_data)
             if len(rows) != cloud.points:
                 raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
-        # PCL names all padding "_"; the reader replaces it by unique names with this prefix.
+        # PCL names all padding "_"; the reader renames it to unique names with this prefix.
         names = [name for name in rows.dtype.names or () if not name.startswith("#$%&~~")]
         table = {name: rows[name] for name in names}
     else:
         meshes = _read_meshes(file)
-        # Only a PLY file has properties of its vertices.
+        # Only PLY files store vertex properties.
         data = meshes[0].metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
         columns = data if isinstance(data, dict) else data.dtype.names or ()
         table = {name: np.asarray(data[name]).reshape(-1) for name in columns}
@@ -112,19 +112,19 @@ def load_cloud(
     tight: bool = False,
     frame_id: str = "map",
 ) -> GridMap:
-    """Load a point cloud or a mesh as a map that covers it.
+    """Load a point cloud or a mesh, and return a map that covers it.
 
     Args:
         path: a PCD, PLY, OBJ or STL file.
         layers: names of the layers to create, from the heights and fields of the points; None
-            creates all.
+            means all.
         resolution: side of a cell [m]; required.
-        kind: "points" or "mesh"; None means the mesh if the file has faces.
+        kind: "points" or "mesh"; None means "mesh" if the file has faces.
         height_layer: name of the layer of the heights.
         reduction: reduction of the heights of the points in a cell, as in `from_points`.
-        min_height, max_height: points below and above are left out [m].
-        tight: False to put the borders of a map of points at multiples of the resolution, True to
-            center the map on them.
+        min_height, max_height: smallest and largest height of points that are used [m].
+        tight: for points; True centers the map on the points, False aligns its borders with
+            multiples of the resolution.
         frame_id: frame of the map.
     """
     mesh = None if kind == "points" else _mesh(path, required=kind == "mesh")
@@ -163,7 +163,7 @@ def load_cloud(
 
 
 def describe_cloud(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the numbers of points and faces, the fields and the extent of a file."""
+    """Return the numbers of points and faces, the fields and the extent of a cloud or mesh file."""
     mesh = _mesh(path, required=False)
     points, fields = load_points(path)
     lower, upper = _extent(path, points)
@@ -178,7 +178,7 @@ def _mesh(
     try:
         return load_mesh(path)
     except GridMapError:
-        # A file without faces may still hold points; reading the points reports any other problem.
+        # A file without faces may still contain points; reading the points reports other errors.
         if required:
             raise
         return None
@@ -193,7 +193,7 @@ def _extent(path: str | PathLike[str], points: npt.NDArray[Any]) -> tuple[list[f
 
 
 def _read_meshes(file: Path) -> list[Any]:
-    """Return the meshes and point clouds of a file as trimesh objects."""
+    """Read the meshes and point clouds of a file as trimesh objects."""
     ending = file.suffix.lower()
     if ending not in _MESHES:
         known = ", ".join(_MESHES)
@@ -205,7 +205,7 @@ def _read_meshes(file: Path) -> list[Any]:
             options = {"process": False, "skip_materials": True}
             scene = trimesh.load_scene(BytesIO(file.read_bytes()), ending, **options)
         except ImportError as error:
-            # Otherwise trimesh would guess the encoding with another package.
+            # To guess the encoding of other text, trimesh would need another package.
             raise ValueError("neither valid nor text in UTF-8") from error
         except ValueError as error:
             hint = " (the faces of a binary PLY file must all have the same number of vertices)"
@@ -220,7 +220,7 @@ def _read_meshes(file: Path) -> list[Any]:
 
 
 def _check_complete(mesh: Any) -> None:
-    """Refuse files that trimesh accepts: cut PLY text, faces without vertices, no x, y, z."""
+    """Reject damage that trimesh accepts: truncated PLY text, invalid faces, no x, y, z."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(getattr(mesh, "faces", ()))
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"expected x, y, z of every vertex, got an array {vertices.shape}")

@@ -30,33 +30,33 @@ class MapRecord(Protocol):
     """Time of recording [ns]."""
 
     def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
-        """Read the map; `unwrap=False` keeps its start index."""
+        """Read the map; `unwrap=False` keeps the stored start index."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """A file format: how to recognize, read and write it.
+    """A file format, with functions that recognize, read and write files.
 
     The options of a format are the keyword parameters of its functions.
 
     Attributes:
-        name: short and unique, such as "npz".
-        description: a few words for tables and messages.
-        endings: endings of file names, in lower case, such as ".npz".
-        reads: returns whether a path can be read, for folders and for endings that several formats
-            share; None compares the endings.
-        writes: returns whether a name can be written to; None compares the endings.
+        name: unique short name, such as "npz".
+        description: short description for tables and messages.
+        endings: file name endings, in lower case, such as ".npz".
+        reads: function that returns whether a path can be read, for folders and for endings that
+            several formats share; None means that the endings decide.
+        writes: function that returns whether a path can be written; None as for `reads`.
         load: `load(path, layers=None, **options)` returns one map; None if the format is not read.
         save: `save(grid_map, path, **options)` writes one map; None if it is not written.
         describe: `describe(path, **options)` quickly returns the metadata of a file as JSON values;
-            "map" holds those of its map. If None, the map is loaded.
-        open_maps: for formats of many maps: `open_maps(path, **options)` with the options of `load`
-            but `layers` and `index` returns a context manager of a sequence of `MapRecord` with an
-            attribute `topic`.
-        save_maps: for formats of many maps: `save_maps(path, maps, **options)` writes pairs of
+            "map" contains the metadata of the map. If None, the map is loaded.
+        open_maps: for formats with several maps per file: `open_maps(path, **options)` accepts the
+            options of `load` except `layers` and `index`, and returns a context manager of a
+            sequence of `MapRecord` with an attribute `topic`.
+        save_maps: for formats with several maps: `save_maps(path, maps, **options)` writes pairs of
             time [ns] (or None) and map, one at a time, and returns their number.
-        save_all: for formats that hold more than maps: `save_all(source, path, **options)` writes
-            all that a file of many maps holds, such as a bag with its clouds and poses, and returns
+        save_all: for formats that also store other messages: `save_all(source, path, **options)`
+            copies all messages of a file, such as the clouds and poses of a bag, and returns
             the number of messages.
     """
 
@@ -74,7 +74,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the option names of a format's function, without its `given` first parameters."""
+    """Return the option names of a format's function, without the first `given` parameters."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 
@@ -87,19 +87,19 @@ def load(
     """Load a map from a file or folder; the name selects the format.
 
     `formats()` lists the formats; [bags and files] in the documentation lists their options. If
-    several formats share an ending, the first that has all given options is taken: `load("a.tif")`
-    reads a GeoTIFF, `load("a.tif", resolution=0.1)` a plain height image.
+    several formats share an ending, the first that accepts all given options is used:
+    `load("a.tif")` reads a GeoTIFF, `load("a.tif", resolution=0.1)` reads a height image.
 
     Args:
         path: the file or folder.
-        format: name of the format; the default follows from the name of the file.
+        format: name of the format; None selects the format by the file name.
         options: options of the format, such as `layers` (all formats), `resolution` (clouds,
             meshes, height images), `topic` and `index` (bags).
 
     Raises:
-        LayerNotFoundError: the file lacks a layer that `layers` names.
+        LayerNotFoundError: the file does not contain a layer in `layers`.
         MissingPackageError: a package that the format needs is not installed.
-        GridMapError: the file cannot be read, its format or an option is not known.
+        GridMapError: the file cannot be read, or its format or an option is unknown.
     """
     found = find_format(Path(path), options, name=format)
     return found.load(path, **options)  # type: ignore[misc]
@@ -114,19 +114,19 @@ def save(
 ) -> None:
     """Write a map to a file or folder; the name selects the format.
 
-    The file or folder is written atomically; one of the same format is replaced. If
-    several formats share an ending, the first that has all given options is taken.
+    The file or folder is written atomically; an existing one of the same format is
+    replaced. If several formats share an ending, the first that accepts all options is used.
 
     Args:
         grid_map: the map.
         path: the file or folder.
-        format: name of the format; the default follows from the name of the file.
+        format: name of the format; None selects the format by the file name.
         options: options of the format, such as `compress` (.npz, GeoTIFF), `bits` (images), `mode`
             (nav2's map_server), `topic` (bags).
 
     Raises:
         MissingPackageError: a package that the format needs is not installed.
-        GridMapError: the file cannot be written, its format or an option is not known.
+        GridMapError: the file cannot be written, or its format or an option is unknown.
     """
     found = find_format(Path(path), options, name=format, writes=True)
     found.save(grid_map, path, **options)  # type: ignore[misc]
@@ -134,10 +134,10 @@ def save(
 
 @cache
 def formats() -> dict[str, Format]:
-    """Return all formats by name: first the built-in ones, then those of entry points.
+    """Return all formats by name: first built-in formats, then formats of entry points.
 
-    A package adds a format with an entry point of the group `grid_map_core_py.formats`: the name
-    of the format and a `Format`. A format that cannot be loaded is left out, with a warning.
+    A package adds a format through an entry point of the group `grid_map_core_py.formats`, which
+    has its name and refers to a `Format`. A format that cannot be loaded is skipped with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
     # Built-in formats come first, because any folder may be a bag.
@@ -157,16 +157,16 @@ def formats() -> dict[str, Format]:
 def find_format(
     path: Path, options: Iterable[str] = (), *, name: str | None = None, writes: bool = False
 ) -> Format:
-    """Return the first format that fits a path and has all options.
+    """Return the first format that matches a path and accepts all options.
 
     Args:
         path: the file or folder.
-        options: names of options that the format must have.
-        name: name of the format; None selects it by the path.
+        options: names of options that the format must accept.
+        name: name of the format; None selects the format by the path.
         writes: True to write to the path, False to read it.
 
     Raises:
-        GridMapError: no format fits, or it lacks an option.
+        GridMapError: no format matches, or an option is unknown.
     """
 
     def fits(one: Format) -> bool:
@@ -198,7 +198,7 @@ def find_format(
 
 
 def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapError:
-    """Return the error for a path without a format; its package may be missing."""
+    """Return the error for a path that matches no format, or whose package is missing."""
     endings = {".mcap": "bag", ".db3": "bag", ".bt": "octomap", ".ot": "octomap"}
     kind = "bag" if (path / "metadata.yaml").exists() else endings.get(path.suffix.lower())
     if kind is not None and kind not in formats():

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GeoTIFF files: one float32 band per layer, with its name as description; NaN is no data.
+"""GeoTIFF files with one float32 band per layer; the band description is the layer name.
 
-Rows of a raster run to -y and columns to +x. A tag holds the frame, the time and the basic layers
-of the map. The position comes from the raster, so rasters cropped by other programs are correct.
+NaN is no data. Rows of a raster run towards -y and columns towards +x. A tag stores the frame, time
+and basic layers. The raster defines the position, so rasters cropped by other programs are correct.
 
-The first part reads and writes whole maps. `grid_map_core_py.tiled` reads and writes windows with
-the functions of the second part.
+The first part of this module reads and writes whole maps. `grid_map_core_py.tiled` reads and writes
+windows with the functions of the second part.
 """
 
 import json
@@ -35,7 +35,7 @@ _LARGEST_DIFFERENCE = 1e-6
 """Largest relative difference between the sides of a pixel."""
 
 _CACHE = 2**27
-"""Unpacked blocks that GDAL keeps in a process; its default is 5 % of the memory [bytes]."""
+"""Size of GDAL's block cache in a process [bytes]; GDAL's default is 5 % of the memory."""
 
 
 def save_geotiff(
@@ -43,14 +43,14 @@ def save_geotiff(
 ) -> None:
     """Write a map to a GeoTIFF file.
 
-    The file is written atomically; an existing one is replaced. It is built in memory.
+    The file is built in memory and written atomically; an existing file is replaced.
 
     Args:
-        grid_map: the map; a moved one is stored in map order.
+        grid_map: the map; it is stored in map order.
         path: the file.
-        crs: coordinate reference system of the frame, as rasterio reads it, such as "EPSG:25832",
-            WKT or a string of PROJ; empty for none.
-        compress: make the file smaller.
+        crs: coordinate reference system of the frame, as accepted by rasterio, such as
+            "EPSG:25832", WKT or a PROJ string; empty for none.
+        compress: whether to compress the file with Deflate.
     """
     check_ending(path, ".tif", ".tiff")
     rasterio = package_for(path, "GeoTIFF", "rasterio")
@@ -61,7 +61,7 @@ def save_geotiff(
         "timestamp": grid_map.timestamp,
         "basic_layers": grid_map.basic_layers,
     }
-    # Python writes the bytes, because GDAL reports no error if the disk is full in the end.
+    # Python writes the bytes, because GDAL reports no error if the disk is full on closing.
     with storage_errors(Path(path), "written"), rasterio.MemoryFile() as memory:
         profile = raster_profile(grid_map.geometry, len(grid_map.layers), crs, compress=compress)
         with memory.open(**profile) as raster:
@@ -73,11 +73,11 @@ def save_geotiff(
 
 
 def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
-    """Load a map from a GeoTIFF file of this or another program.
+    """Load a map from a GeoTIFF file of `save_geotiff` or another program.
 
-    A single band without a name becomes `elevation`, several become `band_1` and so on. Masked
-    pixels are NaN. Scales and offsets of bands are applied. Warns if the coordinates are not in
-    meters.
+    A single band without a name becomes the layer `elevation`; several become `band_1` and so on.
+    Masked pixels become NaN. Scales and offsets of bands are applied. The function warns if the
+    coordinates are not in meters.
 
     Args:
         path: the file, or a virtual file of GDAL, such as `/vsicurl/https://...`.
@@ -92,7 +92,7 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the metadata of a file; the errors are those of `load_geotiff`."""
+    """Return the metadata of a GeoTIFF file; raise the same errors as `load_geotiff`."""
     with _opened(path) as (raster, stored):
         facts: dict[str, Any] = {"crs": raster.crs.to_string()} if raster.crs else {}
         if origin := origin_of(raster, path):
@@ -102,7 +102,7 @@ def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
-    """Open a raster; yield it and its map."""
+    """Open a raster file; yield the raster and the map in it."""
     with storage_errors(Path(path), "read"), gdal(path), open_raster(path) as raster:
         if unit := unit_of(raster):
             warnings.warn(
@@ -120,20 +120,20 @@ def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
 
 
 def gdal(path: str | PathLike[str], **options: Any) -> Any:
-    """Return the rasterio environment, with a small block cache; GDAL logs errors in it."""
+    """Return a rasterio environment with a small block cache, in which GDAL logs errors."""
     if "GDAL_CACHEMAX" not in os.environ:
         options["GDAL_CACHEMAX"] = _CACHE
     return package_for(path, "GeoTIFF", "rasterio").Env(**options)
 
 
 def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
-    """Open a file with rasterio; `overview` 0 is its largest overview."""
+    """Open a file with rasterio; `overview` 0 is the largest overview."""
     level = {} if overview is None else {"overview_level": overview}
     return import_module("rasterio").open(os.fspath(path), **level)
 
 
 def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -> StoredMap:
-    """Return the map in an open raster."""
+    """Return the map in an open raster; its layers are read later."""
     tags = _tags_of(raster)
     names: list[str] = []
     for number, name in enumerate(raster.descriptions, 1):
@@ -159,7 +159,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 
 
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
-    """Return the origin of the map frame in the reference system [m], or None if both agree."""
+    """Return the origin of the map frame in the reference system [m]; None if both coincide."""
     tags = _tags_of(raster)
     if "origin" not in tags:
         return None
@@ -177,7 +177,7 @@ def _tags_of(raster: Any) -> dict[str, Any]:
 
 
 def unit_of(raster: Any) -> str:
-    """Return the unit of the coordinates of a raster; empty for meters and if it is unknown."""
+    """Return the coordinate unit of a raster; empty for meters and if unknown."""
     if raster.crs and raster.crs.is_geographic:
         return "degrees"
     if raster.crs and raster.crs.is_projected:
@@ -190,7 +190,7 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     """Return the geometry of an open raster.
 
     Raises:
-        ValueError: the pixels are not squares with north up, or the raster has no position.
+        ValueError: the pixels are not square with north up, or the raster has no position.
     """
     step = raster.transform
     if step.is_identity:
@@ -214,21 +214,21 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
 def read_pixels(
     raster: Any, bands: Sequence[int], window: tuple[slice, slice], images: Sequence[Layer]
 ) -> None:
-    """Read a window of some bands: masked pixels as NaN, with scales and offsets applied.
+    """Read a window of several bands; mask pixels as NaN, and apply scales and offsets.
 
     Args:
         raster: the open dataset.
-        bands: numbers of the bands, from 1 on.
-        window: lines and pixels of the raster.
+        bands: band numbers, starting at 1.
+        window: slices of the lines and pixels of the raster.
         images: arrays to fill, one per band: (lines, pixels) float32, of any strides.
 
     Raises:
-        ValueError: a band has complex numbers.
+        ValueError: a band contains complex numbers.
     """
     rectangle = import_module("rasterio.windows").Window.from_slices(*window)
     kinds = {flag.name for flags in raster.mask_flag_enums for flag in flags}
     is_plain = kinds == {"nodata"} and all(map(math.isnan, raster.nodatavals))
-    # All bands at once: GDAL would unpack blocks of interleaved bands once for each band.
+    # All bands at once; otherwise GDAL unpacks interleaved blocks once for each band.
     found = raster.read([*bands], window=rectangle, masked=not is_plain)
     if np.iscomplexobj(found):
         raise ValueError(f"expected real numbers, got {found.dtype}")
@@ -243,7 +243,7 @@ def read_pixels(
 def raster_profile(
     geometry: GridGeometry, layers: int, crs: str, *, compress: bool
 ) -> dict[str, Any]:
-    """Return the options of rasterio for a raster of layers, with north up."""
+    """Return the rasterio options of a north-up raster with one band per layer."""
     west, north = (geometry.position + [-0.5, 0.5] * geometry.length).tolist()
     step = geometry.resolution
     profile = {
@@ -258,7 +258,7 @@ def raster_profile(
         # A classic TIFF holds at most 4 GB.
         "BIGTIFF": "IF_SAFER",
     }
-    # Differences of floats between neighbors are small; the predictor for floats is 3.
+    # Neighboring floats differ little, so a predictor helps; 3 is the predictor for floats.
     return profile | ({"compress": "deflate", "predictor": 3} if compress else {})
 
 
@@ -268,8 +268,8 @@ def describe_raster(raster: Any, layers: Sequence[str], facts: dict[str, Any]) -
     Args:
         raster: the open dataset.
         layers: names of the bands.
-        facts: frame_id, timestamp, basic_layers; for a frame with another origin also `origin`,
-            its position in the reference system [m], and `crs`, that system.
+        facts: frame_id, timestamp, basic_layers; for a frame with another origin, also
+            its position `origin` [m] in the reference system `crs`.
     """
     raster.update_tags(**{_TAG: json.dumps(facts)})
     raster.descriptions = tuple(layers)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Height maps as gray images, and image files for all formats.
+"""Height maps stored as gray images, and image reading and writing for all formats.
 
 In files, up is +y and right is +x, as in GeoTIFF, nav2's `map_server` and RViz's view from above.
 In arrays of `grid_map_core_py.conversions`, up is +x, as in the images of the C++ package.
 
-The file of a height map holds only pixels: the caller gives the size of a pixel and the heights of
-black and of white.
+A height image stores only pixels; the caller provides the resolution and the heights of black and
+white.
 """
 
 import re
@@ -27,15 +27,15 @@ from ..map._grid_map import GridMap
 from ._shared import naming, new_file, storage_errors
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
-"""Endings of height maps that are written."""
+"""File name endings of height images that `save_height_image` writes."""
 
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 
 _PNM_HEAD = re.compile(rb"P([1-6])\s+(?:#.*\s+)*(\d+)\s+(?:#.*\s+)*(\d+)\s+(?:(?:#.*\s+)*(\d+)\s)?")
-"""Kind, width, height and, except in bitmaps, the value of white; comments may stand between."""
+"""PNM header: kind, width, height, value of white (not in bitmaps); comments may be between."""
 
 _TIFF_SHORT = 3
-"""Type of a number of 16 bits."""
+"""TIFF type code of 16-bit integers."""
 
 
 def load_height_image(
@@ -51,15 +51,15 @@ def load_height_image(
 ) -> GridMap:
     """Load a gray image as a map with one height layer.
 
-    Pixels that are transparent by more than half are NaN, and so is NaN in an image of floats.
-    Colors are converted to their luma.
+    Pixels that are more than half transparent become NaN; NaN in a floating-point image stays NaN.
+    Colors are converted to luma.
 
     Args:
         path: a PNG, TIFF, BMP or PGM file of uint8, uint16, float32 or float64.
         layers: None, or the name of the only layer.
         resolution: side of a pixel [m]; required.
-        lower, upper: heights of black and of white [m]. An image of floats holds the heights
-            themselves and takes neither.
+        lower, upper: heights of black and white [m]; invalid for floating-point images, which
+            store the heights themselves.
         height_layer: name of the layer.
         position: (2,) center of the map [m].
         frame_id: frame of the map.
@@ -100,16 +100,16 @@ def save_height_image(
 ) -> None:
     """Write one layer as a height image.
 
-    The file is written atomically; an existing one is replaced. NaN becomes transparent,
-    and stays NaN in an image of float32.
+    The file is written atomically; an existing file is replaced. NaN becomes transparent,
+    or stays NaN in a float32 image.
 
     Args:
-        grid_map: the map; a moved one is stored in map order.
+        grid_map: the map; it is stored in map order.
         path: the file; its name ends in .png, .tif or .tiff.
-        layer: the layer; None means the only one, or `elevation`.
-        bits: 8 or 16; 32 writes float32, for TIFF only. None means 16 for PNG and 32 for TIFF.
-        lower, upper: heights of black and of white [m]; None means the smallest and the largest
-            finite value. An image of float32 holds the heights themselves and takes neither.
+        layer: name of the layer; None means `elevation`, or the only layer.
+        bits: bits per pixel: 8, 16, or 32 (float32, TIFF only); None means 16, or 32 for TIFF.
+        lower, upper: heights of black and white [m]; None means the smallest and the largest
+            finite value. Invalid for float32 images, which store the heights themselves.
     """
     file = Path(path)
     ending = file.suffix.lower()
@@ -145,17 +145,17 @@ def chosen_layer(grid_map: GridMap, layer: str | None, usual: str) -> str:
 
 
 def to_north_up(image: Image) -> Image:
-    """Return an image in map order (up is +x, left is +y) with +y up and +x to the right."""
+    """Convert an image from map order (up is +x, left is +y) to +y up and +x to the right."""
     return image.swapaxes(0, 1)[:, ::-1]
 
 
 def from_north_up(image: Image) -> Image:
-    """Return an image with +y up and +x to the right in map order, the inverse of `to_north_up`."""
+    """Convert an image with +y up and +x to the right to map order; inverse of `to_north_up`."""
     return image[:, ::-1].swapaxes(0, 1)
 
 
 def encode_image(image: Image, ending: str) -> bytes:
-    """Return the bytes of an image file with the ending, such as ".png"."""
+    """Encode an image in the format of a file name ending, such as ".png"."""
     done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")
@@ -163,14 +163,14 @@ def encode_image(image: Image, ending: str) -> bytes:
 
 
 def write_image(file: Path, image: Image) -> None:
-    """Write an image to a file, atomically."""
+    """Write an image file atomically."""
     data = encode_image(image, file.suffix.lower())
     with new_file(file) as temporary:
         temporary.write_bytes(data)
 
 
 def read_image(file: Path) -> Image:
-    """Return the pixels of a PNG, TIFF, BMP, PNM or JPEG file.
+    """Read the pixels of a PNG, TIFF, BMP, PNM or JPEG file.
 
     Returns:
         (rows, cols) gray, (rows, cols, 3) BGR or (rows, cols, 4) BGRA; uint8, uint16 or floats.
@@ -188,7 +188,7 @@ def read_image(file: Path) -> Image:
     check_cells(f"{file}: image", pixels.shape)
     head = _PNM_HEAD.match(data)
     if head and head[1] in b"25":
-        # OpenCV returns the values unscaled, whatever maximum value the file declares.
+        # OpenCV does not scale the values by the maximum value that the file declares.
         white, largest = int(head[4]), 255 if pixels.dtype == np.uint8 else 65535
         if white != largest:
             pixels = np.rint(pixels * (largest / white)).astype(pixels.dtype)
@@ -196,7 +196,7 @@ def read_image(file: Path) -> Image:
 
 
 def _claimed_size(data: bytes) -> tuple[int, int]:
-    """Return rows and columns from a PNG, BMP, PNM or TIFF header, else zeros."""
+    """Return the rows and columns declared in a PNG, BMP, PNM or TIFF header, else zeros."""
     if data.startswith(b"\x89PNG"):
         columns, rows = struct.unpack_from(">II", data, 16)
         return rows, columns

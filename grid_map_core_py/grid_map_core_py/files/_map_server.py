@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Occupancy maps of nav2's `map_server`: a YAML file and an image beside it.
 
-The YAML file defines how pixels become occupancies. With `shade` from 0 (black) to 1 (white) and
-`occ = 1 - shade`, or `occ = shade` with `negate`:
+The YAML file defines how pixels are converted to occupancies. `shade` is the mean of the color
+channels, from 0 (black) to 1 (white); `occ` is `1 - shade`, or `shade` with `negate`. Modes:
 
-- `trinary`: 100 above `occupied_thresh`, 0 below `free_thresh`, unknown between. Alpha counts as a
-  fourth channel of the mean.
-- `scale`: the same beyond the thresholds; between them 0 to 100 in proportion, rounded to the
+- `trinary`: 100 if `occ` is above `occupied_thresh`, 0 below `free_thresh`, else unknown. Alpha is
+  a fourth channel of the mean.
+- `scale`: the same outside the thresholds; between them, linear from 0 to 100, rounded to the
   nearest integer, ties to even. Pixels that are not opaque are unknown.
 - `raw`: the value of the pixel if it is 0 to 100, else unknown. `negate` has no effect.
 
-`shade` is the mean of the color channels. In the map, occupancy is 0 to 100, and unknown is NaN.
+In the map, occupancies are 0 to 100, and unknown is NaN.
 Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
 """
 
@@ -41,10 +41,10 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free), which restore every written value."""
+"""Default thresholds (occupied, free), with which loading restores all saved values."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
-"""Pixels of occupied, unknown and free cells that `map_saver` writes in mode trinary."""
+"""Pixel values of occupied, unknown and free cells that `map_saver` writes in mode trinary."""
 
 
 def load_map_server(
@@ -57,14 +57,14 @@ def load_map_server(
     """Load an occupancy map of nav2's `map_server`.
 
     Args:
-        path: the YAML file, or a folder that holds `map.yaml`.
+        path: the YAML file, or a folder that contains `map.yaml`.
         layers: None, or the name of the only layer.
-        occupancy_layer: name of the layer; it holds 0 (free) to 100 (occupied), NaN is unknown.
+        occupancy_layer: name of the layer; values are 0 (free) to 100 (occupied), or NaN (unknown).
         frame_id: frame of the map.
 
     Raises:
-        LayerNotFoundError: `layers` asks for another layer.
-        GridMapError: a file is missing or damaged, a key is missing or is invalid, or the map
+        LayerNotFoundError: `layers` contains another name.
+        GridMapError: a file is missing or damaged, a key is missing or invalid, or the map
             is rotated (yaw in `origin`).
     """
     file = Path(path)
@@ -75,7 +75,7 @@ def load_map_server(
     image = file.parent / settings.image
     with storage_errors(image, "read"):
         pixels = read_image(image)
-        # A few rows at a time; their temporaries take many times the memory of the pixels.
+        # A few rows at a time, because temporaries use many times the memory of the pixels.
         parts = slices(len(pixels), PIECE // pixels.shape[1])
         values = np.concatenate([_occupancy(pixels[part], settings) for part in parts])
     occupancy = from_north_up(values)
@@ -99,21 +99,21 @@ def save_map_server(
     occupied_thresh: float | None = None,
     free_thresh: float | None = None,
 ) -> None:
-    """Write occupancies as a map of nav2's `map_server`.
+    """Write a layer as an occupancy map of nav2's `map_server`.
 
     The image is a PGM file beside the YAML file, or a PNG file in mode `scale`, which needs alpha.
     The YAML file is replaced last; until then, the old map stays intact.
 
     Args:
-        grid_map: the map; a moved one is stored in map order.
+        grid_map: the map; it is stored in map order.
         path: the YAML file.
-        layer: the layer of 0 (free) to 100 (occupied), rounded to integers; NaN and values beyond
-            are unknown. None means `occupancy`, or the only layer.
-        mode: `trinary` keeps occupied, free and unknown, `scale` and `raw` all values.
-        negate: white is occupied.
-        occupied_thresh, free_thresh: bounds of occupied and of free, 0 to 1. None means 0.65 and
-            0.196, or 1 and 0 in mode `scale`. Scaled values come back exactly if the thresholds are
-            at least 0.4 apart.
+        layer: layer with values 0 (free) to 100 (occupied), rounded to integers; NaN and other
+            values are unknown. None means `occupancy`, or the only layer.
+        mode: `trinary` keeps occupied, free and unknown; `scale` and `raw` keep all values.
+        negate: whether white means occupied.
+        occupied_thresh, free_thresh: thresholds of occupied and free, 0 to 1. None means 0.65 and
+            0.196, or 1 and 0 in mode `scale`. Loading restores scaled values exactly if the
+            thresholds are at least 0.4 apart.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")
@@ -206,7 +206,7 @@ def _occupancy(pixels: Image, settings: _Settings) -> Layer:
 
 
 def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
-    """Return the image from which `_occupancy` reads the values."""
+    """Return the image that `_occupancy` converts back to the values."""
     rounded = np.rint(values.astype(np.float64))
     known = (rounded >= 0) & (rounded <= 100)
     rounded = np.where(known, rounded, 0.0)
@@ -216,7 +216,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
         gray = np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5))
         return np.dstack([gray, gray, gray, 255 * known]).astype(np.uint8)
-    # Between the thresholds, because the usual pixel of unknown cells may lie outside.
+    # Between the thresholds, because the usual pixel value of unknown cells may be outside.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)
@@ -226,7 +226,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the image that `save_map_server` has written for an existing YAML file."""
+    """Return the path of the image that `save_map_server` wrote for an existing YAML file."""
     if not file.exists():
         return None
     document = load_yaml(file)

@@ -30,8 +30,8 @@ _LAYERS = "layers/"
 def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = False) -> None:
     """Write a map to an `.npz` file.
 
-    Layers are stored in map order: a map that has moved comes back with start index (0, 0). The
-    file is written atomically; an existing one is replaced.
+    Layers are stored in map order, so the loaded map has the start index (0, 0). The file is
+    written atomically; an existing file is replaced.
 
     Args:
         grid_map: the map.

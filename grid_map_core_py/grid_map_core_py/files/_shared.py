@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Shared by the file formats: errors, metadata, lazily read maps, atomic writing and YAML."""
+"""Helpers of the file formats: errors, metadata, lazily read maps, atomic writing and YAML."""
 
 import os
 import re
@@ -26,11 +26,11 @@ _KNOWN = (
     *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
     *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
 )
-"""Endings with a fixed meaning."""
+"""File name endings that belong to a format."""
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
-    """Refuse a name whose ending belongs to another format."""
+    """Raise `GridMapError` if the ending of a file name belongs to another format."""
     ending = Path(path).suffix.lower()
     if ending in _KNOWN and ending not in own:
         raise GridMapError(f"{path}: expected a name that ends in {' or '.join(own)}, got {ending}")
@@ -38,7 +38,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Convert all errors of reading or writing a file to a GridMapError that names it.
+    """Convert all errors while reading or writing a file to a `GridMapError` with its path.
 
     Args:
         file: the file.
@@ -64,7 +64,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 @contextmanager
 def naming(path: str | PathLike[str]) -> Iterator[None]:
-    """Prefix errors with the name of a file."""
+    """Prefix the messages of errors with the path of a file."""
     try:
         yield
     except GridMapError as error:
@@ -73,7 +73,7 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Return the package for a kind of file; the error says how to install it."""
+    """Import the package for a kind of file; if it is missing, the error says how to install it."""
     return errors.required(name, f"{path}: {kind}", f"pip install {name}")
 
 
@@ -101,7 +101,7 @@ class StoredMap:
     layers: Sequence[str]
     basic_layers: Sequence[str]
     read: Callable[[Sequence[str]], Iterable[ArrayLike]]
-    """Returns layers in map order."""
+    """Reads layers by name, in map order."""
     file: Path
 
     def load(self, layers: Iterable[str] | None) -> GridMap:
@@ -113,7 +113,7 @@ class StoredMap:
         return grid_map
 
     def facts(self) -> dict[str, Any]:
-        """Return the same as `map_facts` of the whole map."""
+        """Return `map_facts` of the whole map, without reading a layer."""
         names = {"layers": [*self.layers], "basic_layers": [*self.basic_layers]}
         return map_facts(self.empty) | names
 
@@ -123,7 +123,7 @@ class StoredMap:
 
 @contextmanager
 def new_file(path: str | PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary name; on success the file written there replaces the one at `path`."""
+    """Yield a temporary path; on success, the file written there replaces the file at `path`."""
     with _beside(path) as (temporary, target):
         yield temporary
         _sync(temporary)
@@ -132,15 +132,15 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -> Iterator[Path]:
-    """Yield an empty temporary folder; on success it replaces the one at `path`.
+    """Yield an empty temporary folder; on success, it replaces the folder at `path`.
 
     Args:
         path: path of the folder.
-        check_old: called with an existing folder or file before writing and again before replacing
-            it; raises an error to keep it.
+        check_old: function called with an existing folder or file, before writing and again before
+            replacing; raises an error to prevent the replacement.
 
     Raises:
-        OSError: the parent folder is missing or cannot be written to; it names `path`.
+        OSError: the parent folder is missing or not writable; the error names `path`.
     """
     with _beside(path) as (temporary, target):
         if target.exists():
@@ -157,7 +157,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Replace a folder with another one; the old one briefly has a hidden name."""
+    """Replace the folder `target` with `temporary`; a hidden name keeps the old one meanwhile."""
     old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
     target.rename(old)
     try:
@@ -170,7 +170,7 @@ def replace_folder(temporary: Path, target: Path) -> None:
 
 @contextmanager
 def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
-    """Yield a temporary name and the target with links resolved; errors name `path`."""
+    """Yield a temporary path and the target with resolved links; errors name `path`."""
     target = Path(path).resolve()
     if not target.parent.is_dir():
         raise FileNotFoundError(2, f"there is no folder {Path(path).parent}", str(path))
@@ -185,7 +185,7 @@ def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
 
 
 def _sync(path: Path) -> None:
-    """Flush a file or the names in a folder to disk."""
+    """Flush a file or the entries of a folder to disk."""
     number = os.open(path, os.O_RDONLY)
     try:
         os.fsync(number)
@@ -200,7 +200,7 @@ class _Loader(yaml.SafeLoader):
     """YAML loader that reads `1e-3` as a number and refuses duplicate keys."""
 
     def flatten_mapping(self, node: Any) -> None:
-        """Check the keys of a mapping before merged ones are added to them."""
+        """Check a mapping for duplicate keys before merge keys (`<<`) are expanded."""
         if not hasattr(node, "checked"):
             node.checked, known = True, set()
             for key, _ in node.value:
@@ -219,7 +219,7 @@ _Loader.add_implicit_resolver(
 
 
 def load_yaml(path: str | PathLike[str]) -> Any:
-    """Return the content of a YAML file.
+    """Read a YAML file.
 
     Numbers such as `1e-3` are read as in ROS; duplicate keys are an error.
     """
@@ -231,7 +231,7 @@ def load_yaml(path: str | PathLike[str]) -> Any:
 
 
 def parse_yaml(text: str | bytes, name: object) -> Any:
-    """Return the content of a YAML text; `name` names it in errors.
+    """Parse a YAML text; `name` identifies the text in errors.
 
     Raises:
         GridMapError: the text is not valid YAML, or a key occurs twice.

@@ -2,10 +2,9 @@
 """Grid maps: `GridMap`, its geometry, interpolation and signed distance fields.
 
 - `GridMap`: layers over a grid, with moves, submaps, merging, transforms and interpolation.
-- `GridGeometry`: size, resolution and place of a grid; positions to cells and back.
-- `Interpolation`: the methods of `GridMap.at_position`.
-- `BufferRegion` and `unwrapped`: the circular buffer in which layers are stored.
-- `is_name` and `select_layers`: names of layers that users give, checked.
+- `GridGeometry`: size, resolution and position of a grid; converts positions to cells and back.
+- `Interpolation`: interpolation methods of `GridMap.at_position`.
+- `BufferRegion`: a rectangle of the circular buffer in which layers are stored.
 - `SignedDistanceField`: distances from points in space to the surface of a layer.
 """
 

@@ -15,24 +15,24 @@ from numpy.typing import NDArray
 from .._arrays._checks import Mask, Positions
 
 Coordinate = TypeVar("Coordinate", float, NDArray[Any])
-"""One coordinate [m], or an array of them. NumPy and Python round both alike."""
+"""One coordinate [m] or an array of coordinates. NumPy and Python round both equally."""
 
 BORDER_TOLERANCE = 1e-9
-"""Distance [m] at which an edge or rim counts as on a cell border or center."""
+"""Distance [m] within which an edge or rim counts as lying on a cell border or center."""
 
 
 class Axis:
-    """The cells along x, or along y.
+    """Cells of a grid along x or y.
 
-    All attributes are plain numbers, which are several times faster than NumPy scalars; those of
-    `both_axes` are arrays.
+    All attributes are plain numbers, which are several times faster than NumPy scalars; in the
+    result of `both_axes`, they are arrays.
 
     Attributes:
         size: number of cells.
         resolution: side of a cell [m].
         center: coordinate of the center of the map [m].
         length: side of the map [m].
-        half: half the side [m].
+        half: half of `length` [m].
         first: center of cell 0 [m].
     """
 
@@ -47,10 +47,10 @@ class Axis:
         self.first = center + 0.5 * (self.length - resolution)
 
     def contains(self, x: Coordinate) -> bool | Mask:
-        """Return whether coordinates are on the map; NaN is not.
+        """Return whether coordinates are on the map; False for NaN.
 
-        The + border belongs to the map, the - border does not. Rounded as in the C++ library, so
-        that a position on a border falls to the same side.
+        The + border belongs to the map, the - border does not. Rounding is as in the C++
+        library, so that a position on a border falls on the same side.
         """
         offset = self.offset(x)
         return (offset >= 0.0) & (offset < self.length)
@@ -62,8 +62,8 @@ class Axis:
     def steps(self, x: Coordinate) -> Coordinate:
         """Return the distances of coordinates from the + border [cells].
 
-        Rounded as in the C++ library, unlike `contains`: the distance of a coordinate on the map
-        may be a rounding error below 0, or reach `size`.
+        Rounding is as in the C++ library, but differs from `contains`: for a coordinate on the map,
+        the distance may be slightly below 0, or equal to `size`.
         """
         steps = x - self.half
         steps -= self.center
@@ -72,12 +72,12 @@ class Axis:
 
     @property
     def precision(self) -> float:
-        """Distance between neighboring floats of about the size of the coordinates [m]."""
+        """Spacing of floats at the magnitude of the largest coordinate [m]."""
         return math.ulp(abs(self.center) + self.length)
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The smallest and the largest coordinate on the map [m], up to `precision`."""
+        """Smallest and largest coordinate on the map [m], up to `precision`."""
         lower, upper, step = self.center - self.half, self.center + self.half, self.precision
         while not self.offset(lower) < self.length:
             lower += step
@@ -86,7 +86,7 @@ class Axis:
         return lower, upper
 
     def cell_at(self, x: float) -> int:
-        """Return the cell under a coordinate on the map; a cell owns its + border."""
+        """Return the cell that contains a coordinate on the map, including its + border."""
         return min(max(int(self.steps(x)), 0), self.size - 1)
 
     def center_of(self, cell: Coordinate) -> Coordinate:
@@ -94,24 +94,24 @@ class Axis:
 
     def centers(self, first: int, stop: int) -> Positions:
         """Return the centers [m] of the cells `first` ... `stop` - 1."""
-        # Counting in floats saves their conversion.
+        # A range of floats needs no conversion.
         return self.center_of(np.arange(first, stop, dtype=np.float64))
 
     def between(
         self, x: Coordinate, closed_above: bool, rounding: Any = np
     ) -> tuple[Any, Coordinate]:
-        """Return the interval between cell centers that holds each coordinate.
+        """Return the interval between cell centers that contains each coordinate.
 
         Args:
             x: coordinates on the map [m].
             closed_above: True if a coordinate on a center belongs to the interval below it (t = 1),
                 not to the one above it (t = 0).
-            rounding: the module with `trunc`, `floor` and `ceil`: `math` for one coordinate.
+            rounding: module with `trunc`, `floor` and `ceil`; `math` for a single coordinate.
 
         Returns:
-            below: the cell at the lower end, 0 ... `size`; the cell at the upper end is the one
-                before.
-            t: place in the interval, from 0 to 1.
+            below: cell at the lower end, 0 ... `size`; the cell at the upper end is
+                `below` - 1.
+            t: position in the interval, from 0 to 1.
         """
         cell = rounding.trunc(self.steps(x))
         # Rounded like the map's own cell centers, so that t is exactly 0 at a center.
@@ -125,11 +125,11 @@ class Axis:
     def overlapped(self, lower: float, upper: float) -> slice:
         """Return the slice of cells that an interval overlaps; it may be empty.
 
-        An end within `BORDER_TOLERANCE` of a cell border adds no further cell.
+        An end within `BORDER_TOLERANCE` of a cell border adds no cell.
         """
         size, tolerance = self.size, BORDER_TOLERANCE / self.resolution
         near, far = self.steps(upper) + tolerance, self.steps(lower) - tolerance
-        # For far positions, the number of cells may be infinite. `min` and `max` take longer.
+        # For distant positions, `near` or `far` may be infinite. `min` and `max` would be slower.
         if near >= size or (near < 0.0 and far <= 0.0):
             return slice(0, 0)
         first = int(near) if near > 0.0 else 0
@@ -137,9 +137,9 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return the number of cells, towards smaller coordinates, from this center to another one.
+        """Return the number of cells from this center to another, positive towards smaller x or y.
 
-        Rounded half away from zero; NaN for an infinite number.
+        Halves are rounded away from zero; an infinite number becomes NaN.
         """
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)
@@ -148,11 +148,11 @@ class Axis:
         return Axis(self.size, self.resolution, center)
 
     def shifted(self, shift: int) -> Axis:
-        """Return the axis moved by whole cells, towards smaller coordinates."""
+        """Return the axis moved by `shift` cells towards smaller coordinates."""
         return self.at(self.center - self.resolution * shift)
 
     def block(self, first: int, stop: int) -> Axis:
-        """Return the axis of a block of these cells."""
+        """Return the axis of the cells `first` ... `stop` - 1."""
         size = stop - first
         corner = self.center + self.half
         center = corner - self.resolution * (first + 0.5 * size)
@@ -160,7 +160,7 @@ class Axis:
 
 
 def both_axes(x: Axis, y: Axis) -> Axis:
-    """Return an axis whose numbers are arrays (2, 1), for coordinates (2, N)."""
+    """Combine two axes into one with (2, 1) arrays as attributes, for coordinates (2, N)."""
     size: Any = np.array([[x.size], [y.size]])
     center: Any = np.array([[x.center], [y.center]])
     return Axis(size, x.resolution, center)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Geometry of a grid: conversion between positions and cell indices.
 
-Cells are counted here from the corner with the largest x and y, rows towards -x and columns towards
--y, as if the map had never moved. `_axis` has the arithmetic, `_ring_buffer` knows where a cell is
-stored.
+Cells are counted from the corner with the largest x and y, rows towards -x and columns towards -y,
+as if the map had never moved. `_axis` contains the arithmetic; `_ring_buffer` converts cells to
+buffer indices.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from . import _ring_buffer as ring_buffer
 from ._axis import Axis, both_axes
 
 _SUBNORMAL = float(np.nextafter(np.finfo(np.float64).tiny, 0.0))
-"""Largest subnormal number; as a resolution [m], subnormal numbers lose digits."""
+"""Largest subnormal number; a resolution [m] must exceed it, as subnormal numbers lose digits."""
 
 _LARGEST_SIDE = 2**31  # largest number of cells along a side; larger layers cannot be addressed
 _LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot count single cells
@@ -41,7 +41,7 @@ _LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot cou
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class GridGeometry:
-    """Size, resolution and place of a grid; immutable.
+    """Immutable geometry of a grid: size, resolution and position.
 
     Args:
         length: (2,) side lengths along x and y [m]; rounded to whole cells.
@@ -83,12 +83,12 @@ class GridGeometry:
     def from_size(
         cls, size: Size, resolution: float, position: ArrayLike = (0.0, 0.0)
     ) -> GridGeometry:
-        """Return the geometry with `size` rows and columns of cells."""
+        """Create a geometry from the numbers of rows and columns, `size`."""
         (rows, columns), resolution = as_size(size, "size"), as_number(resolution, "resolution")
         return cls((rows * resolution, columns * resolution), resolution, position)
 
     def at(self, position: ArrayLike) -> GridGeometry:
-        """Return the same grid centered on another position."""
+        """Return a grid of the same size centered on another position."""
         x, y = as_pair(position, "position")
         return self._of(self._x.at(x), self._y.at(y))
 
@@ -109,7 +109,7 @@ class GridGeometry:
 
     @property
     def corner(self) -> Positions:
-        """(2,) the corner with the largest x and y [m], where cell (0, 0) lies."""
+        """(2,) corner of the map with the largest x and y [m], at cell (0, 0)."""
         return self.position + 0.5 * self.length
 
     def is_inside(self, positions: ArrayLike) -> Mask:
@@ -139,7 +139,7 @@ class GridGeometry:
         return bool(self._x.contains(x) and self._y.contains(y))
 
     def cell_at(self, position: Pair, start_index: Size = (0, 0)) -> Size | None:
-        """Return the cell under one position x, y [m], or None outside; faster than `cells_at`."""
+        """Return the cell that contains one position x, y [m], or None outside the map."""
         if not self.contains(position):
             return None
         x, y = position
@@ -148,16 +148,16 @@ class GridGeometry:
         return (self._x.cell_at(x) + row) % rows, (self._y.cell_at(y) + column) % columns
 
     def cells_at(self, positions: ArrayLike, start_index: Size = (0, 0)) -> tuple[Cells, Mask]:
-        """Return the cell under each position and whether the position is on the map.
+        """Return the cell that contains each position, and a mask of the positions on the map.
 
         Args:
             positions: (..., 2) x, y [m], map frame.
-            start_index: place of cell (0, 0) in the circular buffer; cells are buffer indices.
+            start_index: buffer index of cell (0, 0); all cells are buffer indices.
 
         Returns:
-            cells: (rows, cols), each (...) int64; for a position outside, the border cell nearest
-                along each axis.
-            inside: (...) bool.
+            cells: (rows, cols), each (...) int64. Positions outside the map get the border cell
+                that is nearest along each axis.
+            inside: (...) bool, True for positions on the map.
         """
         positions = as_positions(positions)
         points = positions.reshape(-1, 2)
@@ -172,8 +172,8 @@ class GridGeometry:
                     # Checking all cells at once is faster than searching for the few outside.
                     if not (steps.min() > self._rounding and steps.max() < size - self._rounding):
                         inside[part] &= axis.contains(coordinates)
-                        # NaN becomes 0. A position within rounding of the far border can lie
-                        # beyond it.
+                        # NaN becomes 0. Rounding can place a position near the far border
+                        # beyond that border.
                         np.fmax(steps, 0.0, out=steps)
                         np.minimum(steps, size - 1, out=steps)
                     found = cells[number, part]
@@ -194,7 +194,7 @@ class GridGeometry:
 
         Args:
             cells: (rows, cols), or (N, 2).
-            start_index: place of cell (0, 0) in the circular buffer; cells are buffer indices.
+            start_index: buffer index of cell (0, 0); all cells are buffer indices.
 
         Returns:
             (N, 2) x, y [m], map frame; (2,) for one cell.
@@ -213,26 +213,26 @@ class GridGeometry:
         return positions
 
     def axes_in_map_order(self) -> tuple[Positions, Positions]:
-        """Return the x of every row (rows,) and the y of every column (cols,) [m], both descending.
+        """Return the x of each row (rows,) and the y of each column (cols,) [m], both descending.
 
-        `GridMap.axes` returns them in the order in which layers are stored.
+        `GridMap.axes` returns both in the order in which layers are stored.
         """
         rows, columns = self.size
         return self._x.centers(0, rows), self._y.centers(0, columns)
 
     @cached_property
     def negated_axes(self) -> tuple[Positions, Positions]:
-        """Negated `axes_in_map_order`, ascending as `searchsorted` needs them; read-only."""
+        """Negated `axes_in_map_order`, ascending as `searchsorted` requires; read-only."""
         x, y = (-axis for axis in self.axes_in_map_order())
         x.flags.writeable = y.flags.writeable = False
         return x, y
 
     def check_indices(self, cells: ArrayLike, name: str = "index") -> Cells:
-        """Return cells as (rows, cols) that are on the map.
+        """Return cells as (rows, cols) after checking that all are on the map.
 
         Args:
             cells: (rows, cols), or (N, 2).
-            name: name of the parameter, for the message.
+            name: name of the parameter, for error messages.
         """
         cells = as_cells(cells, name)
         if not cells[0].size or all(
@@ -263,7 +263,7 @@ class GridGeometry:
         return rows, columns
 
     def overlapped(self, position: ArrayLike, length: ArrayLike) -> tuple[slice, slice]:
-        """Return the rows and columns of the rectangle that `GridMap.get_submap` describes."""
+        """Return the rows and columns of the cells that `GridMap.get_submap` copies."""
         center, sides = as_pair(position, "position"), as_pair(length, "length")
         (x, y), (length_x, length_y) = center, sides
         if length_x < 0 or length_y < 0:
@@ -292,7 +292,7 @@ class GridGeometry:
         return np.where(self.is_inside(positions)[..., None], positions, clamped)
 
     def index_shift(self, position: ArrayLike) -> Size:
-        """Return the shift in rows and columns that brings the map nearest to `position`.
+        """Return the shift in rows and columns that centers the map as near `position` as possible.
 
         Rounded half away from zero; positive towards -x and -y.
         """
@@ -303,11 +303,11 @@ class GridGeometry:
         return int(rows), int(columns)
 
     def shifted(self, shift: Size) -> GridGeometry:
-        """Return the grid moved by whole cells, in the units of `index_shift`."""
+        """Return the grid moved by a shift in rows and columns, as `index_shift` returns it."""
         return self._of(self._x.shifted(shift[0]), self._y.shifted(shift[1]))
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Unpickled by default, the arrays would be writable.
+        # With the default pickling, unpickled arrays would be writable.
         return GridGeometry, (self._sides, self.resolution, self._middle)
 
     def __eq__(self, other: object) -> bool:
@@ -332,7 +332,7 @@ class GridGeometry:
 
     @staticmethod
     def _of(x: Axis, y: Axis) -> GridGeometry:
-        """Return the grid of two axes, without checks."""
+        """Create a geometry from two axes, without checks."""
         result = object.__new__(GridGeometry)
         result._set_up(x, y)
         return result
@@ -347,12 +347,12 @@ class GridGeometry:
 
     @cached_property
     def _both(self) -> Axis:
-        """Both axes at once, for coordinates (2, N)."""
+        """Both axes as one `Axis` of arrays, for coordinates (2, N)."""
         return both_axes(self._x, self._y)
 
     @cached_property
     def _rounding(self) -> float:
-        """Bound of the difference between the two roundings of an axis [cells]."""
+        """Largest difference between `Axis.steps` and `Axis.offset` due to rounding [cells]."""
         return 4.0 * max(self._x.precision, self._y.precision) / self.resolution
 
 

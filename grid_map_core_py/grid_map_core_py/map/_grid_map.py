@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The grid map: named layers over one grid."""
+"""`GridMap`, a grid with named layers."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ from ._transform import transformed_map
 if TYPE_CHECKING:
     import xarray
 
-_NO_DATA = np.array(nan, np.float32)  # an array, which NumPy writes faster than a number
+_NO_DATA = np.array(nan, np.float32)  # NumPy assigns an array faster than a number
 
 
 class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
-    and writing into it changes the map; `map[layer] = values` adds or replaces a layer. Row 0,
-    column 0 of a map that has not moved is the corner with the largest x and y; rows run towards
-    -x, columns towards -y. NaN means "no data"; finite values beyond float32 become infinite, with
-    a `RuntimeWarning`. After `move` the rows and columns of the arrays are
-    rotated (a circular buffer that begins at `start_index`). `axes()`, positions and regions follow
-    the rotation; `unwrapped(layer)` and `set_unwrapped(layer, values)` use map order instead.
+    and writing into this array changes the map; `map[layer] = values` adds or replaces a layer. In
+    a map that has not moved, row 0, column 0 is the corner with the largest x and y; rows run
+    towards -x and columns towards -y. NaN means "no data"; finite values beyond float32 become
+    infinite, with a `RuntimeWarning`. After `move`, the arrays are circular buffers that begin at
+    `start_index`. `axes()`, positions and regions account for the start index;
+    `unwrapped(layer)` and `set_unwrapped(layer, values)` use map order instead.
 
-    Two maps are equal if they describe the same world: grid, frame, time, basic layers, and values
-    in map order, where NaN equals NaN. The order of the layers and the start index do not matter.
-    Maps are mutable and cannot be hashed.
+    Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
+    equal; NaN equals NaN. The order of the layers and the start index do not matter. Maps are
+    mutable and not hashable.
 
     Args:
         length: (2,) side lengths along x and y [m], rounded to whole cells.
@@ -64,9 +64,8 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: coordinate frame that all positions refer to.
         timestamp: time of the data [ns].
 
-    All methods raise `LayerNotFoundError` for a layer that the map lacks, `OutOfMapError` for a
-    position or an index outside the map, and `GeometryError` for numbers that are not finite and
-    arrays of a wrong shape.
+    All methods raise `LayerNotFoundError` for a missing layer, `OutOfMapError` for a position or an
+    index outside the map, and `GeometryError` for non-finite numbers and arrays of the wrong shape.
 
     Example:
         >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
@@ -128,7 +127,7 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         if not isinstance(layers, Mapping):
             layers = dict.fromkeys(as_names(layers), np.nan)
-        # Conversions of small messages begin with a map without layers.
+        # Skipping empty updates speeds up conversions of small messages.
         if layers:
             self.update(layers)
         if basic_layers != ():
@@ -154,12 +153,12 @@ class GridMap(MutableMapping[str, Layer]):
 
     @property
     def geometry(self) -> GridGeometry:
-        """Size, resolution and place of the grid, without the layers."""
+        """Geometry of the grid: size, resolution and position."""
         return self._geometry
 
     @property
     def size(self) -> Size:
-        """Rows (along x) and columns (along y)."""
+        """Number of rows (along x) and columns (along y)."""
         return self._geometry.size
 
     @property
@@ -181,7 +180,7 @@ class GridMap(MutableMapping[str, Layer]):
     def position(self) -> Positions:
         """(2,) center of the map [m].
 
-        Setting it shifts the map and its data in the frame; `move` leaves the data where it is.
+        Setting `position` shifts the map together with its data; `move` keeps the data in place.
         """
         return self._geometry.position
 
@@ -191,9 +190,9 @@ class GridMap(MutableMapping[str, Layer]):
 
     @property
     def start_index(self) -> Size:
-        """Row and column of the buffer where cell (0, 0) of the map is stored.
+        """Buffer row and column at which cell (0, 0) of the map is stored.
 
-        Setting it reinterprets the stored data; no data is copied.
+        Setting `start_index` reinterprets the stored data; no data is copied.
         """
         return self._start
 
@@ -292,32 +291,32 @@ class GridMap(MutableMapping[str, Layer]):
         """Add or replace layers, as `dict.update` does.
 
         Args:
-            layers: names and values, or a map of the same size, with any start index.
-            named: more layers.
+            layers: names and values, or a map of the same size with any start index.
+            named: further layers as keyword arguments.
         """
         for name, value in {**dict(self._in_my_order(layers)), **named}.items():
             self[name] = value
 
     def setdefault(self, layer: str, default: ArrayLike = np.nan) -> Layer:
-        """Return a layer; add it with the value `default` if the map lacks it."""
+        """Return a layer; if it is missing, first add it with the value `default`."""
         if layer not in self:
             self[layer] = default
         return self[layer]
 
     def add(self, layer: str, value: ArrayLike = np.nan) -> None:
-        """Add a layer, or replace it: `map[layer] = value`.
+        """Add or replace a layer, as `map[layer] = value` does.
 
         Args:
             layer: name of the layer.
-            value: a number for all cells, or (rows, cols) in the order of the buffer; copied.
+            value: a number for all cells, or a (rows, cols) array in buffer order; copied.
         """
         self[layer] = value
 
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
-        """Return a map with these layers added or replaced.
+        """Return a new map with these layers added or replaced.
 
-        The other layers are shared with this map: neither should be written into afterwards.
-        Float32 arrays in Fortran order are adopted without a copy.
+        Both maps share the other layers, so neither map should be modified afterwards. Float32
+        arrays in Fortran order are used without a copy.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
@@ -327,26 +326,26 @@ class GridMap(MutableMapping[str, Layer]):
         return self._with({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
-        """Return a map without the named layers; the others are shared as in `with_layers`."""
+        """Return a new map without the named layers; the rest is shared as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
         return self._with({n: data for n, data in self._layers.items() if n not in dropped})
 
     def clear(self, layer: str) -> None:  # type: ignore[override]
-        """Set a layer to NaN; the layer stays."""
+        """Set all values of a layer to NaN."""
         self[layer][...] = np.nan
 
     def clear_basic(self) -> None:
-        """Set the basic layers to NaN."""
+        """Set all values of the basic layers to NaN."""
         for name in self._basic_layers:
             self.clear(name)
 
     def clear_all(self) -> None:
-        """Set all layers to NaN."""
+        """Set all values of all layers to NaN."""
         for name in self._layers:
             self.clear(name)
 
     def copy(self) -> GridMap:
-        """Return a deep copy."""
+        """Return a deep copy of the map."""
         return self._with({name: data.copy("F") for name, data in self._layers.items()})
 
     __copy__ = copy
@@ -354,7 +353,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Positions and indices
 
     def is_inside(self, positions: ArrayLike) -> bool | Mask:
-        """Return a mask of the (2,) or (N, 2) positions [m] inside the map.
+        """Return whether each of (2,) or (N, 2) positions [m] is inside the map.
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
         """
@@ -365,7 +364,7 @@ class GridMap(MutableMapping[str, Layer]):
         return bool(inside) if inside.ndim == 0 else inside
 
     def get_index(self, position: ArrayLike) -> Size:
-        """Return the buffer row and column of the cell under a (2,) position [m]."""
+        """Return the buffer row and column of the cell that contains a (2,) position [m]."""
         point = as_point(position, "position")
         index = self._geometry.cell_at(point, self._start)
         if index is None:
@@ -373,15 +372,15 @@ class GridMap(MutableMapping[str, Layer]):
         return index
 
     def get_indices(self, positions: ArrayLike) -> tuple[Cells, Mask]:
-        """Return the cell under each position and whether the position is on the map.
+        """Return the cell that contains each position, and a mask of the positions on the map.
 
         Args:
             positions: (N, 2) x, y [m].
 
         Returns:
-            cells: (rows, cols), buffer indices that index a layer: `map["elevation"][cells]`; for a
-                position outside, those of the nearest border cell.
-            inside: (N,) bool.
+            cells: (rows, cols) buffer indices, which index a layer: `map["elevation"][cells]`.
+                Positions outside the map get the nearest border cell.
+            inside: (N,) bool, True for positions on the map.
         """
         return self._geometry.cells_at(positions, self._start)
 
@@ -393,8 +392,8 @@ class GridMap(MutableMapping[str, Layer]):
         """Return the centers (N, 2) [m] of cells.
 
         Args:
-            indices: (rows, cols), as `get_indices` and the regions return them, or (N, 2); buffer
-                indices. None means every cell, column after column of the buffer.
+            indices: buffer indices as (rows, cols), such as those from `get_indices` and regions,
+                or as (N, 2). None means all cells, column by column of the buffer.
         """
         if indices is None:
             x, y = self.axes()
@@ -405,9 +404,9 @@ class GridMap(MutableMapping[str, Layer]):
         return self._geometry.centers(indices, self._start)
 
     def axes(self) -> tuple[Positions, Positions]:
-        """Return the x of every row (rows,) and the y of every column (cols,) [m] of the layers.
+        """Return the x of each row (rows,) and the y of each column (cols,) of the layers [m].
 
-        They are in the order in which layers are stored, also after `move`:
+        Both are in the order in which layers are stored, also after `move`:
 
             x, y = grid_map.axes()
             grid_map["elevation"] = np.sin(x[:, None]) * y
@@ -427,14 +426,14 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> float | NDArray[np.float64]:
         """Return the values of a layer at positions.
 
-        Where a method needs a cell that is not finite, the next simpler method is used: cubic,
-        linear, nearest. `NEAREST` returns NaN and infinities unchanged. Beyond the border, the
-        border cell is repeated.
+        If a method needs a cell that is not finite, the next simpler method is used, in the order
+        cubic, linear, nearest. `NEAREST` returns NaN and infinities unchanged. Beyond the border,
+        the border cell is repeated.
 
         Args:
             layer: name of the layer.
             positions: (2,) or (N, 2) x, y [m].
-            interpolation: the method, or its value as a string such as "linear".
+            interpolation: interpolation method, or its name such as "linear".
 
         Returns:
             A float for one position, else (N,) float64.
@@ -451,12 +450,12 @@ class GridMap(MutableMapping[str, Layer]):
     # Validity and vectors
 
     def is_valid(self, index: ArrayLike, layers: str | Iterable[str] | None = None) -> bool | Mask:
-        """Return whether the cell at a buffer index, or each of many, holds finite data.
+        """Return whether one cell, or each of several cells, has finite values in the given layers.
 
         Args:
-            index: one (row, col), or many as (rows, cols) or (N, 2).
-            layers: names of the layers that must be finite; None means the basic layers, and
-                without basic layers no cell is valid.
+            index: buffer index (row, col), or several as (rows, cols) or (N, 2).
+            layers: names of the layers that must be finite; None means the basic layers.
+                Without any layer, no cell is valid.
         """
         cell = plain_cell(index)
         if cell is not None:
@@ -482,29 +481,29 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return (3,) x, y and the value of a layer as z [m]; NaN where the value is not finite."""
+        """Return (3,) x, y and a layer's value as z [m]; all NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
 
     def get_vector(self, prefix: str, index: ArrayLike) -> Positions:
-        """Return the (3,) vector in the layers `prefix` + x, y, z; NaN unless all are finite."""
+        """Return the (3,) vector in the layers `prefix` + x, y, z; all NaN if one is not finite."""
         cell = self._checked(index)
         return _finite_or_nan(*(self[f"{prefix}{axis}"].item(cell) for axis in "xyz"))
 
     # Moving and cutting
 
     def move(self, position: ArrayLike) -> list[BufferRegion]:
-        """Move the map; its data keeps its position in the frame.
+        """Move the map to a new center; the data stays in place in the frame.
 
-        The map moves by whole cells to within half a cell of `position`. Data outside the map is
-        lost, new cells are NaN in all layers. No data is copied.
+        The map moves by whole cells to within half a cell of `position`. Data that leaves the map
+        is lost, and new cells are NaN in all layers. No data is copied.
 
         Args:
             position: (2,) new center [m].
 
         Returns:
-            The newly covered regions of the buffer, empty when nothing moved.
+            Buffer regions of the new cells; empty if the map did not move.
         """
         shift = self._geometry.index_shift(position)
         if shift == (0, 0):
@@ -522,7 +521,7 @@ class GridMap(MutableMapping[str, Layer]):
     def unwrapped(self, layer: str) -> Layer:
         """Return a layer (rows, cols) in map order: row 0, column 0 has the largest x and y.
 
-        It is the live layer if `start_index` is (0, 0), else a copy. See `set_unwrapped`.
+        The result is the live layer if `start_index` is (0, 0), else a copy. See `set_unwrapped`.
         """
         return self._from_start(self[layer], (0, 0))
 
@@ -531,7 +530,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             layer: name of the layer.
-            value: a number for all cells, or (rows, cols) in map order; copied.
+            value: a number for all cells, or a (rows, cols) array in map order; copied.
         """
         if self._start == (0, 0):
             self[layer] = value
@@ -542,7 +541,7 @@ class GridMap(MutableMapping[str, Layer]):
     def with_start_index(self, index: ArrayLike) -> GridMap:
         """Return a copy of the map whose layers are stored from another start index.
 
-        `with_start_index((0, 0))` has every layer in map order.
+        `with_start_index((0, 0))` stores all layers in map order.
         """
         result = self._with({})
         result.start_index = index
@@ -553,7 +552,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def convert_to_default_start_index(self) -> None:
-        """Reorder the stored layers so that `start_index` is (0, 0) and they are in map order."""
+        """Reorder the stored layers to map order, so that `start_index` is (0, 0)."""
         self._layers = {name: self.unwrapped(name) for name in self._layers}
         self._start = (0, 0)
 
@@ -572,10 +571,10 @@ class GridMap(MutableMapping[str, Layer]):
         return self._block(*self._geometry.overlapped(position, length))
 
     def get_block(self, rows: slice, columns: slice) -> GridMap:
-        """Return a copy of a block of cells, as `get_submap` does.
+        """Return a copy of a block of cells as a map, like `get_submap`.
 
         Args:
-            rows, columns: slices in map order, without a step and not empty.
+            rows, columns: nonempty slices in map order, without a step.
         """
         return self._block(
             *(
@@ -595,11 +594,11 @@ class GridMap(MutableMapping[str, Layer]):
         return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 
     def extend_to_include(self, other: GridMap) -> None:
-        """Grow so that the map covers another one, by whole cells at the borders.
+        """Extend the map by whole cells so that it covers another map.
 
-        Cells keep their positions and values; new cells are NaN. A map that already covers the
-        other one (within 1e-9 m) does not change; one that grows has the start index (0, 0)
-        afterwards. `add_data_from` also copies the data.
+        Existing cells keep their positions and values; new cells are NaN. If the map already
+        covers the other map (within 1e-9 m), it does not change; otherwise `start_index` becomes
+        (0, 0). `add_data_from` also copies the data.
 
         Raises:
             GridMapError: both maps name a frame and the frames differ.
@@ -617,16 +616,16 @@ class GridMap(MutableMapping[str, Layer]):
         overwrite_data: bool,
         layers: Iterable[str] | None = None,
     ) -> None:
-        """Copy the data of another map, which may differ in size, place and resolution.
+        """Copy data from another map, which may differ in size, position and resolution.
 
-        Every cell gets the finite values of the cell of the other map that contains its center.
+        Each cell of this map gets the finite values of the other map at the center of the cell.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.
-            extend_map: grow first, as `extend_to_include` does.
+            extend_map: first extend this map, as `extend_to_include` does.
             overwrite_data: replace finite values of this map.
-            layers: names of the layers to copy; None means all of the other map. Layers that this
-                map lacks are added.
+            layers: names of the layers to copy; None means all layers of the other map. Layers
+                missing in this map are added.
 
         Raises:
             GridMapError: both maps name a frame and the frames differ.
@@ -639,44 +638,44 @@ class GridMap(MutableMapping[str, Layer]):
     def get_transformed_map(
         self, transform: ArrayLike, height_layer: str, frame_id: str, sample_ratio: float = 0.0
     ) -> GridMap:
-        """Return the map in another frame, as a surface of 3-D points seen from above.
+        """Return the map in another frame, rasterized from its surface points as seen from above.
 
-        Each cell with a finite height is a point, which carries the values of the other layers. If
-        several points fall into one cell, the highest one wins; among equal heights, the one of the
-        last column and row. Points outside the new map are lost.
+        Each cell with a finite height is a 3-D point with the values of the other layers. If
+        several points fall into one cell, the highest one is used; among equal heights, the point
+        with the last column, then the last row. Points outside the new map are dropped.
 
         Args:
             transform: (4, 4) rotation and translation [m] from the frame of this map to the new
-                one. Scales, shears and mirrors are refused.
+                one. Scaling, shear and reflection are rejected.
             height_layer: name of the layer that holds z [m].
             frame_id: the new frame.
-            sample_ratio: if positive, each cell adds four more points at the same height, offset
-                from its center along x and y by this fraction of the resolution; this closes gaps.
+            sample_ratio: if positive, each cell adds four points at the same height, offset from
+                the cell center along x and y by this fraction of the resolution, to close gaps.
 
         Returns:
-            A map of the same resolution, layers, basic layers and time, and start index (0, 0).
-            It covers the transformed corners of this map at z = 0.
+            A map with the same resolution, layers, basic layers and time, and start index (0, 0).
+            The new map covers the transformed corners of this map at z = 0.
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
     # Datasets of xarray
 
     def to_xarray(self, *, crs: str = "") -> xarray.Dataset:
-        """Return the map as a dataset of xarray.
+        """Return the map as an xarray dataset.
 
         Each layer is a float32 variable with the dimensions ("x", "y"). The coordinates are the
-        cell centers [m], both descending. If `start_index` is (0, 0), the dataset shares the layers
-        of the map. The attributes `frame_id`, `timestamp` [ns], `basic_layers`, `resolution` [m]
+        cell centers [m], both descending. If `start_index` is (0, 0), the dataset shares memory
+        with the map. The attributes `frame_id`, `timestamp` [ns], `basic_layers`, `resolution` [m]
         and `position` [m] describe the map.
 
         Args:
             crs: coordinate reference system of the frame: WKT, a code such as "EPSG:25832", or a
-                string of PROJ. It becomes the coordinate `spatial_ref`, where rioxarray finds it.
+                PROJ string. It is stored in the coordinate `spatial_ref`, as rioxarray expects.
 
         Raises:
-            MissingPackageError: xarray is not installed, or pyproj, which `crs` needs.
+            MissingPackageError: xarray, or pyproj for `crs`, is not installed.
             ConfigError: `crs` is unknown.
-            GridMapError: a layer is called x, y or spatial_ref.
+            GridMapError: a layer is named x, y or spatial_ref.
         """
         from ..tiled._datasets import to_dataset
         from ..tiled._tiled_map import register
@@ -691,23 +690,23 @@ class GridMap(MutableMapping[str, Layer]):
         dataset: xarray.Dataset | xarray.DataArray,
         layers: Iterable[str] | None = None,
     ) -> GridMap:
-        """Return the map of a dataset or an array of xarray; the values are copied.
+        """Create a map from an xarray dataset or array; the values are copied.
 
-        Each variable with the dimensions x and y, in any order and direction, is a layer; so is
-        each band along a dimension `band`. Values equal to `_FillValue` are NaN; scales and offsets
-        are applied. Variables without x or y are ignored. An array without a name becomes
-        `elevation`. The frame is "map" unless the attribute `frame_id` names another.
+        Each variable with the dimensions x and y, in any order and direction, becomes a layer, and
+        so does each band along a dimension `band`. Values equal to `_FillValue` become NaN; scales
+        and offsets are applied. Variables without x or y are ignored. An array without a name
+        becomes `elevation`. The frame is "map" unless the attribute `frame_id` names another.
 
         Args:
-            dataset: its coordinates x and y are the centers of square cells [m], evenly spaced.
-                One cell needs the attribute `resolution` [m].
+            dataset: dataset or array; the coordinates x and y are the evenly spaced centers of
+                square cells [m]. A single cell needs the attribute `resolution` [m].
             layers: names of the layers; None means all.
 
         Raises:
             GeometryError: coordinates are missing, not finite or not evenly spaced, or the cells
-                are no squares.
-            GridMapError: a layer has further dimensions or no numbers, the values cannot be read,
-                or an attribute is wrong.
+                are not square.
+            GridMapError: a layer has further dimensions or non-numeric values, the values cannot
+                be read, or an attribute is invalid.
         """
         from ..tiled._tiled_map import GridMapAccessor
 
@@ -719,15 +718,15 @@ class GridMap(MutableMapping[str, Layer]):
         """Draw the map with Matplotlib and return the axes.
 
         Args:
-            layer: the colors of a flat picture, else the heights; empty means `elevation`, or the
-                first layer.
-            ax: axes to draw on; None means the current ones, or new ones for "surface".
-            style: "flat", "surface" or "relief", or one that another package adds.
+            layer: layer drawn as colors (style "flat") or as heights (other styles); empty means
+                `elevation`, or the first layer.
+            ax: axes to draw on; None means the current axes, or new axes for "surface".
+            style: "flat", "surface" or "relief", or a style that another package adds.
             options: of `plot`, `plot_3d` or `plot_relief` in `grid_map_visualization_py.pictures`.
 
         Raises:
             MissingPackageError: grid_map_visualization_py or Matplotlib is not installed.
-            ConfigError: there is no such style, or an option is invalid.
+            ConfigError: the style is unknown, or an option is invalid.
         """
         from ._plots import plot
 
@@ -740,19 +739,19 @@ class GridMap(MutableMapping[str, Layer]):
         )
 
     def _repr_html_(self) -> str:
-        """Return a table of the layers for notebooks."""
+        """Return an HTML table of the layers, which notebooks display."""
         from ._notebook import to_html
 
         return to_html(self)
 
     def _repr_png_(self) -> bytes | None:
-        """Return a picture for notebooks that show no tables."""
+        """Return a PNG picture for notebooks that cannot display HTML."""
         from ._notebook import to_png
 
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return layers, stored from the start index of this map."""
+        """Return `layers`; a map of the same size is first reordered to this map's start index."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
@@ -788,7 +787,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Return a layer stored from another start index; no copy if it is the same."""
+        """Return `data` reordered to the start index `start`; no copy if it is unchanged."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

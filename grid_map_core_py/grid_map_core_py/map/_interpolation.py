@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Interpolation of a layer between the centers of its cells.
 
-All methods but `NEAREST` are separable: the value is a sum over the cells in a few rows and columns
-around the position, and the weight of a cell is the product of the weights of its row and column.
+All methods except `NEAREST` are separable: the value is a weighted sum of the cells in a few rows
+and columns around the position, where each weight is the product of a row and a column weight.
 Beyond the border, the border cell is repeated.
 """
 
@@ -27,29 +27,29 @@ if TYPE_CHECKING:
 
 Places: TypeAlias = NDArray[np.intp]
 
-_PADDING = 2  # number of cells beyond the border that an axis repeats
+_PADDING = 2  # number of times that an axis repeats each border cell
 
 REACH = 3
-"""Largest distance of a cell that affects a value from the cell of the position [cells]."""
+"""Largest distance between the cell of a position and a cell that affects its value [cells]."""
 
 
 class Interpolation(Enum):
-    """Methods of interpolation between cell centers, in the order of increasing effort."""
+    """Interpolation methods between cell centers, in order of increasing cost."""
 
     NEAREST = "nearest"
-    """The value of the cell that contains the position."""
+    """Value of the cell that contains the position."""
 
     LINEAR = "linear"
     """Bilinear between the 4 nearest cell centers."""
 
     CUBIC_CONVOLUTION = "cubic_convolution"
-    """Cubic convolution over 4 x 4 cells; R. Keys, 1981, with a = -1/2."""
+    """Cubic convolution over 4 x 4 cells with a = -1/2 (R. Keys, 1981)."""
 
     CUBIC = "cubic"
     """Bicubic Hermite polynomial between the 4 nearest cell centers.
 
-    Its slopes are central differences. It differs from `CUBIC_CONVOLUTION` only within half a cell
-    of the border, where it continues these slopes.
+    The slopes are central differences. The result differs from `CUBIC_CONVOLUTION` only within half
+    a cell of the border, where the slopes continue.
     """
 
 
@@ -58,13 +58,13 @@ _FALLBACKS = {
     Interpolation.CUBIC_CONVOLUTION: Interpolation.LINEAR,
     Interpolation.CUBIC: Interpolation.LINEAR,
 }
-"""The simpler method that replaces each method at cells that are not finite."""
+"""Simpler method that replaces a method if a required cell is not finite."""
 
 
 def interpolate(
     grid_map: GridMap, layer: str, positions: ArrayLike, interpolation: Interpolation | str
 ) -> float | Positions:
-    """Return the values of a layer at positions, as `GridMap.at_position` describes them."""
+    """Return the values of a layer at positions; see `GridMap.at_position`."""
     method = interpolation if type(interpolation) is Interpolation else method_of(interpolation)
     grid = grid_map.geometry, grid_map.start_index, grid_map[layer]
     point = plain_pair(positions)
@@ -76,7 +76,7 @@ def interpolate(
 
 
 def method_of(interpolation: object) -> Interpolation:
-    """Return the method, given as a member or by its name."""
+    """Return the `Interpolation` for a member or a name."""
     try:
         return Interpolation(interpolation)
     except ValueError:
@@ -89,7 +89,7 @@ def method_of(interpolation: object) -> Interpolation:
 def _value(
     geometry: GridGeometry, start: Size, layer: Layer, point: Pair, method: Interpolation
 ) -> float:
-    """Return the value at one position; scalar form of `Surface.values`, and faster."""
+    """Return the value at one position; faster scalar form of `Surface.values`."""
     if method is Interpolation.NEAREST:
         cell = geometry.cell_at(point, start)
         if cell is None:
@@ -116,10 +116,10 @@ def _outside(geometry: GridGeometry, point: object) -> OutOfMapError:
 
 
 def check_inside(geometry: GridGeometry, points: Positions) -> None:
-    """Raise `OutOfMapError` if one of (N, 2) positions is not on the map."""
+    """Raise `OutOfMapError` if any of (N, 2) positions is not on the map."""
     if not len(points):
         return
-    # Rounding keeps the order: if the extremes are inside, all positions are.
+    # Rounding preserves the order, so if the extremes are inside, all positions are.
     lowest, highest = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     if not (geometry.contains(lowest) and geometry.contains(highest)):
         outside = points[~geometry.is_inside(points)][0]
@@ -127,13 +127,13 @@ def check_inside(geometry: GridGeometry, points: Positions) -> None:
 
 
 class Surface:
-    """A layer as a function of coordinates (2, N), x and y in two rows.
+    """Layer values as a function of coordinates (2, N): a row of x and a row of y.
 
     Args:
         geometry: the grid.
         start: start index of the layer.
         layer: (rows, cols), or the part of a layer in map order that the positions depend on.
-        corner: first row and column of that part.
+        corner: first row and column of `layer` in the map.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class Surface:
         self._corner = corner
 
     def at(self, points: Positions, method: Interpolation) -> Positions:
-        """Return the values (N,) at positions (N, 2); raise if one is not on the map."""
+        """Return the values (N,) at positions (N, 2); raise if a position is outside the map."""
         values = np.empty(len(points))
         # An infinite cell with weight 0 gives NaN; the simpler method is then used.
         with np.errstate(invalid="ignore"):
@@ -155,7 +155,7 @@ class Surface:
         return values
 
     def coordinates(self, points: Positions) -> Positions:
-        """Return (N, 2) positions as coordinates (2, N); raise if one is not on the map."""
+        """Convert (N, 2) positions to coordinates (2, N); raise if one is outside the map."""
         check_inside(self._geometry, points)
         return np.ascontiguousarray(points.T)
 
@@ -194,7 +194,7 @@ class Surface:
             for step, out in enumerate(outs, start=1 - reach // 2):
                 known[_PADDING - step :].take(numbers, mode="clip", out=out)
         cells = self._data.take(rows + columns[:, np.newaxis], mode="clip")
-        # Unlike `einsum`, this never fuses products and sums, so that it equals `_value`.
+        # Unlike `einsum`, this never fuses products and sums, so that the result equals `_value`.
         sums = np.multiply(cells, weights[:, 0]).sum(axis=1, initial=0.0)
         sums *= weights[:, 1]
         values: Positions = sums.sum(axis=0, initial=0.0)
@@ -215,9 +215,9 @@ class Surface:
 
 
 def _shape(method: Interpolation) -> tuple[int, bool]:
-    """Return how many cells along an axis a method uses, and whether it is `CUBIC`.
+    """Return the number of cells that a method uses along an axis, and whether it is `CUBIC`.
 
-    As in C++, a position on a line of centers counts as below the line for `CUBIC`, else as above.
+    As in C++, `CUBIC` treats a position on a line of centers as below the line, others as above.
     """
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 
@@ -225,7 +225,7 @@ def _shape(method: Interpolation) -> tuple[int, bool]:
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
 ) -> list[tuple[int, float]]:
-    """Return the buffer rows or columns that a coordinate uses, lowest first, with weights."""
+    """Return the buffer rows (or columns) around a coordinate, lowest first, with weights."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
     weights = _weights(t, reach)
@@ -246,17 +246,17 @@ def _neighbors(
 
 
 def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
-    """Return the weights (...) of neighbors in a row, the lowest one first.
+    """Return the weights (...) of the neighbors along an axis, lowest coordinate first.
 
     Args:
-        t: (...) place between the two inner cells, from 0 at the lower to 1 at the higher.
-        reach: number of neighbors: 2, linear, or 4, cubic.
+        t: (...) position between the two inner cells, from 0 (lower) to 1 (upper).
+        reach: number of neighbors: 2 (linear) or 4 (cubic).
     """
     rest = 1.0 - t
     if reach == 2:
         return rest, t
-    # Keys's kernel with a = -1/2; the Hermite polynomial with central differences for slopes is
-    # the same.
+    # Keys's kernel with a = -1/2 equals the Hermite polynomial whose slopes are central
+    # differences.
     outer = -0.5 * t
     outer *= rest
     lowest, highest = outer * rest, outer * t
@@ -274,9 +274,9 @@ def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinat
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return the places in the flat buffer of the cells -2 ... count + 1 of an axis.
+    """Return the flat buffer offsets of the cells -2 ... count + 1 along an axis.
 
-    Beyond the map they repeat the border cell.
+    Cells beyond the map have the offset of the border cell.
     """
     cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
     return (cells + start) % count * stride

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Growing maps, and copying data between maps."""
+"""Extension of maps, and copying of data between maps."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def add_data_from(
     for name, source in sources.items():
         if name not in grid_map:
             grid_map.add(name)
-        # Transposed, so that memory is walked in its order.
+        # The transposed arrays are traversed in memory order.
         data, layer = source.T, grid_map[name].T
         for along_x, along_y in product(_runs(rows_inside), _runs(columns_inside)):
             values = data.take(columns[along_y], axis=0).take(rows[along_x], axis=1)
@@ -50,14 +50,14 @@ def add_data_from(
 
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
-    """Return a map that covers `other` as well; `grid_map` itself if it covers it already."""
+    """Return `grid_map` extended to cover `other`; `grid_map` itself if nothing is missing."""
     check_frames(grid_map.frame_id, other)
     inner, outer = grid_map.geometry, other.geometry
     # Far from the origin, coordinates are less precise than the usual tolerance.
     tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
     ahead = outer.corner - inner.corner
     behind = (inner.corner - inner.length) - (outer.corner - outer.length)
-    # Rows and columns that are missing towards +x, +y and towards -x, -y.
+    # Missing rows and columns towards +x, +y and towards -x, -y.
     before, after = (
         np.maximum(np.ceil((overhang - tolerance) / inner.resolution), 0.0)
         for overhang in (ahead, behind)
@@ -78,7 +78,7 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
 
 
 def check_frames(frame_id: str, other: GridMap) -> None:
-    """Raise `GridMapError` unless `other` is a map in this frame, or a frame has no name."""
+    """Raise `GridMapError` unless `other` is a map in this frame; an empty frame matches any."""
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {short(other)}")
     if frame_id and other.frame_id and frame_id != other.frame_id:
@@ -91,11 +91,11 @@ def check_frames(frame_id: str, other: GridMap) -> None:
 def lines_under(
     centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return the row (axis 0) or column (axis 1) of `other` under each line of a parallel grid.
+    """Return the row (axis 0) or column (axis 1) of `other` at each row or column of a grid.
 
     Args:
         centers: (N,) x of the rows, or y of the columns, of the grid [m].
-        other: the map below.
+        other: the map to look up cells in.
         axis: 0 for rows, 1 for columns.
 
     Returns:

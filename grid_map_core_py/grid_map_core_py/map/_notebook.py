@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Representations of maps in notebooks: an HTML table with small pictures, and a PNG picture.
 
-Pictures show the map from above, x to the right and y upwards, from the smallest finite value (dark
-blue) to the largest (yellow); cells that are NaN are transparent. Layers whose name ends in `color`
-are treated as packed colors.
+Pictures show the map from above, with x to the right and y upwards. Colors range from dark blue
+(smallest finite value) to yellow (largest); NaN cells are transparent. Layers whose name ends in
+`color` are treated as packed colors.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def to_html(grid_map: GridMap) -> str:
 
 
 def to_png(grid_map: GridMap) -> bytes | None:
-    """Return a picture of the first basic layer, or of the first layer; None without layers."""
+    """Return a PNG of the first basic layer, else of the first layer; None without layers."""
     layers = (*grid_map.basic_layers, *grid_map.layers)
     return _png(grid_map, layers[0], PICTURE) if layers else None
 

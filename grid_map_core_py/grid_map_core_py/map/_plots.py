@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Loads drawing functions from another package, to avoid a circular dependency.
 
-An entry point of the group `grid_map_core_py.plots` adds a style: a function of a map, the name of
-a layer, the axes and further options.
+Each entry point of the group `grid_map_core_py.plots` adds a style: a drawing function with the
+parameters map, layer name, axes and options.
 """
 
 from importlib.metadata import entry_points

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Resampling of layers with holes to other numbers of rows and columns."""
+"""Resampling of layers, which may contain NaN, to another number of rows and columns."""
 
 import math
 
@@ -11,8 +11,8 @@ from .._arrays._checks import Layer, Size
 from ..errors import GeometryError, short
 from ._interpolation import Interpolation
 
-_TIE = 1e-9  # tolerance [cells] for target cells in the middle between two source cells
-_ROUND_OFF = 1e-5  # rounding error of a sum of weights
+_TIE = 1e-9  # tolerance [cells] for target cells halfway between two source cells
+_ROUND_OFF = 1e-5  # largest rounding error of a sum of weights
 
 _FLAGS = {
     "nearest": cv2.INTER_NEAREST,
@@ -24,7 +24,7 @@ _FLAGS = {
 
 
 def resize_flag(interpolation: Interpolation | str | int) -> int:
-    """Return the flag of OpenCV's `resize` for a name, an `Interpolation`, or a flag."""
+    """Return the OpenCV `resize` flag for a name, an `Interpolation`, or the flag itself."""
     if isinstance(interpolation, int):
         return interpolation
     name = interpolation.value if isinstance(interpolation, Interpolation) else interpolation
@@ -57,7 +57,7 @@ def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Lay
     values, known = np.where(finite, layer, np.float32(0)), finite.astype(np.float32)
     result = _resized(values, size, factor, interpolation)
     shares = _resized(known, size, factor, interpolation)
-    # Beside holes, positive and negative weights could cancel out; a mean has no negative weights.
+    # Near NaN cells, positive and negative weights could cancel; a mean has no negative weights.
     positive = cv2.INTER_AREA if interpolation == cv2.INTER_AREA else cv2.INTER_LINEAR
     with np.errstate(divide="ignore", invalid="ignore"):
         means = _resized(values, size, factor, positive) / _resized(known, size, factor, positive)
@@ -74,7 +74,7 @@ def _nearest(sources: int, targets: int, factor: float) -> npt.NDArray[np.intp]:
 
 
 def _resized(layer: Layer, size: Size, factor: float, interpolation: int) -> Layer:
-    # OpenCV rounds half a cell to an even number, which may be one too few.
+    # OpenCV rounds half cells to even, so a row or column may be missing without the margin.
     margins = [
         (0, math.ceil(1.0 / factor) if np.rint(sources * factor) < targets else 0)
         for sources, targets in zip(layer.shape, size, strict=True)

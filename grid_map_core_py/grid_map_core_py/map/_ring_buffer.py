@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The circular buffer (ring buffer) that stores the layers of a map.
 
-`start` is the place in the buffer where cell (0, 0) of the map is stored. Moving the map moves
-`start` and leaves the data where it is, so that rows and columns may wrap around the end of the
-buffer.
+`start` is the buffer row and column at which cell (0, 0) of the map is stored. Moving the map
+changes `start` but does not copy data, so rows and columns may wrap around the end of the buffer.
 """
 
 from dataclasses import dataclass
@@ -18,11 +17,11 @@ _FEW = 2**14  # number of cells above which arithmetic is faster than a lookup
 
 @dataclass(frozen=True)
 class BufferRegion:
-    """A rectangle of the buffer.
+    """A rectangle of cells in the circular buffer.
 
     Attributes:
-        start_index: first row and column, buffer indices.
-        size: rows and columns.
+        start_index: buffer indices of the first row and column.
+        size: number of rows and columns.
     """
 
     start_index: Size
@@ -30,14 +29,14 @@ class BufferRegion:
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Index of the region in a layer: `layer[region.slices]`."""
+        """Slices that select the region in a layer: `layer[region.slices]`."""
         (row, column), (rows, columns) = self.start_index, self.size
         return slice(row, row + rows), slice(column, column + columns)
 
 
 @lru_cache(maxsize=16)
 def lines(size: int, start: int) -> Integers:
-    """Return the buffer row of each row of the map (size,), or the columns; read-only.
+    """Return the buffer row (or column) of each map row (or column), (size,); read-only.
 
     Args:
         size: number of cells of the map along this axis.
@@ -56,7 +55,7 @@ def place(numbers: Integers, start: int, size: int) -> None:
         # Two passes of arithmetic are faster than a lookup, but only for many cells.
         numbers += start
         unsigned = numbers.view(np.uint64)
-        # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
+        # Below `size`, the unsigned difference wraps to a huge number, so the minimum is valid.
         np.minimum(unsigned, unsigned - np.uint64(size), out=unsigned)
 
 
@@ -66,10 +65,10 @@ def block(
     """Copy a block of map cells out of the buffer, in map order.
 
     Args:
-        layer: (rows, cols) the whole buffer.
+        layer: (rows, cols), the whole buffer.
         start: start index of the circular buffer.
-        rows, columns: the block, as cells of the map.
-        out: array for the block; None makes one.
+        rows, columns: slices of the block in map order.
+        out: array for the block; None creates one.
     """
     if out is None:
         shape = rows.stop - rows.start, columns.stop - columns.start
@@ -82,7 +81,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Return the places in the buffer, and in the block, of the one to four pieces of a block."""
+    """Return the (buffer slices, block slices) of the one to four pieces of a block."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
@@ -92,16 +91,16 @@ def copies(
 
 
 def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy in map order of a layer that is stored from the index `start`."""
+    """Return a copy, in map order, of a layer stored from the index `start`."""
     rows, columns = layer.shape
     return block(layer, start, slice(0, rows), slice(0, columns), out)
 
 
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
-    """Return the buffer regions that leave the map when it moves by `shift` cells.
+    """Return the buffer regions that are reused when the map moves by `shift` cells.
 
-    They hold the newly covered cells afterwards: at most two strips of rows, then at most two of
-    columns; or the whole buffer.
+    After the move, these regions contain the new cells. They are at most two strips of rows and at
+    most two strips of columns, or the whole buffer.
     """
     (row, column), (rows, columns), (down, right) = start, size, shift
     if abs(down) >= rows or abs(right) >= columns:
@@ -113,7 +112,7 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
 
 
 def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
-    """Return (buffer slice, block slice) of the one or two runs that cells take in the buffer."""
+    """Return (buffer slice, block slice) for each of the one or two runs of `cells`."""
     count, done, pieces = cells.stop - cells.start, 0, []
     for first, length in _runs(cells.start + start, count, size):
         pieces.append((slice(first, first + length), slice(done, done + length)))
@@ -122,7 +121,7 @@ def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
 
 
 def _runs(first: int, count: int, size: int) -> list[tuple[int, int]]:
-    """Return (first, count) of the runs of `count` lines of the buffer, which wrap at its end."""
+    """Return (first, count) of the runs of `count` buffer lines, which wrap around at `size`."""
     first %= size
     before_end = size - first
     if count <= before_end:

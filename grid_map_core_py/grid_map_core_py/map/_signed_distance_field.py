@@ -29,40 +29,40 @@ _STRIP = 1 << 16  # number of cells in a strip, which fit into the cache
 class SignedDistanceField:
     """Distances from points in space to the surface of a height layer.
 
-    The surface consists of one vertical line of ground per cell, at its center, up to its height.
-    In the air, the distance to the nearest point of such a line is positive; in the ground, the
-    distance to the nearest point above one is negative; on top it is 0. Outside the map there is
-    neither ground nor air. Distances are exact at nodes, which lie over the cell centers on
-    horizontal levels one resolution apart.
+    Ground is modeled as one vertical line per cell, at the cell center, up to the height of the
+    cell. In the air, the value is the distance to the nearest line; in the ground, it is the
+    negative distance to the nearest point above a line; on top of a line, it is 0. Outside the map
+    there is neither ground nor air. Distances are exact at nodes, which lie at the cell centers on
+    horizontal levels spaced by the resolution.
 
-    Distances are interpolated trilinearly between the nodes, and extrapolated linearly outside,
-    which is only an estimate. Along a side of a single cell they are constant.
+    Between nodes, distances are interpolated trilinearly; outside, linear extrapolation gives only
+    an estimate. Along an axis with a single cell, distances are constant.
 
-    A height of +inf is ground at any z, -inf at none. Without any ground all distances are +inf,
-    without any air -inf; gradients are then 0.
+    A height of +inf means ground at any z; -inf means air at any z. Without any ground, all
+    distances are +inf; without any air, they are -inf. In both cases, gradients are 0.
 
     Args:
-        grid_map: the map; later changes of it have no effect.
+        grid_map: the map; later changes to the map have no effect.
         layer: name of the layer with the heights [m].
         min_height: z of the lowest level [m], map frame.
-        max_height: smallest z of the highest level [m]; there are at least two levels.
-        unknown: meaning of cells without data (NaN); None refuses them, "free" treats them as cells
-            of height -inf.
+        max_height: lower bound for the z of the highest level [m]; there are at least two levels.
+        unknown: treatment of cells without data (NaN): None raises an error, "free" assigns them
+            the height -inf.
 
     Attributes:
-        geometry: size, resolution and place of the map.
+        geometry: size, resolution and position of the map.
         resolution: distance between neighboring nodes along each axis [m].
         frame_id: coordinate frame of all points.
         timestamp: time of the map [ns].
         levels: (levels,) z of every level [m], ascending; read-only.
         distances: (rows, cols, levels) float32 distance at every node [m]; read-only. Rows and
-            columns are in map order, levels run upwards.
+            columns are in map order, levels are ascending.
         shape: rows, columns and levels.
 
     Raises:
-        GeometryError: a height is not finite, `max_height` is below `min_height`, or there
-            would be more than 2**31 nodes.
-        GridMapError: there are cells without data, or `unknown` is neither None nor "free".
+        GeometryError: `min_height` or `max_height` is not finite, `max_height` is below
+            `min_height`, or there would be more than 2**31 nodes.
+        GridMapError: `unknown` is None and there are NaN cells, or `unknown` is invalid.
 
     Example:
         >>> grid_map = GridMap((1.0, 1.0), 0.1, layers={"elevation": 0.2})
@@ -89,7 +89,7 @@ class SignedDistanceField:
         levels = np.empty((self.levels.size, *heights.shape), np.float32)
         lowest, highest = heights.min(), heights.max()
         for level, z in zip(levels, self.levels, strict=True):
-            # In the air the distance to free space is 0, in the ground that to filled space.
+            # In the air, the distance to air is 0; in the ground, the distance to ground is 0.
             level[...] = _to_nearest(z, heights, self.resolution) if z > lowest else 0.0
             if z < highest:
                 level -= _to_nearest(heights, z, self.resolution)
@@ -104,13 +104,13 @@ class SignedDistanceField:
         self._base = first if math.isinf(first) else 0.0
         nodes = self.distances if self._base == 0.0 else np.zeros((1, 1, 1), np.float32)
         self._counts = nodes.shape
-        # From a node to the next one in memory; an axis with one node is constant.
+        # Strides between neighboring nodes in memory; 0 along an axis with a single node.
         self._strides = [
             stride // nodes.itemsize if count > 1 else 0
             for stride, count in zip(nodes.strides, nodes.shape, strict=True)
         ]
         flat = nodes.ravel(order="K")
-        # In each of these views, the index of a cell gives one of its eight corners.
+        # Indexed with a cell, each of these eight views returns one corner of the cell.
         offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
         self._corner_nodes = [flat[offset:] for offset in offsets]
 
@@ -125,7 +125,7 @@ class SignedDistanceField:
         """
         given, flat = _as_points(points)
         values = np.empty(len(flat))
-        # Allocation for every chunk would be slower.
+        # One buffer for all chunks is faster than an allocation per chunk.
         buffer = np.empty((8, min(len(flat), CHUNK)), np.float32)
         for part in slices(len(flat), CHUNK):
             places, cells = self._located(flat[part], np.floor, 2)
@@ -155,8 +155,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        These are the derivatives of the interpolation in `value`. At planes through nodes (1e-9 m)
-        the derivative across the plane jumps; there the result is the mean of both sides.
+        The derivatives are those of the interpolation in `value`. At planes through nodes (within
+        1e-9 m), where the derivative is discontinuous, the result is the mean of both sides.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -167,7 +167,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`, in the time of `gradient` alone."""
+        """Return the results of `value` and `gradient`; as fast as `gradient` alone."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):
@@ -218,23 +218,23 @@ class SignedDistanceField:
     def _located(
         self, points: Positions, rounded: Callable[[Positions], Positions], width: int
     ) -> tuple[_Coordinates, _Coordinates]:
-        """Return the positions of (N, 3) points in the grid, and their nodes.
+        """Convert (N, 3) points to node coordinates, and return the first node for each point.
 
         Args:
             points: (N, 3).
-            rounded: makes coordinates whole numbers.
-            width: number of nodes needed along each axis, the first one included.
+            rounded: rounding function, such as `np.floor`.
+            width: number of nodes needed along each axis, including the first node.
 
         Returns:
-            places: counted in nodes; NaN unless finite.
-            cells: whole numbers, `rounded` places moved to existing nodes.
+            places: coordinates counted in nodes; NaN if not finite.
+            cells: `rounded` places, clipped to existing nodes.
         """
         places, cells = [], []
         for axis, size in enumerate(self._counts):
             place = points[:, axis] - self._first[axis]
             place *= 1 / self._steps[axis]
             cell, last = rounded(place), max(size - width, 0)
-            # Most often all points are inside, and the check is faster than clamping.
+            # Usually all points are inside, and this check is faster than clamping.
             if not (cell.min() >= 0 and cell.max() <= last):
                 place[~np.isfinite(place)] = np.nan
                 # Unlike `np.clip` this also turns NaN into a valid node index.
@@ -244,7 +244,7 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the memory indices of cells; float64 holds them exactly."""
+        """Return the memory indices of cells, which float64 represents exactly."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -252,7 +252,7 @@ class SignedDistanceField:
         return index.astype(np.intp)
 
     def _corners(self, cells: _Coordinates, out: Nodes) -> Nodes:
-        """Write the nodes (8, N) around cells to `out`; the first axis changes slowest."""
+        """Write the distances (8, N) at the corners of cells to `out`; x changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._corner_nodes, strict=True):
             # Every index is in range; other modes would copy through a buffer.
@@ -260,7 +260,7 @@ class SignedDistanceField:
         return out
 
     def _values_and_slopes(self, places: _Coordinates, cells: _Coordinates) -> Nodes:
-        """Return (4, N) the values, and their derivatives along the three axes per node."""
+        """Return (4, N): the values, and the derivatives per node along the three axes."""
         found: Nodes = self._corners(cells, np.empty((8, cells[0].size), np.float32))[:, None]
         for place, cell in zip(places, cells, strict=True):
             low, high = found[: len(found) // 2], found[len(found) // 2 :]
@@ -279,7 +279,7 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
-    """Return the heights (rows, cols) in map order, C order; -inf where there is no ground."""
+    """Return the heights (rows, cols) in map order and C order; NaN becomes -inf."""
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")
@@ -311,13 +311,13 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
 
 
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
-    """Return the distance of each cell to the nearest end of a vertical gap over any cell.
+    """Return the distance of each cell to the nearest far end of a vertical gap in any cell.
 
-    The gap reaches from `lower` up to `upper`; one is a number, the other (rows, cols). The gap has
-    no height where `lower` exceeds `upper`. With its height f(c) the squared distance of a cell is
-    the smallest of (distance to the center of c)^2 + f(c)^2 over all cells c, the generalised
-    distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled
-    Functions, 2012), for one axis after the other.
+    The gap of a cell extends from `lower` up to `upper`; one is a number, the other (rows, cols).
+    If `lower` exceeds `upper`, the gap height f(c) is 0. The squared distance of a cell is the
+    minimum of (distance to the center of c)^2 + f(c)^2 over all cells c: the generalized distance
+    transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions,
+    2012), computed along one axis after the other.
     """
     # In float64, because the difference of large heights may be small.
     shape = np.broadcast_shapes(np.shape(upper), np.shape(lower))
@@ -339,7 +339,7 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
 
 
 def _spread(costs: Layer, resolution: float) -> Layer:
-    """Return the smallest of costs[k] + (resolution * (i - k))^2 over k, for every row i."""
+    """Return the minimum of costs[k] + (resolution * (i - k))^2 over k, for each row i."""
     nearest, shifted = costs.copy(), np.empty_like(costs)
     least = costs.min()
     for rows in range(1, len(costs)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps in another coordinate frame."""
+"""Transformation of maps to another coordinate frame."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ _Indices: TypeAlias = NDArray[np.intp]
 def transformed_map(
     grid_map: GridMap, transform: ArrayLike, height_layer: str, frame_id: str, sample_ratio: float
 ) -> GridMap:
-    """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
+    """Transform `grid_map` to another frame; see `GridMap.get_transformed_map`."""
     matrix = as_rigid(transform)
     ratio = as_finite(sample_ratio, "sample_ratio")
     step = ratio * grid_map.resolution
     steps = [(0.0, 0.0)]
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    # The smallest grid around the moved corners at height 0. Summed in this order, the mean of the
-    # corners is rounded as in the C++ library; their differences would lose digits far away.
+    # Smallest grid around the transformed corners at height 0. Summed in this order, the mean of
+    # the corners is rounded as in C++; corner differences would lose digits far from the origin.
     x, y = (grid_map.position + np.outer((0.5, -0.5), grid_map.length)).T
     center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
     length = np.abs(matrix[:2, :2]) @ grid_map.length
     size = np.ceil((length - BORDER_TOLERANCE) / grid_map.resolution)
-    # Seen edge-on, the corners have no extent.
+    # If the map is seen edge-on, the corners span no area.
     sides = np.maximum(size, 1) * grid_map.resolution
     geometry = GridGeometry(sides, grid_map.resolution, center)
     highest, sources = _seen_from_above(grid_map, height_layer, geometry, matrix[:3], steps)
@@ -55,13 +55,13 @@ def transformed_map(
 
 
 def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) -> Positions:
-    """Return one coordinate (cols, rows) of moved points.
+    """Return one coordinate (cols, rows) of transformed points.
 
     Args:
-        row: (4,) of the transform, for this coordinate.
-        x: (rows,) before the move.
-        y: (cols,) before the move.
-        lift: sum of height and translation, per point or for all points.
+        row: (4,) row of the transform for this coordinate.
+        x: (rows,) before the transform.
+        y: (cols,) before the transform.
+        lift: sum of height term and translation, per point or for all points.
     """
     moved: Positions = row[0] * x + (row[1] * y)[:, None]
     moved += lift
@@ -75,17 +75,17 @@ def _seen_from_above(
     matrix: Positions,
     steps: list[tuple[float, float]],
 ) -> tuple[NDArray[np.float32], _Indices]:
-    """Return the height of the highest point in each cell, and the number of its source cell.
+    """Return the height of the highest point in each new cell, and the number of its source cell.
 
-    Both are in the order of stored layers, column after column; -inf where no point came down.
-    Among points of equal height, the one of the last source stays.
+    Both arrays are column by column, as layers are stored; cells without points have height -inf.
+    Among points of equal height, the point from the last source cell is kept.
 
     Args:
-        grid_map: the map to move.
+        grid_map: the map to transform.
         height_layer: name of the layer with the heights.
-        geometry: the moved grid.
-        matrix: (3, 4) how points move.
-        steps: (dx, dy) [m] from the center of a cell to each of its points.
+        geometry: the new grid.
+        matrix: (3, 4) rotation and translation.
+        steps: offsets (dx, dy) [m] of the points of a cell from its center.
     """
     heights = grid_map.unwrapped(height_layer)
     x, y = grid_map.geometry.axes_in_map_order()
@@ -108,7 +108,7 @@ def _seen_from_above(
             landed.append(_landed(geometry, *moved))
             np.maximum.at(highest, *landed[-1])
         if len(grid_map) > 1:
-            # One row per source, so that they keep their order.
+            # One row per source cell keeps the sources in order.
             cells, found = (np.stack(parts, axis=-1) for parts in zip(*landed, strict=True))
             stays = highest[cells] == found
             numbers = all_numbers[columns, rows].reshape(-1, 1)
@@ -119,7 +119,7 @@ def _seen_from_above(
 def _landed(
     geometry: GridGeometry, x: Positions, y: Positions, z: Positions
 ) -> tuple[_Indices, NDArray[np.float32]]:
-    """Return the cells (N,) under points, counted column after column, and their heights (N,).
+    """Return the cell of each point (N,), counted column by column, and its height (N,).
 
     Points outside the grid get the height -inf.
     """
