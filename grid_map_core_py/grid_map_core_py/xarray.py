@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The accessor `grid_map` of xarray: `import grid_map_core_py.xarray` adds it.
+"""Importing this module registers the xarray accessor `grid_map`; see `GridMapAccessor`.
 
-`GridMap.to_xarray`, `GridMap.from_xarray` and `open_map` add it, too. See `GridMapAccessor`.
+`GridMap.to_xarray`, `GridMap.from_xarray` and `open_map` also register the accessor.
 """
 
 from contextlib import suppress
@@ -11,5 +11,5 @@ from .tiled._tiled_map import GridMapAccessor as GridMapAccessor, register
 
 __all__ = ["GridMapAccessor"]
 
-with suppress(MissingPackageError):  # without xarray, there is nothing to add it to
+with suppress(MissingPackageError):  # xarray is not installed
     register()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Chains of grid map filters, configured in YAML, and an expression language over layers; no ROS.
+"""Filter chains for grid maps, configured in YAML, and an expression language for layers.
 
-A filter takes a `GridMap` and returns another. `FilterChain` builds a sequence of them from the
-YAML that the C++ filters read. `expression` has the expression language, `parts` has helpers for
-fast filters of your own. The executable `filter_chain` runs a chain on a topic; it alone needs ROS.
+A filter is called with a `GridMap` and returns a new one. `FilterChain` builds a sequence of
+filters from the same YAML as the C++ filters. `expression` is the expression language, and `parts`
+provides helpers for fast custom filters. Only the executable `filter_chain` requires ROS.
 """
 
 from ._chain import FilterChain

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sequences of filters, in memory and on tiles."""
+"""Filter chains for maps in memory and for tiled maps."""
 
 import math
 import time
@@ -23,25 +23,25 @@ from .errors import FilterConfigError
 from .parts._side_by_side import use_threads
 
 _FEWEST_CELLS = 1000**2
-"""Smallest map on which a second thread saves time; on smaller ones, waking it up takes longer."""
+"""Minimum map size for several threads [cells]; on smaller maps, waking threads costs more time."""
 
 _MOST_THREADS = 1000
-"""Limit of threads, which start even if they find no work."""
+"""Maximum number of threads; all threads start, even without work."""
 
 
 class FilterChain:
-    """Filters that run one after the other.
+    """Sequence of filters that run one after the other.
 
-    `chain(grid_map)` never changes its input and shares no data with it. The result keeps the start
-    index of the input, unless a `BufferNormalizer` is among the filters. Several threads may call
-    one chain at the same time.
+    `chain(grid_map)` does not change the input, and the result shares no data with the input. The
+    result keeps the start index of the input, unless the chain contains a `BufferNormalizer`.
+    Several threads may call a chain at the same time.
 
-    Filters get maps whose layers are read-only: one that writes into a layer fails.
+    Filters get maps with read-only layers: a filter that writes into a layer fails.
 
     Args:
-        steps: the filters in their order.
-        threads: number of threads that the filters may use, from 1 to 1000. Results do not depend
-            on it; small maps use one.
+        steps: filters in the order in which they run.
+        threads: maximum number of threads, from 1 to 1000. Small maps use one thread. Results do
+            not depend on the number of threads.
 
     Raises:
         FilterConfigError: `threads` is not an integer from 1 to 1000.
@@ -65,7 +65,7 @@ class FilterChain:
 
     @classmethod
     def from_config(cls, config: object, *, threads: int = 1) -> "FilterChain":
-        """Build a chain from the mapping under `filters:`, or from a list of {name, type, params}.
+        """Create a chain from the mapping under `filters:`, or a list of {name, type, params}.
 
         Raises:
             FilterConfigError: the message names the filter, its type and the parameter.
@@ -76,16 +76,16 @@ class FilterChain:
     def from_yaml(
         cls, path: str | Path, name: str = "filters", *, threads: int = 1
     ) -> "FilterChain":
-        """Build a chain from a ROS 2 parameter file, a ROS 1 file, or a file with only the list.
+        """Create a chain from a ROS 2 parameter file, a ROS 1 file, or a plain list of filters.
 
         Args:
-            path: the file.
-            name: parameter that holds the chain.
-            threads: see the class.
+            path: path of the YAML file.
+            name: name of the parameter that contains the chain.
+            threads: see `FilterChain`.
 
         Raises:
-            FilterConfigError: the message names the filter, its type and the parameter. OSError:
-                the file cannot be read.
+            FilterConfigError: the message names the filter, the filter type and the parameter.
+            OSError: the file cannot be read.
         """
         return cls.from_config(read_chain(path, name), threads=threads)
 
@@ -99,10 +99,10 @@ class FilterChain:
         """Return the filtered map.
 
         Args:
-            grid_map: stays unchanged.
-            observer: is called after each step with the step and its duration [s].
-            warnings: list to which the warnings of the filters are appended; None issues each as a
-                `FilterWarning`.
+            grid_map: map to filter; not changed.
+            observer: called after each step with the step and the duration of the step [s].
+            warnings: list to which warnings of the filters are appended; None issues each warning
+                as a `FilterWarning`.
 
         Raises:
             FilterError: a filter failed; the message names it.
@@ -120,10 +120,10 @@ class FilterChain:
         *,
         warnings: list[str] | None = None,
     ) -> tuple[GridMap, Size]:
-        """Return the filtered map in map order, and the start index of a call's result.
+        """Return the filtered map in map order, and the start index that `__call__` would restore.
 
-        Layers that no filter has changed are those of the input, unless it has moved. All layers
-        are read-only. Nodes use this to write the result directly into a message.
+        Unchanged layers share memory with the input if the start index of the input is (0, 0). All
+        layers are read-only. Nodes use this method to write the result directly into a message.
 
         Arguments and errors: see `__call__`.
         """
@@ -150,17 +150,17 @@ class FilterChain:
         max_hole: int | None = None,
         large_holes: Literal["refuse", "leave"] = "refuse",
     ) -> FilteredTiles:
-        """Return the filtered layers of a tiled map, which are computed when they are read.
+        """Return the filtered layers of a tiled map, computed on demand.
 
-        `TiledMap.filter` calls this. The numbers equal those of the chain on the whole map.
-        `threads` has no effect, because tiles run side by side.
+        `TiledMap.filter` calls this method. The values equal the result of the chain for the whole
+        map. `threads` has no effect, because tiles are computed in parallel.
 
         Args:
-            tiled_map: the map.
-            max_hole: length of the largest hole that `Inpaint` fills, along rows or columns
-                [cells]; by default the longer side of a tile.
+            tiled_map: map to filter.
+            max_hole: maximum length of the holes that `Inpaint` fills, along rows or columns
+                [cells]; the longer side of a tile by default.
             large_holes: "refuse" raises an error before the first tile if `Inpaint` would have to
-                fill a longer hole; "leave" leaves such holes as they are.
+                fill a longer hole; "leave" does not fill longer holes.
 
         Raises:
             FilterError: a filter needs the whole map, or the chain fails on a small map of zeros;
@@ -171,17 +171,17 @@ class FilterChain:
         return filtered_tiles(self.steps, tiled_map, options)
 
     def reach(self, resolution: float) -> float:
-        """Return how far the chain looks: the sum of the reaches of its filters [cells].
+        """Return the reach of the chain: the sum of the reaches of all filters [cells].
 
-        A cell of the result depends on the cells of the input that are at most this number of rows
-        and columns away, up to rounding: some filters compute with differences to a typical value
-        of the layer. It is `WHOLE_MAP` if a filter looks at the whole map.
+        A cell of the result depends only on input cells that are at most this number of rows and
+        columns away, except for rounding: some filters subtract a typical value of the whole layer.
+        The reach is `WHOLE_MAP` if a filter needs the whole map.
 
         Args:
             resolution: side of a cell [m].
 
         Raises:
-            FilterError: a filter gives no number of cells; the message names it.
+            FilterError: the `reach` of a filter is invalid; the message names the filter.
         """
         return sum(step.reach(resolution) for step in self.steps)
 
@@ -193,9 +193,9 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return descriptions of the parameters of a chain, by names such as `filter1.params.radius`.
+    """Return parameter descriptions by names such as `filter1.params.radius`.
 
-    Parameters that no filter has are left out.
+    Unknown parameters are omitted.
     """
     found: dict[str, str] = {}
     for key, step in config.items():
@@ -213,7 +213,7 @@ def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _names_in(params: object) -> Iterator[str]:
-    """Yield the names of all values; nested ones are joined with dots: `min.color`."""
+    """Yield the names of all values; nested names are joined with dots, as in `min.color`."""
     for name, value in params.items() if isinstance(params, Mapping) else ():
         inner = [f"{name}.{below}" for below in _names_in(value)]
         yield from inner or [str(name)]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Configurations of filter chains in YAML, in the forms of ROS 2 and ROS 1.
+"""YAML configurations of filter chains in the ROS 2 and ROS 1 formats.
 
-ROS 2 parameters cannot be lists of mappings: a chain is a mapping `filter1 .. filterN`. In ROS 1 it
-is a list. Both hold steps of the form `{name, type, params}`.
+ROS 2 parameters cannot be lists of mappings, so a chain is a mapping `filter1 .. filterN`. In ROS 1
+a chain is a list. In both formats, each step is a mapping `{name, type, params}`.
 """
 
 import re
@@ -37,7 +37,7 @@ def parse_steps(config: object) -> list[StepConfig]:
         config: the mapping `{filter1: step, filter2: step, ...}` or a list of steps.
 
     Raises:
-        FilterConfigError: the message names the filter, and what was expected and found.
+        FilterConfigError: the message names the filter, the expected value and the actual value.
     """
     if isinstance(config, Mapping):
         numbered = {}
@@ -69,13 +69,13 @@ def parse_steps(config: object) -> list[StepConfig]:
 
 
 def read_chain(path: str | Path, name: str) -> object:
-    """Return the configuration of the chain called `name` in a YAML file.
+    """Read the configuration of the chain called `name` from a YAML file.
 
-    A ROS 2 parameter file holds it among the `ros__parameters` of a node. In a ROS 1 file it is the
-    entry `name` at the top, or the only list there. The file may also be the list alone.
+    In a ROS 2 parameter file, the chain is one of the `ros__parameters` of a node. In a ROS 1 file,
+    it is the top-level entry `name` or the only top-level list. The file may also be just the list.
 
     Raises:
-        FilterConfigError: the file is not YAML, or does not hold exactly one such chain.
+        FilterConfigError: the file is not YAML, or does not contain exactly one such chain.
         OSError: the file cannot be read.
     """
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Protocols of filters, and warnings of filters."""
+"""Filter protocols and filter warnings."""
 
 import functools
 import math
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled._source import Window
 
 WHOLE_MAP = math.inf
-"""Reach of filters that may look at all cells, and of filters without a `reach`."""
+"""Reach of filters that may read all cells, and of filters without a `reach` method."""
 
 
 class Filter(Protocol):
-    """Callable from map to map.
+    """Callable that takes a map and returns a map.
 
-    Filters with a type name in YAML are frozen dataclasses. Their fields are the YAML parameters:
-    `grid_map_core_py.plugins.build` checks names and types, `__post_init__` the values. A filter
-    raises an error if it fails, and calls `warn` about results that need the user's attention. The
+    Filters for YAML are frozen dataclasses, whose fields are the YAML parameters:
+    `grid_map_core_py.plugins.build` checks names and types, `__post_init__` checks values. A filter
+    raises an error if it fails, and calls `warn` if a result needs the user's attention. The
     protocols below describe optional methods.
     """
 
@@ -41,19 +41,19 @@ class Filter(Protocol):
         """Return the filtered map, which shares unchanged layers with the input.
 
         Args:
-            grid_map: its start index is (0, 0), and its layers must stay unchanged.
+            grid_map: map with start index (0, 0); the layers must not be changed.
         """
 
 
 @runtime_checkable
 class LocalFilter(Filter, Protocol):
-    """Filter that declares how far it looks; others look at the whole map."""
+    """Filter that declares a reach; filters without a reach need the whole map."""
 
     def reach(self, resolution: float) -> float:
-        """Return a number of cells, or `WHOLE_MAP`.
+        """Return the reach as a number of cells, or `WHOLE_MAP`.
 
-        A cell of the output depends on the cells of the input that are at most this number of rows
-        and columns away.
+        A cell of the output depends only on input cells that are at most this number of rows and
+        columns away.
 
         Args:
             resolution: side of a cell [m].
@@ -62,46 +62,46 @@ class LocalFilter(Filter, Protocol):
 
 @runtime_checkable
 class GlobalFilter(Filter, Protocol):
-    """Filter that needs quantities of the whole map, such as a mean, but is local otherwise."""
+    """Filter that needs quantities of the whole map, such as a mean, but otherwise is local."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
         """Compute the quantities, and return a `LocalFilter` for the tiles.
 
         Args:
-            tiled_map: the input map; its `over_tiles` helps to compute the quantities.
-            options: choices of the user.
+            tiled_map: input map; use `tiled_map.over_tiles` to compute the quantities.
+            options: options of `FilterChain.on_tiles`.
         """
 
 
 @runtime_checkable
 class PartlyLocalFilter(Filter, Protocol):
-    """Filter that runs on tiles with certain parameters only."""
+    """Filter that runs on tiles only with certain parameters."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
-        """Return why a map with these layers cannot be tiled; empty if it can."""
+        """Return why a map with these layers must be filtered as a whole; empty if tiles work."""
 
 
 @runtime_checkable
 class WideningFilter(LocalFilter, Protocol):
-    """Filter whose reach depends on the data; `reach` is the initial value."""
+    """Filter whose reach depends on the data; `reach` returns the initial reach."""
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:
-        """Return the number of cells by which the border of a tile is too narrow."""
+        """Return the number of cells by which to widen a tile; 0 if the tile is large enough."""
 
 
 class CellFilter:
-    """Base class of filters that compute each cell from the same cell of the input."""
+    """Base class for filters that compute each cell from the same cell of the input."""
 
     def reach(self, _resolution: float) -> float:
-        """Return 0."""
+        """Return 0: other cells have no influence."""
         return 0
 
 
 def reach_of(function: Filter, resolution: float) -> float:
-    """Return how far a filter looks: a whole number of cells, or `WHOLE_MAP`.
+    """Return the reach of a filter: a whole number of cells, or `WHOLE_MAP`.
 
     Raises:
-        FilterError: `reach` returned anything else.
+        FilterError: the `reach` method returned an invalid value.
     """
     cells = function.reach(resolution) if isinstance(function, LocalFilter) else WHOLE_MAP
     is_number = isinstance(cells, int | float | np.integer | np.floating)
@@ -112,7 +112,7 @@ def reach_of(function: Filter, resolution: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class TileOptions:
-    """Choices of the user for filters on tiled maps; see `FilterChain.on_tiles`."""
+    """Options for filters on tiled maps; see `FilterChain.on_tiles`."""
 
     max_hole: int
     large_holes: Literal["refuse", "leave"] = "refuse"
@@ -128,12 +128,12 @@ class FilterWarning(UserWarning):
 
 
 _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", default=("", None))
-"""Name of the step that this thread runs, and the list that collects its warnings."""
+"""Name of the step that this thread runs, and the list that collects warnings of the step."""
 
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Make `warn` name a step of a chain, and append to `collected` unless it is None."""
+    """Let `warn` prefix messages with `step` and, unless it is None, append to `collected`."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield
@@ -153,7 +153,7 @@ def warn(message: str) -> None:
 
 
 def pass_on(texts: Iterable[str], collected: list[str] | None, stacklevel: int = 2) -> None:
-    """Append warnings to a list; without one, issue them."""
+    """Append warnings to `collected`; if it is None, issue the warnings."""
     if collected is not None:
         collected.extend(texts)
         return
@@ -164,22 +164,22 @@ def pass_on(texts: Iterable[str], collected: list[str] | None, stacklevel: int =
 C = TypeVar("C", bound=Callable[..., GridMap])
 
 _kept = [0]
-"""Largest block that `in_map_order` has freed [bytes]."""
+"""Largest block that `in_map_order` has allocated and freed [bytes]."""
 
 
 def in_map_order(call: C) -> C:
-    """Decorate `__call__` of a filter that needs maps in map order.
+    """Decorator for the `__call__` of filters that need maps in map order.
 
-    A moved map is unwrapped, and its start index is restored in the result. Filters that look at
-    neighboring cells need the decorator outside of chains; a chain does the same. Memory that the
-    filter frees is kept for the next one.
+    A map with another start index than (0, 0) is reordered; the result gets the original start
+    index. Filters that read neighboring cells need the decorator when used without a chain; chains
+    do the same. Freed memory is kept for the next filter.
     """
 
     @functools.wraps(call)
     def wrapped(self: object, grid_map: GridMap) -> GridMap:
-        # glibc keeps twice the largest block that was freed, here 64 bytes per cell and at most
-        # 64 MB; otherwise the system clears the pages of all temporaries, which takes half of the
-        # time of a chain on 400 x 400 cells.
+        # glibc keeps freed memory up to twice the largest freed block, here 64 bytes per cell and
+        # at most 64 MB. Otherwise the system would clear the pages of all temporary arrays, which
+        # takes half of the run time of a chain on 400 x 400 cells.
         block = min(64 * math.prod(grid_map.size), 2**25 - 2**16)
         if block > _kept[0]:
             _kept[0] = block

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Filter chains over many maps without a node: from bags, folders or generators.
+"""Runs filter chains without a node on many maps from bags, folders or generators.
 
-`filter_maps` takes any iterable, and a function that makes a map of each item. The items of a bag
-are its records: `load` decodes one at a time, and each result holds its record.
+`filter_maps` accepts any iterable, and a function `load` that converts each item to a map. For a
+bag, the items are records; `load` decodes one record at a time, and each result refers to a record.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Filtered(Generic[T]):
-    """A filtered map and its input; `index` counts from 0."""
+    """A filtered map and the input item; `index` counts from 0."""
 
     index: int
     item: T
@@ -31,7 +31,7 @@ class Filtered(Generic[T]):
 class Failure:
     """A map that could not be loaded or filtered; `index` counts from 0.
 
-    It holds a text, because the exception would keep the map in memory.
+    The error is stored as text, because the exception would keep the map in memory.
     """
 
     index: int
@@ -50,23 +50,23 @@ def filter_maps(
     observer: StepObserver | None = None,
     progress: Callable[[int, int | None], Any] | None = None,
 ) -> Iterator[Filtered[T]]:
-    """Yield the filtered maps one after the other, each computed when the caller asks for it.
+    """Yield the filtered maps one after the other, computed on demand.
 
     Only one map is in memory at a time.
 
     Args:
         chain: filters for every map.
-        items: maps, or items that `load` turns into maps.
-        load: returns the map of an item. Its errors count as failures of that map.
-        failures: list for the maps that fail; the others are still yielded. None raises at the
-            first failure.
+        items: maps, or items that `load` converts to maps.
+        load: function that returns the map of an item. An error counts as a failure of that map.
+        failures: list to which failures are appended, while other maps are still yielded. None
+            raises an error at the first failure.
         observer: called after every step of every map.
-        progress: called after every map, also after failed ones, with the number of finished maps
-            and of all maps, None if `items` has no length.
+        progress: called after every map, including failed maps, with the number of finished maps
+            and the total number (None if `items` has no length).
 
     Raises:
-        FilterError: a map could not be loaded or filtered; the message names its index. Errors of
-            the iteration over `items` pass through.
+        FilterError: a map could not be loaded or filtered; the message contains the index of the
+            map. Errors raised by `items` itself are not caught.
 
     Example:
         >>> chain = FilterChain.from_config([{

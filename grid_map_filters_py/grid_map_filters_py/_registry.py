@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Filters by the type names in YAML.
+"""Registry of filters by YAML type name.
 
-Other packages add theirs through the entry-point group `grid_map_filters_py.filters`: the name of
-the entry point is the type, its object the filter class.
+Other packages register filters through the entry-point group `grid_map_filters_py.filters`: the
+name of the entry point is the type, and the object of the entry point is the filter class.
 """
 
 from grid_map_core_py.plugins import Registry
@@ -14,7 +14,7 @@ BUILT_IN: dict[str, type[Filter]] = {
     f"gridMap{'Cv' if name == 'Inpaint' else 'Filters'}/{name}Filter": getattr(_builtin, name)
     for name in _builtin.__all__
 }
-"""The built-in filters by their C++ type names."""
+"""Built-in filters by C++ type name."""
 
 ALIASES: dict[str, type[Filter]] = {
     alias: filter_class
@@ -23,7 +23,7 @@ ALIASES: dict[str, type[Filter]] = {
     for alias in (f"gridMapFilters/{name}Filter", f"gridMapCv/{name}Filter", name)
     if alias != type_name
 }
-"""Aliases of the same filters: with the other prefix, and the short form."""
+"""Aliases of the built-in filters: with the other prefix, and without a prefix."""
 
 
 class FilterRegistry(Registry[Filter]):
@@ -31,9 +31,9 @@ class FilterRegistry(Registry[Filter]):
 
     @property
     def types(self) -> tuple[str, ...]:
-        """All type names but aliases, sorted."""
+        """All type names without aliases, sorted."""
         return tuple(name for name in super().types if name not in ALIASES)
 
 
 FILTERS = FilterRegistry(BUILT_IN | ALIASES, "grid_map_filters_py.filters")
-"""All filters: `FILTERS["Threshold"]`, also `FILTERS["gridMapFilters/ThresholdFilter"]`."""
+"""All filters by type or alias, such as "gridMapFilters/ThresholdFilter" or "Threshold"."""

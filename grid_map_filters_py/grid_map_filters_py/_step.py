@@ -26,10 +26,10 @@ class Step:
 
     @classmethod
     def from_config(cls, config: StepConfig) -> "Step":
-        """Build the filter of a configuration.
+        """Create the filter described by a configuration.
 
         Raises:
-            FilterConfigError: the message names the filter, its type and the parameter.
+            FilterConfigError: the message names the filter, the filter type and the parameter.
         """
         try:
             kind: Any = FILTERS[config.type]
@@ -42,16 +42,16 @@ class Step:
                 if field.name.endswith("_layer") and field.default is MISSING:
                     value = getattr(made, field.name)
                     check(value != "", field.name, "the name of a layer", value)
-        # Classes of other packages may raise any exception.
+        # Filter classes of other packages may raise any exception.
         except Exception as error:
             raise FilterConfigError(f"{config}: {message_of(error)}") from error
         return cls(config, made)
 
     def reach(self, resolution: float) -> float:
-        """Return how far the filter looks: a number of cells, or `WHOLE_MAP`.
+        """Return the reach of the filter: a number of cells, or `WHOLE_MAP`.
 
         Raises:
-            FilterError: the filter returned anything else; the message names it.
+            FilterError: the reach is invalid; the message names the filter.
         """
         try:
             return reach_of(self.filter, resolution)
@@ -62,7 +62,7 @@ class Step:
         """Return the filtered map, in map order.
 
         Raises:
-            FilterError: the filter failed; the message names it.
+            FilterError: the filter failed; the message names the filter.
         """
         try:
             with running(self.config, warnings):
@@ -77,21 +77,21 @@ class Step:
             raise FilterError(f"{self.config}: {message}") from error
         if not isinstance(result, GridMap):
             raise FilterError(f"{self.config}: returned {result!r} instead of a GridMap")
-        # A filter may move its map, but the next filter expects map order.
+        # A filter may change the start index, but the next filter expects map order.
         return result if result.start_index == (0, 0) else result.with_start_index((0, 0))
 
 
 StepObserver = Callable[[Step, float], None]
-"""Function that is called after every step, with the step and its duration [s]."""
+"""Function called after every step with the step and the duration of the step [s]."""
 
 
 def message_of(error: Exception) -> str:
-    """Return the text of an error; for errors of other packages it begins with their type."""
+    """Return the message of an error, prefixed with the type for errors of other packages."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
 
 
 def read_only(grid_map: GridMap) -> GridMap:
-    """Return a map with views of the layers that cannot be written into."""
+    """Return a map whose layers are read-only views."""
     views = {name: grid_map[name].view() for name in grid_map}
     for view in views.values():
         view.flags.writeable = False
@@ -99,21 +99,21 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a read-only layer as a writeable one, copied if its memory belongs to others.
+    """Return a read-only layer as a writeable one, copied if the memory belongs to another layer.
 
     Args:
-        layer: a layer whose memory is that of an array of a filter, or of the input.
-        taken: addresses of memory that belongs to the input or to other layers; is extended.
+        layer: layer returned by a filter, or a layer of the input.
+        taken: addresses of memory used by the input or other layers; `layer` is added.
     """
     own, address = layer.view(), address_of(layer)
     try:
         own.flags.writeable = address not in taken
-    except ValueError:  # The filter returned an array that is read-only.
+    except ValueError:  # The filter returned a read-only array.
         own.flags.writeable = False
     taken.add(address)
     return own if own.flags.writeable else layer.copy("F")
 
 
 def address_of(layer: Layer) -> int:
-    """Return the address of the first cell."""
+    """Return the memory address of the first cell."""
     return int(layer.__array_interface__["data"][0])

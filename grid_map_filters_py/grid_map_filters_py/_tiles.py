@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Chains on tiled maps: a window of the result is computed from a wider window of the input.
 
-Each step asks the step before it for its window with a border as wide as its filter looks, and only
-for the layers that it needs. Steps whose results are not needed do not run.
+Each step requests from the previous step only the required layers, in the window widened by the
+reach of the filter. Steps whose results are not needed do not run.
 """
 
 import math
@@ -32,7 +32,7 @@ from ._step import Step, message_of, own_layer, read_only
 from .errors import FilterError
 
 _CORNER = 3
-"""Side of the small map on which a chain is tried [cells]."""
+"""Side of the small map for a trial run of the chain [cells]."""
 
 _MOST = 1.05
 """Ratio of computed to requested cells above which a map is cropped."""
@@ -43,11 +43,11 @@ class _TileStep:
     """A step of a chain on tiles.
 
     Args:
-        step: the filter and its configuration.
-        reads: layers of its input that it reads.
-        writes: layers of its result that are new or changed.
-        layers: all layers of its result.
-        basic_layers: basic layers of its result.
+        step: filter and configuration.
+        reads: input layers that the filter reads.
+        writes: new or changed layers of the result.
+        layers: all layers of the result.
+        basic_layers: basic layers of the result.
     """
 
     step: Step
@@ -59,13 +59,13 @@ class _TileStep:
 
 @dataclass(frozen=True, eq=False)
 class FilteredTiles:
-    """Layers of a tiled map after the steps of a chain; see `FilterChain.on_tiles`."""
+    """Source of the layers of a filtered tiled map; see `FilterChain.on_tiles`."""
 
     tiled_map: TiledMap
     steps: tuple[_TileStep, ...]
     options: TileOptions
     _bound: dict[int, Filter] = field(default_factory=dict, repr=False)
-    """Filters for tiles by step number, with the quantities of the whole map."""
+    """Filters for tiles by step number; they include the quantities of the whole map."""
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -97,7 +97,7 @@ class FilteredTiles:
                     if reach_of(function, given.resolution) == WHOLE_MAP:
                         expected = "a filter whose reach is a number of cells"
                         raise FilterError(f"for_tiles_of: expected {expected}, got {function!r}")
-            # Classes of other packages may raise any exception.
+            # Filter classes of other packages may raise any exception.
             except Exception as error:
                 raise FilterError(f"{config}: {message_of(error)}") from error
             self._bound[number] = function
@@ -112,12 +112,12 @@ class FilteredTiles:
         ]
 
     def _block(self, count: int, window: Window, names: frozenset[str]) -> tuple[GridMap, Window]:
-        """Return a window after the first `count` steps, with the named layers.
+        """Compute the named layers of a window after the first `count` steps.
 
         Returns:
-            The map of a window, and the window: the requested one or a slightly larger one, because
-                cropping would copy all layers. The additional cells are not exact: they see the
-                border of the window as that of the map.
+            The map and window of the result. The window may be slightly larger than requested,
+                because cropping would copy all layers. Values of the additional cells are not
+                exact, because the filters treat the window border as the map border.
         """
         while count and not self.steps[count - 1].writes & names:
             count -= 1
@@ -146,10 +146,10 @@ class FilteredTiles:
 def filtered_tiles(
     steps: Iterable[Step], tiled_map: TiledMap, options: TileOptions
 ) -> FilteredTiles:
-    """Return the layers of a tiled map after some steps; see `FilterChain.on_tiles`.
+    """Apply the steps of a chain to a tiled map; see `FilterChain.on_tiles`.
 
-    The chain runs on a small map of zeros, so that a missing layer or a wrong chain is an error
-    before any data is read.
+    A trial run on a small map of zeros reports missing layers and wrong parameters before any data
+    is read.
     """
     rows, columns = (slice(0, min(length, _CORNER)) for length in tiled_map.size)
     grid_map = GridMap.from_geometry(
@@ -181,7 +181,7 @@ def filtered_tiles(
             name for name in result if name not in grid_map or result[name] is not given[name]
         )
         if type(step.filter) not in BUILT_IN.values():
-            # Other filters may read and change layers depending on the data.
+            # Layers that external filters read and change may depend on the data.
             reads, writes = frozenset(grid_map), frozenset(result)
         tried.append(_TileStep(step, reads, writes, result.layers, result.basic_layers))
         grid_map = result
@@ -197,7 +197,7 @@ class _Watched(GridMap):
 
     @classmethod
     def of(cls, grid_map: GridMap) -> "_Watched":
-        """Return a copy of a map, with layers that are read-only."""
+        """Return a copy of a map with read-only layers."""
         watched = cls.from_geometry(
             grid_map.geometry,
             grid_map,

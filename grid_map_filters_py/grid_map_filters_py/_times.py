@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Durations of the steps of a chain, for `grid-map filter --timing` and the node."""
+"""Durations of chain steps, for `grid-map filter --timing` and the node."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from ._step import Step
 
 @dataclass
 class StepTime:
-    """Durations of one step [ms]: of the last map, the longest one, and the sum over all maps."""
+    """Durations of one step [ms]: for the last map, the maximum, and the sum over all maps."""
 
     config: StepConfig
     runs: int = 0
@@ -22,21 +22,21 @@ class StepTime:
 
     @property
     def mean(self) -> float:
-        """Mean over all maps [ms]."""
+        """Mean duration over all maps [ms]."""
         return self.total / self.runs
 
 
 class StepTimes:
-    """Observer of chains that collects the durations of their steps; prints as a table.
+    """Chain observer that collects the durations of steps; `str` formats them as a table.
 
-    Iterating gives a `StepTime` for each step that has run, in the order of the chain.
+    Iteration yields a `StepTime` for each executed step, in the order of the chain.
     """
 
     def __init__(self) -> None:
         self._times: dict[tuple[int, str], StepTime] = {}
 
     def __call__(self, step: Step, seconds: float) -> None:
-        """Add the duration of a step."""
+        """Record the duration of a step."""
         config = step.config
         time = self._times.setdefault((config.number, config.name), StepTime(config))
         time.last = 1e3 * seconds
@@ -58,7 +58,7 @@ class StepTimes:
         return sum(time.mean for time in self)
 
     def facts(self) -> list[dict[str, object]]:
-        """Return the numbers of all steps, for JSON."""
+        """Return the durations of all steps as JSON-compatible dictionaries."""
         return [
             {
                 "name": time.config.name,

@@ -3,8 +3,8 @@
 
 GridMapError (grid_map_core_py)
 └── FilterError
-    ├── FilterConfigError (ConfigError)    a chain that cannot be built
-    └── ExpressionError (ValueError)       an expression that cannot be read or evaluated
+    ├── FilterConfigError (ConfigError)    the chain cannot be built
+    └── ExpressionError (ValueError)       the expression cannot be parsed or evaluated
 """
 
 from grid_map_core_py.errors import ConfigError, GridMapError
@@ -13,7 +13,7 @@ __all__ = ["ExpressionError", "FilterConfigError", "FilterError"]
 
 
 class FilterError(GridMapError):
-    """A filter or its chain failed; the message names filter and cause."""
+    """A filter or a filter chain failed; the message names the filter and the cause."""
 
 
 class FilterConfigError(FilterError, ConfigError):
@@ -21,4 +21,4 @@ class FilterConfigError(FilterError, ConfigError):
 
 
 class ExpressionError(FilterError, ValueError):
-    """A mathematical expression is malformed or does not fit the layers it is applied to."""
+    """An expression is malformed or does not fit the layers that it is applied to."""

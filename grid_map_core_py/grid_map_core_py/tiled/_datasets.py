@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as datasets of xarray, and datasets as sources of layers.
+"""Conversion of maps to xarray datasets, and datasets as sources of layers.
 
-Layers are variables of the dimensions ("x", "y") in map order: both coordinates descend.
+Layers are variables with the dimensions ("x", "y") in map order: both coordinates descend.
 """
 
 import re
@@ -37,30 +37,30 @@ REMEDY = "pip install 'grid_map_core_py[xarray]'"
 DIMENSIONS = ("x", "y")
 
 CRS_VARIABLE = "spatial_ref"
-"""Variable that holds the coordinate reference system: the name that rioxarray uses."""
+"""Name of the variable with the coordinate reference system, as in rioxarray."""
 
 _BAND = "band"
-"""Dimension of the bands of a raster in rioxarray."""
+"""Band dimension of rioxarray."""
 
 _ENCODED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
-"""Attributes of values that xarray has not decoded."""
+"""Attributes of variables whose values xarray has not decoded."""
 
 _LARGEST_DIFFERENCE = 1e-3
-"""Largest difference of a coordinate from its place in the grid [cells]."""
+"""Maximum deviation of a coordinate from an evenly spaced grid [cells]."""
 
 _WKT = re.compile(r"\s*[A-Z]\w*\s*\[", re.IGNORECASE)
 
 _DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
-"""Start of the WKT of a geographic reference system."""
+"""Matches the start of the WKT of a geographic reference system."""
 
 _ORIGINS = WeakValueDictionary[tuple[str, str], TiledData]()
-"""Tiled maps by the names of a layer and of its Dask array."""
+"""Tiled maps by layer name and name of the Dask array."""
 
 # --- from maps ------------------------------------------------------------------------------------
 
 
 def coordinates(geometry: GridGeometry, origin: Sequence[float] = (0.0, 0.0)) -> dict[str, Any]:
-    """Return the coordinates of a dataset: centers of cells in the reference system [m]."""
+    """Return the x and y coordinates of the cell centers, in the reference system [m]."""
     axes = zip(DIMENSIONS, geometry.axes_in_map_order(), origin, strict=True)
     return {
         name: (name, axis + start, {"units": "m", "standard_name": f"projection_{name}_coordinate"})
@@ -76,22 +76,22 @@ def attributes(
     basic_layers: Iterable[str],
     origin: Sequence[float] = (0.0, 0.0),
 ) -> dict[str, Any]:
-    """Return the attributes of the dataset of a map."""
+    """Return the attributes that describe a map in a dataset."""
     names = [*layers]
     return {
-        # Stores do not keep the order of variables.
+        # Zarr stores do not preserve the order of variables.
         "layers": names,
         "frame_id": frame_id,
         "timestamp": timestamp,
         "basic_layers": [name for name in basic_layers if name in names],
         "resolution": geometry.resolution,
-        # The mean of two coordinates has a rounding error.
+        # Computed from the coordinates, the center would have a rounding error.
         "position": geometry.position.tolist(),
     } | ({"origin": [*origin]} if any(origin) else {})
 
 
 def to_dataset(grid_map: GridMap, crs: str = "") -> "xarray.Dataset":
-    """Return the dataset of a map; see `GridMap.to_xarray`."""
+    """Convert a map to a dataset; see `GridMap.to_xarray`."""
     layers = {name: grid_map.unwrapped(name) for name in grid_map}
     about = grid_map.frame_id, grid_map.timestamp, grid_map.basic_layers
     return dataset_of(grid_map.geometry, layers, attributes(grid_map.geometry, layers, *about), crs)
@@ -100,7 +100,7 @@ def to_dataset(grid_map: GridMap, crs: str = "") -> "xarray.Dataset":
 def dataset_of(
     geometry: GridGeometry, layers: Mapping[str, Any], about: Mapping[str, Any], crs: str
 ) -> "xarray.Dataset":
-    """Return a dataset of NumPy or Dask arrays in map order; they are not copied."""
+    """Create a dataset from NumPy or Dask arrays in map order, without copying the arrays."""
     xr = required("xarray", "a dataset", REMEDY)
     if taken := {*layers} & {*DIMENSIONS, CRS_VARIABLE}:
         raise GridMapError(
@@ -118,14 +118,14 @@ def dataset_of(
 
 
 def grid_mapping(crs: str) -> dict[str, Any]:
-    """Return the attributes of the variable that holds a reference system.
+    """Return the attributes of the CF grid mapping variable for a reference system.
 
     Args:
-        crs: WKT, a code such as "EPSG:25832", or a string of PROJ.
+        crs: WKT, a code such as "EPSG:25832", or a PROJ string.
 
     Raises:
         ConfigError: the reference system is unknown.
-        MissingPackageError: `crs` is no WKT, and pyproj is not installed.
+        MissingPackageError: `crs` is not WKT, and pyproj is not installed.
     """
     is_wkt = bool(_WKT.match(crs))
     wkt, about = crs, {}
@@ -136,7 +136,7 @@ def grid_mapping(crs: str) -> dict[str, Any]:
     except MissingPackageError:
         if not is_wkt:
             raise
-    except RuntimeError:  # that of pyproj is one
+    except RuntimeError:  # base class of pyproj's CRSError
         if not is_wkt:
             expected = "WKT, a code such as 'EPSG:25832', or a string of PROJ"
             raise ConfigError(f"crs: expected {expected}, got {short(crs)}") from None
@@ -147,10 +147,10 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 
 
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
-    """Return a dataset or an array as a dataset with one variable per band.
+    """Convert a dataset or data array to a dataset with one variable per band.
 
-    Bands without names are named after their variable, with a number. Values marked as missing
-    become NaN; scales and offsets are applied.
+    A band without a name gets the name of the variable and a number. Values marked as missing
+    become NaN; scale factors and offsets are applied.
     """
     xr = required("xarray", "a dataset", REMEDY)
     dataset: Any = data
@@ -181,7 +181,7 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
 
 
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
-    """Return the geometry of a dataset in the frame, and whether x and y ascend.
+    """Return the geometry of a dataset in the map frame, and whether x and y ascend.
 
     Raises:
         GeometryError: a coordinate is missing or not evenly spaced, or cells are not square.
@@ -210,7 +210,7 @@ def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bo
     resolution = _resolution(dataset, axes)
     middle = np.array([0.5 * (axis[0] + axis[-1]) for axis in axes]) - _origin_of(dataset)
     given = np.asarray(dataset.attrs.get("position", middle))
-    # A part of a dataset has the attributes of the whole one.
+    # A part of a dataset still has the attributes of the whole dataset.
     fits = given.shape == (2,) and given.dtype.kind in "iuf"
     position = given if fits and np.abs(given - middle).max() < 1e-6 * resolution else middle
     geometry = GridGeometry.from_size((axes[0].size, axes[1].size), resolution, position)
@@ -223,7 +223,7 @@ def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
-    """Return the side of a cell, from the attributes if it fits the coordinates."""
+    """Return the cell size: from the attributes if they fit the coordinates, else computed."""
     steps = [abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes if axis.size > 1]
     if steps and max(steps) - min(steps) > _LARGEST_DIFFERENCE * min(steps):
         raise GeometryError(
@@ -243,7 +243,7 @@ def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
     """Return the names of the layers, in the order of the attribute `layers`.
 
     Raises:
-        GridMapError: a variable has further dimensions, or holds no numbers.
+        GridMapError: a variable has additional dimensions or is not numeric.
     """
     layers = []
     for key, variable in dataset.data_vars.items():
@@ -259,7 +259,7 @@ def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
         if variable.dtype.kind not in "biuf":
             raise GridMapError(f"layer {name!r}: expected numbers, got {variable.dtype}")
         layers.append(name)
-    # Stores are read in any order.
+    # Zarr stores return variables in any order.
     order = [*dataset.attrs.get("layers", ()), *layers]
     return tuple(sorted(layers, key=order.index))
 
@@ -282,13 +282,13 @@ def crs_of(dataset: "xarray.Dataset") -> str:
 
 @dataclass(frozen=True, eq=False)
 class DatasetSource:
-    """Layers in the variables of a dataset, which may be in memory, in a file, or of Dask.
+    """Source that reads layers from a dataset in memory, in a file, or with Dask arrays.
 
     Args:
-        dataset: holds the layers (x, y).
+        dataset: dataset whose variables are layers with the dimensions x and y.
         layers: names of the layers.
-        name: name of the dataset in errors.
-        ascends: whether x, and whether y, ascends, against the order of a map.
+        name: name of the dataset in error messages.
+        ascends: whether x and y ascend; in a map they descend.
     """
 
     dataset: "xarray.Dataset"
@@ -313,7 +313,7 @@ class DatasetSource:
             layers = [self.dataset.variables[name].isel(part) for name in names]
             if any(layer.chunks for layer in layers):
                 compute = required("dask.base", "a dataset of Dask", REMEDY).compute
-                # In a task of Dask, another scheduler would wait for the threads of this one.
+                # Within a Dask task, another scheduler would wait for threads that are in use.
                 values = compute(*(layer.data for layer in layers), scheduler="synchronous")
             else:
                 values = [layer.values for layer in layers]
@@ -328,12 +328,12 @@ class DatasetSource:
 def open_dataset(
     data: "xarray.Dataset | xarray.DataArray", tile: Size | None = None, name: str = "dataset"
 ) -> TiledData:
-    """Return a dataset as a tiled map.
+    """Open a dataset as a tiled map.
 
     Args:
-        data: see `GridMap.from_xarray`; values are read, or computed, window by window.
-        tile: rows and columns of a tile; None means the chunks of Dask, otherwise 1024 cells.
-        name: name of the dataset in errors.
+        data: see `GridMap.from_xarray`; values are read or computed window by window.
+        tile: rows and columns of a tile; None uses the Dask chunks, or 1024 cells without chunks.
+        name: name of the dataset in error messages.
     """
     dataset = as_dataset(data)
     geometry, ascends = geometry_of(dataset)
@@ -353,7 +353,7 @@ def open_dataset(
             "dataset.rio.reproject(...) of rioxarray projects it",
             stacklevel=3,
         )
-    # Coordinates would be sent along to every process.
+    # Coordinates would be pickled and sent to every process.
     bare = dataset.drop_vars([*dataset.coords])[[*layers]]
     ordered = bare.transpose(*DIMENSIONS, missing_dims="ignore")
     return TiledData(
@@ -376,7 +376,7 @@ def turned(ascends: Sequence[bool]) -> dict[str, slice]:
 
 
 def mirrored(window: Window, size: Size, ascends: Sequence[bool]) -> Window:
-    """Convert a window from map order to the order of a dataset (x, y), or back."""
+    """Convert a window from map order to the cell order of a dataset (x, y), or back."""
     rows, columns = (
         slice(length - part.stop, length - part.start) if each else part
         for part, length, each in zip(window, size, ascends, strict=True)
@@ -388,7 +388,7 @@ def mirrored(window: Window, size: Size, ascends: Sequence[bool]) -> Window:
 
 
 def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -> "xarray.Dataset":
-    """Return the dataset of a tiled map; see `TiledMap.to_xarray`."""
+    """Convert a tiled map to a dataset of Dask arrays; see `TiledMap.to_xarray`."""
     required("dask.array", "a dataset that is computed later", REMEDY)
     from dask.array import map_blocks
     from dask.delayed import delayed
@@ -400,11 +400,11 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
         tuple(min(side, size - first) for first in range(0, size, side))
         for size, side in zip(tiled_map.size, tiled_map.tile, strict=True)
     )
-    # A key of the graph of its own: a cluster sends the map to each worker once.
+    # With a separate key in the Dask graph, a cluster sends the map to each worker only once.
     known = delayed(tiled_map, name=f"map-{uuid4().hex}", traverse=False)
     arrays: dict[str, Any] = {}
     for group in [[n] for n in names] if getattr(source, "reads_layers_alone", False) else [names]:
-        # Without names, Dask would hash what the functions hold.
+        # Without a name, Dask would hash the function and all its data.
         tiles = map_blocks(
             partial(_read, group),
             chunks=tuple((1,) * len(side) for side in chunks),
@@ -430,7 +430,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
 
 
 def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray[np.object_]:
-    """Return the layers of a tile in an array of one element, as Dask requires."""
+    """Return the layers of a tile wrapped in a one-element array, as Dask requires."""
     tiles, result = tiled_map.tiles, np.empty((1, 1), object)
     window = tiles[block_id[0] * tiles.counts[1] + block_id[1]]
     result[0, 0] = tiled_map.source.read(window, names)
@@ -438,20 +438,20 @@ def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray
 
 
 def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
-    """Remember the map of the lazy layers of a dataset, whatever the order of its cells."""
+    """Remember the tiled map behind the Dask arrays of a dataset, for `origin_of`."""
     for name in {*tiled_map.layers} & {*dataset}:
         _ORIGINS[name, dataset[name].data.name] = tiled_map
 
 
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
-    """Return the map that has exactly these layers, unchanged and not yet computed.
+    """Return the tiled map behind these layers if they are unchanged and not yet computed.
 
-    Reading windows of the map is cheaper than computing whole tiles of Dask arrays.
+    Reading windows from the map is cheaper than computing whole tiles of Dask arrays.
     """
     arrays = {name: dataset[name].data for name in layers if dataset[name].chunks}
     found = {_ORIGINS.get((name, array.name)) for name, array in arrays.items()}
     (tiled_map,) = found if len(found) == 1 else (None,)
     if tiled_map is None or tuple(layers) != tiled_map.layers or len(arrays) != len(layers):
         return None
-    # An array that has been computed and kept has one layer in its graph.
+    # The graph of a persisted array has only one layer.
     return tiled_map if all(len(array.dask.layers) > 1 for array in arrays.values()) else None

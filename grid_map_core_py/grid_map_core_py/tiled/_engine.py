@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs one function on many tiles with the Dask scheduler that the program has chosen.
+"""Runs a function on many tiles with the Dask scheduler that the program has chosen.
 
-The default is a pool of threads in this process. A `dask.distributed.Client` in the program selects
-its cluster; `dask.config.set(scheduler=...)` selects another local scheduler.
+The default is a thread pool in this process. A `dask.distributed.Client` in the program selects the
+cluster of the client; `dask.config.set(scheduler=...)` selects another local scheduler.
 """
 
 import itertools
@@ -24,35 +24,35 @@ P = TypeVar("P")
 REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 _AHEAD = 2
-"""Calls in progress or waiting, for each thread of this process."""
+"""Number of running and queued calls per thread of this process."""
 
 _PER_BATCH = 16
-"""Calls that another local scheduler gets at once, for each of its processes."""
+"""Number of calls per process that are submitted at once to another local scheduler."""
 
 _TASKS = 4
-"""Tasks in progress or waiting, for each thread of a cluster."""
+"""Number of running and queued tasks per thread of a cluster."""
 
 _PER_TASK = 8
-"""Largest number of calls in a task: the scheduler of a cluster needs about 1 ms for each task."""
+"""Maximum number of calls per task; the scheduler of a cluster needs about 1 ms for each task."""
 
 _PERIOD = 1.0
-"""Time between counts of the threads of a cluster, which may grow or shrink [s]."""
+"""Interval between counts of the threads of a cluster, whose number may change [s]."""
 
 
 def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
-    """Yield each part with `function(part)` as soon as it is ready.
+    """Yield each part and `function(part)` as soon as the result is available.
 
-    Parts are taken as they are needed, so that neither this process nor the scheduler holds all of
-    them. Closing the iterator cancels the calls that wait; threads of this process finish the calls
-    in progress.
+    Parts are drawn from `parts` on demand, so that neither this process nor the scheduler stores
+    all parts. Closing the iterator cancels queued calls; threads of this process finish running
+    calls.
 
     Args:
-        function: pickled together with the parts if other processes compute.
+        function: pickled together with the parts if other processes call it.
         parts: arguments of the calls.
 
     Raises:
         GridMapError: the cluster is lost, or several workers died while they computed one part.
-        Exception: a call failed; no further call begins.
+        Exception: a call failed; no further call is started.
     """
     required("dask", "tiled maps", REMEDY)
     from dask import base, config, system, threaded
@@ -75,7 +75,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
         try:
             while True:
                 for part in itertools.islice(rest, _AHEAD * threads - len(running)):
-                    # The context holds the limits of the caller, for example.
+                    # The context includes, for example, the limits set by the caller.
                     running[pool.submit(copy_context().run, function, part)] = part
                 if not running:
                     return
@@ -90,7 +90,7 @@ def _on_cluster(
 ) -> Iterator[tuple[P, T]]:
     from distributed import as_completed
 
-    # Pickled once, because schedulers may unpickle the arguments of tasks.
+    # Pickled in advance, because schedulers may unpickle the arguments of tasks.
     call = required("cloudpickle", "tiled maps on a cluster", REMEDY).dumps(function)
     running: dict[Any, list[P]] = {}
     completed: Any = as_completed
@@ -107,7 +107,7 @@ def _on_cluster(
                     raise _error(client) from error
                 most, counted = _TASKS * max(1, sum(counts.values())), time.monotonic()
             while len(running) < most:
-                # The last tasks are small, so that all threads finish at about the same time.
+                # The last tasks are smaller, so that all threads finish at about the same time.
                 share = length_hint(rest, _PER_TASK * most) // most
                 group = [*itertools.islice(rest, max(min(_PER_TASK, share), 1))]
                 if not group:
@@ -118,20 +118,20 @@ def _on_cluster(
             if not running:
                 return
             future, result = next(ready)
-            # A result counts even if its worker died after it was fetched.
+            # A fetched result is valid even if the worker has died since.
             if not isinstance(result, list):
                 raise _error(client, result)
             future.release()
             yield from zip(running.pop(future), result, strict=True)
     finally:
-        # The scheduler forgets released tasks; `cancel` would wait for a scheduler that is lost.
+        # The scheduler drops released tasks; `cancel` would wait for a lost scheduler.
         ready.clear()
         for future in running:
             future.release()
 
 
 def _error(client: Any, result: Any = None) -> BaseException:
-    """Return the error of a task without results, or of a lost cluster."""
+    """Return the exception to raise for a failed task or a lost cluster."""
     from distributed import KilledWorker
 
     if not isinstance(result, tuple):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`open_map` for stores, rasters and datasets; Zarr stores as a format of `load` and `save`."""
+"""`open_map` for stores, rasters and datasets; the Zarr format for `load` and `save`."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -27,25 +27,25 @@ def open_map(
     crs: str = "",
     origin: tuple[float, float] | None = None,
 ) -> TiledMap:
-    """Open a map of any size; only its metadata is read.
+    """Open a map of any size and read only the metadata.
 
-    Several GeoTIFF files are one map if their pixels are on one grid: gaps are NaN, and where files
-    overlap, the first one with a value wins.
+    Several GeoTIFF files form one map if their pixels lie on one grid. Gaps between files are NaN;
+    where files overlap, a cell gets the value of the first file that has one.
 
     Args:
-        path: a Zarr store (a folder, or an address for fsspec), one or more GeoTIFF files (also
-            virtual ones of GDAL, such as `/vsicurl/https://.../dem.tif`), or a dataset of xarray.
-        chunks: side of the tiles that are computed and written at once [cells]; by default the
-            chunks of the store, otherwise 1024.
+        path: a Zarr store (a folder or an fsspec URL), one or more GeoTIFF files (including GDAL
+            virtual files such as `/vsicurl/https://.../dem.tif`), or an xarray dataset.
+        chunks: side of the tiles in which the map is computed and written [cells]. The default is
+            the chunk size of the store; 1024 for maps without chunks.
         crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
             when they are read, with bilinear interpolation and square pixels.
-        origin: latitude and longitude [deg, WGS 84] of the origin of the frame; None
+        origin: latitude and longitude [deg, WGS 84] of the origin of the map frame; None
             keeps the coordinates of the reference system. See `TiledMap.with_origin`.
 
     Raises:
-        ConfigError: `crs` is malformed, or given for another kind of map.
-        MissingPackageError: a package that the kind of map needs is not installed.
-        GridMapError: `path` cannot be read, or is not a map.
+        ConfigError: `crs` is malformed, or is given for a map that is not a GeoTIFF file.
+        MissingPackageError: a package required for this kind of map is not installed.
+        GridMapError: `path` cannot be read or is not a map.
     """
     check(chunks is None or chunks >= 1, "chunks", "a number of cells", chunks)
     side = (chunks, chunks) if chunks else None
@@ -86,7 +86,7 @@ def _describe(path: str | PathLike[str]) -> dict[str, Any]:
     )
     names = {"layers": [*opened.layers], "basic_layers": [*opened.basic_layers]}
     crs = opened.crs
-    with suppress(Exception):  # without pyproj, or a code
+    with suppress(Exception):  # pyproj is missing, or the system has no code
         from pyproj import CRS
 
         crs = ":".join(CRS.from_user_input(crs).to_authority() or [crs])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GeoTIFF files: reading rasters on one grid as a tiled map, and writing window by window."""
+"""GeoTIFF files: reads rasters on one grid as a tiled map, and writes maps window by window."""
 
 import itertools
 import math
@@ -41,38 +41,38 @@ if TYPE_CHECKING:
     from ._tiled_map import TiledMap
 
 _LARGEST_SHIFT = 1e-3
-"""Largest distance between the cells of a raster and the grid of its mosaic [cells]."""
+"""Maximum misalignment between a raster and the grid of the mosaic [cells]."""
 
 _LARGEST_DIFFERENCE = 1e-6
-"""Largest relative difference between the sides of pixels of a mosaic."""
+"""Maximum relative difference between pixel sizes in a mosaic."""
 
 _MOST_OPEN = 64
 """Maximum number of rasters that a process keeps open."""
 
 _WIDEST_STRIP = 8192
-"""Maximum width of compressed strips; a window of wider ones unpacks many times its own size."""
+"""Width of compressed strips above which a window unpacks many times its own size [pixels]."""
 
 _WARPING: dict[str, Any] = {
     "dtype": "float32",
     "nodata": math.nan,
     "tolerance": 0.01,
-    # By default the filter depends on the window.
+    # By default, the size of the interpolation kernel depends on the window.
     "XSCALE": 1,
     "YSCALE": 1,
-    # By default a band keeps the value of no data where another band has a value.
+    # By default, a band keeps its nodata value where another band has a value.
     "UNIFIED_SRC_NODATA": "NO",
 }
-"""GDAL options for projected rasters; the tolerance of positions is in pixels."""
+"""GDAL options for projected rasters; `tolerance` is the position error [pixels]."""
 
 _BLOCK = 256
 """Side of the blocks in which a raster is projected [cells].
 
-GDAL interpolates positions within a window. In fixed blocks a cell has one value, whatever is read.
+GDAL interpolates positions per window; fixed blocks make cell values independent of the window.
 """
 
 
 _FILE_BLOCK = 512
-"""Side of a block of a written file [cells]."""
+"""Side of the blocks in written files [cells]."""
 
 
 class _Part(NamedTuple):
@@ -80,21 +80,21 @@ class _Part(NamedTuple):
     place: Window
     """Rows and columns of the map that the raster covers."""
     stamp: tuple[int, int] | None
-    """Time of change [ns] and length [bytes] of the file; None for virtual files."""
+    """Modification time [ns] and size [bytes] of the file; None for virtual files."""
     transform: Any
-    """`Affine` of the cells onto which the raster is projected; None reads it as it is."""
+    """`Affine` transform of the cells after projection; None reads the raster unprojected."""
     overview: int | None = None
-    """Number of the overview to read instead of the raster."""
+    """Number of the overview to read; None reads the raster itself."""
 
 
 @dataclass(frozen=True, eq=False)
 class RasterSource:
-    """Layers in the bands of rasters on one grid. Where rasters overlap, the first value wins.
+    """Source that reads layers from the bands of rasters on one grid.
 
     Args:
-        parts: the rasters.
+        parts: the rasters; where rasters overlap, a cell gets the first value.
         layers: names of the bands.
-        crs: reference system into which the rasters are projected; empty to read them as they are.
+        crs: reference system to which rasters are projected; empty reads rasters unprojected.
     """
 
     parts: tuple[_Part, ...]
@@ -130,7 +130,7 @@ class RasterSource:
     def _read_part(
         self, part: _Part, place: Window, bands: Sequence[int], images: Sequence[Layer]
     ) -> None:
-        """Read a window of the map that a raster covers into images."""
+        """Copy the values of a raster in the window `place` into `images`."""
         rows, columns = within(place, part.place)
         width = shape(part.place)[0]
         pixels = columns, slice(width - rows.stop, width - rows.start)
@@ -148,13 +148,13 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """Start and stop cells of the rasters, each (N, 2)."""
+        """First rows and columns, and end rows and columns, of the rasters; each (N, 2)."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
 
 def _opened(part: _Part, crs: str) -> Any:
-    """Return the open raster of a part for this thread; GDAL datasets are not thread-safe."""
+    """Return the raster of a part, opened for this thread; GDAL datasets are not thread-safe."""
     size, owner = shape(part.place), (os.getpid(), threading.get_ident())
     return _open(part.path, part.stamp, part.overview, crs, part.transform, size, owner)
 
@@ -176,16 +176,16 @@ def _open(
 
 
 def _warped(raster: Any, crs: str, **cells: Any) -> Any:
-    """Return a raster that is projected when it is read, with bilinear interpolation."""
+    """Return a virtual raster that is projected on reading, with bilinear interpolation."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
     return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)
 
 
 def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = "") -> TiledData:
-    """Return the tiled map of one raster, or of several on one grid; see `open_map`."""
+    """Open one raster, or several rasters on one grid, as a tiled map; see `open_map`."""
     headers = []
-    for path in paths:  # A comprehension is a level of the stack in Python 3.11.
+    for path in paths:  # In Python 3.11, a comprehension would add a stack frame.
         headers.append(_read_header(os.fspath(path), crs))
     first = headers[0]
     step, corner = first.geometry.resolution, first.north_west
@@ -196,7 +196,7 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
     west, north = min(box[0] for box in boxes), min(box[1] for box in boxes)
     east, south = max(box[2] for box in boxes), max(box[3] for box in boxes)
     rows, columns = first.geometry.size
-    # Exactly that of the raster, if there is one.
+    # The offset is exactly 0 for a single raster.
     offset = 0.5 * np.array([west + east - rows, columns - north - south]) * step
     parts = []
     for header, box in zip(headers, boxes, strict=True):
@@ -221,12 +221,12 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
 
 
 def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
-    """Return the smallest overview of a raster whose cells are at most `step` times as large.
+    """Return the coarsest overview of a raster whose cells are at most `step` times as large.
 
     Returns:
-        overview: its map, accurate to half a cell; `tiled_map` itself if it is a mosaic, is
-            projected, or has no such overview.
-        factor: side of its cells [cells of `tiled_map`].
+        overview: map of the overview, accurate to half a cell; `tiled_map` itself if the map is a
+            mosaic, is projected, or has no such overview.
+        factor: side of a cell of the overview [cells of `tiled_map`].
     """
     source = tiled_map.source
     if not isinstance(source, RasterSource) or len(source.parts) > 1 or source.parts[0].transform:
@@ -242,7 +242,7 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
         columns, rows = _opened(coarse, "").shape
     place = slice(0, rows), slice(0, columns)
     source = replace(source, parts=(coarse._replace(place=place),))
-    # GDAL takes an overview for the whole raster: its cells are not quite square.
+    # GDAL stretches an overview to the extent of the raster: the cells are not exactly square.
     resolution = factor * tiled_map.resolution
     geometry = GridGeometry.from_size((rows, columns), resolution, tiled_map.position)
     return replace(tiled_map, source=source, geometry=geometry), factor
@@ -252,14 +252,14 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
 
 
 class _Header(NamedTuple):
-    """Header of a raster, after projection if one is requested."""
+    """Header of a raster, after the requested projection."""
 
     path: str
     stored: StoredMap
     crs: str
     stamp: tuple[int, int] | None
     origin: tuple[float, float] | None = None
-    """Origin of the frame in the reference system [m]."""
+    """Coordinates of the origin of the map frame in the reference system [m]."""
 
     @property
     def geometry(self) -> GridGeometry:
@@ -267,7 +267,7 @@ class _Header(NamedTuple):
 
     @property
     def north_west(self) -> tuple[float, float]:
-        """The corner with the smallest x and the largest y [m]."""
+        """Corner with the smallest x and the largest y [m]."""
         x, y = (self.geometry.position + [-0.5, 0.5] * self.geometry.length).tolist()
         return x, y
 
@@ -291,7 +291,7 @@ def _read_header(path: str, crs: str) -> _Header:
 
 
 def _warn(raster: Any, path: str) -> None:
-    """Warn about coordinates that are not meters, and about slow strips."""
+    """Warn if the coordinates of a raster are not meters, or if wide strips make reading slow."""
     if unit := unit_of(raster):
         longitude, latitude = raster.lnglat()
         zone = min(max(int((longitude + 180.0) // 6.0), 0), 59) + 1
@@ -312,14 +312,14 @@ def _warn(raster: Any, path: str) -> None:
 
 
 def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
-    """Return the sides of a raster (west, north, east, south) [cells from the first corner].
+    """Return west, north, east and south sides of a raster [cells from the corner of `first`].
 
     Args:
-        header, first: the raster and the first one of the mosaic.
-        exact: whether it must lie on the grid; otherwise cells that it touches are counted.
+        header, first: headers of the raster and of the first raster of the mosaic.
+        exact: require the raster to lie on the grid; False includes all cells that it touches.
 
     Raises:
-        ValueError: its layers, its reference system, its pixels or their places differ.
+        ValueError: the layers, reference systems, pixel sizes or grids of the rasters differ.
     """
     of_crs = import_module("rasterio.crs").CRS.from_user_input
     if header.crs != first.crs and (
@@ -339,7 +339,7 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
     width, height = header.geometry.size
     if not exact:
         east, south = west + width * own / step, north + height * own / step
-        # The corner of the first raster itself has rounding errors.
+        # The corner coordinates have rounding errors, even for the first raster itself.
         lower, upper = math.floor(west + 1e-6), math.floor(north + 1e-6)
         return lower, upper, math.ceil(east - 1e-6), math.ceil(south - 1e-6)
     if abs(own - step) > _LARGEST_DIFFERENCE * step:
@@ -369,7 +369,7 @@ def to_geotiff(
     """Write a tiled map into a GeoTIFF file; see `TiledMap.to_geotiff`."""
     target = Path(path)
     check_ending(target, ".tif", ".tiff")
-    # Auxiliary files would be left beside the temporary one.
+    # GDAL would leave auxiliary files next to the temporary file.
     with gdal(target, GDAL_PAM_ENABLED=False), storage_errors(target, "written"):
         if not names:
             raise GridMapError("the map has no layers")
@@ -409,7 +409,7 @@ def _write_windows(
         "timestamp": tiled_map.timestamp,
         "basic_layers": [name for name in tiled_map.basic_layers if name in names],
     }
-    # Whole blocks, which are packed only once.
+    # Windows consist of whole blocks, so that each block is compressed only once.
     width, height = (-(-side // _FILE_BLOCK) * _FILE_BLOCK for side in tiled_map.tile)
     windows = Tiles((tiled_map.size[1], tiled_map.size[0]), (height, width))
     rectangle = import_module("rasterio.windows").Window.from_slices
@@ -427,17 +427,17 @@ def _write_windows(
 
 
 def _compute(tiled_map: TiledData, names: Sequence[str], window: Window) -> list[Layer]:
-    """Return the layers of a window of raster lines and pixels."""
+    """Compute the layers of a window given in raster lines and pixels."""
     lines, pixels = window
     rows = slice(tiled_map.size[0] - pixels.stop, tiled_map.size[0] - pixels.start)
     return tiled_map.source.read((rows, lines), names)
 
 
 def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
-    """Build the overviews of a tiled file, and copy it with the layout of a COG."""
+    """Build the overviews of the file `tiles`, and copy it to `file` in the COG layout."""
     with import_module("rasterio").open(tiles, "r+") as raster:
         levels = range(1, max(0, (max(raster.shape) - 1) // _FILE_BLOCK).bit_length() + 1)
-        # The method "nearest" would pick an arbitrary one of four heights.
+        # "nearest" would pick one of four heights arbitrarily.
         average = import_module("rasterio.enums").Resampling.average
         raster.build_overviews([2**level for level in levels], average)
     packing = {"COMPRESS": "DEFLATE", "PREDICTOR": "YES"} if compress else {"COMPRESS": "NONE"}
@@ -453,7 +453,7 @@ def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
 
 
 def _check_complete(file: Path) -> None:
-    """Raise `OSError` if a block is missing: GDAL reports no error if it closes on a full disk."""
+    """Raise `OSError` if a block is missing; GDAL reports no error when closing on a full disk."""
     length, last = file.stat().st_size, (-1, 0, 0, 0)
     with import_module("rasterio").open(file) as raster:
         levels = [(None, 1), *enumerate(raster.overviews(1))]

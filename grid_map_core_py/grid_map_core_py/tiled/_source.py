@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sources of layers that are read window by window, and the arithmetic of windows."""
+"""Sources of layers that are read window by window, and functions for windows."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,24 +14,24 @@ from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..map._geometry import GridGeometry
 
 __all__ = ["shape", "widened", "within"]
-"""Names for other packages of the suite."""
+"""Names that other packages of the suite may import."""
 
 Window: TypeAlias = tuple[slice, slice]
-"""Rows and columns of a rectangle of cells, in map order; with a start and a stop, no step."""
+"""Row and column slices of a rectangle of cells in map order, with start and stop, without step."""
 
 Progress = Callable[[int, int], Any]
-"""Function that is called after each tile, with the number of finished tiles and of all."""
+"""Function called after each tile with the number of finished tiles and the total number."""
 
 TILE = 1024
 """Default side of a tile [cells]."""
 
 
 class Source(Protocol):
-    """Layers that are read window by window.
+    """Provider of layers that are read window by window.
 
-    Sources are pickled and sent to other processes and machines, so they open files only when they
-    read. A source that reads several layers together no faster than one after the other may set
-    `reads_layers_alone`.
+    Sources are pickled and sent to other processes and machines, so they open files only in `read`.
+    A source may set `reads_layers_alone` if reading several layers together is not faster than
+    reading each layer separately.
     """
 
     @property
@@ -39,16 +39,16 @@ class Source(Protocol):
         """Names of the layers in their order."""
 
     def describe(self) -> str:
-        """Return a text that is equal in another process if, and only if, the data are equal."""
+        """Return a text that is equal in another process if and only if the data are equal."""
 
     def prepare(self) -> None:
-        """Prepare data that all windows share; called once before they are read in parallel."""
+        """Prepare data shared by all windows; called once before windows are read in parallel."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
-        """Return the named layers of a window: float32, (rows, cols), Fortran order, own memory.
+        """Return layers of a window as new (rows, cols) float32 arrays in Fortran order.
 
         Args:
-            window: a non-empty rectangle of cells of the map.
+            window: non-empty rectangle of cells within the map.
             names: names of existing layers.
 
         Raises:
@@ -58,7 +58,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TiledData:
-    """Source, grid and frame of a tiled map; see `TiledMap`, which adds its methods."""
+    """Source, grid and frame of a tiled map; `TiledMap` adds the methods."""
 
     source: Source
     geometry: GridGeometry
@@ -76,7 +76,7 @@ class TiledData:
 
     @property
     def size(self) -> Size:
-        """Rows and columns."""
+        """Number of rows and columns."""
         return self.geometry.size
 
     @property
@@ -91,23 +91,23 @@ class TiledData:
 
     @property
     def length(self) -> Positions:
-        """Sides of the map along x and y, (2,) [m]."""
+        """Side lengths of the map along x and y, (2,) [m]."""
         return self.geometry.length
 
     def _in_frame_at(self, origin: Sequence[float]) -> Self:
-        """Return the map in a frame with its origin at x, y of the current frame [m]."""
+        """Return the map in a frame whose origin is at x, y in the current frame [m]."""
         x, y = origin
         geometry = self.geometry.at(self.position - np.array([x, y]))
         return replace(self, geometry=geometry, origin=(self.origin[0] + x, self.origin[1] + y))
 
     @property
     def tiles(self) -> "Tiles":
-        """The tiles, as windows of cells."""
+        """Tiles of the map as windows of cells."""
         return Tiles(self.size, self.tile)
 
 
 class Tiles(Sequence[Window]):
-    """The tiles of a map: windows of at most `side` rows and columns, row after row of tiles."""
+    """Sequence of the tiles of a map, row by row: windows of at most `side` rows and columns."""
 
     def __init__(self, size: Size, side: Size) -> None:
         self.size, self.side = size, side
@@ -127,7 +127,7 @@ class Tiles(Sequence[Window]):
         return rows, columns
 
     def touching(self, window: Window) -> Iterator[Window]:
-        """Return the tiles that overlap a window."""
+        """Yield the tiles that overlap a window."""
         rows, columns = (
             range(part.start // side, (part.stop - 1) // side + 1)
             for part, side in zip(window, self.side, strict=True)
@@ -136,7 +136,7 @@ class Tiles(Sequence[Window]):
 
 
 def widened(window: Window, cells: int, size: Size) -> Window:
-    """Return a window widened by a number of `cells`, clipped to a map of `size`."""
+    """Return a window widened by `cells` on all sides, clipped to a map of `size`."""
     rows, columns = (
         slice(max(part.start - cells, 0), min(part.stop + cells, length))
         for part, length in zip(window, size, strict=True)
@@ -145,7 +145,7 @@ def widened(window: Window, cells: int, size: Size) -> Window:
 
 
 def within(window: Window, outer: Window) -> Window:
-    """Return a window relative to the first cell of a window around it."""
+    """Return a window relative to the first cell of the enclosing window `outer`."""
     rows, columns = (
         slice(part.start - around.start, part.stop - around.start)
         for part, around in zip(window, outer, strict=True)
@@ -154,7 +154,7 @@ def within(window: Window, outer: Window) -> Window:
 
 
 def common(one: Window, other: Window) -> Window:
-    """Return the intersection of two windows; slices stop before they start if it is empty."""
+    """Return the intersection of two windows; if it is empty, a slice has stop <= start."""
     rows, columns = (
         slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
     )
@@ -167,16 +167,16 @@ def shape(window: Window) -> Size:
 
 
 def tile_name(window: Window) -> str:
-    """Return a window as text for messages."""
+    """Format a window for messages."""
     return f"cells [{', '.join(f'{part.start}:{part.stop}' for part in window)}]"
 
 
 @contextmanager
 def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
-    """Convert all errors of reading or writing layers to a GridMapError that names them.
+    """Convert exceptions raised while reading or writing to a GridMapError that names `path`.
 
     Args:
-        path: name of a store or dataset, or of a part of it.
+        path: name of a store or dataset, or of one of its parts.
         doing: "read" or "written".
     """
     try:
@@ -187,7 +187,7 @@ def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
         if fspath(path) not in str(error):
             error.args = (f"{path}: {error}",)
         raise
-    # Zarr and its codecs raise errors of many types.
+    # Zarr and its codecs raise exceptions of many types.
     except Exception as error:
         reason = getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
         raise GridMapError(f"{path}: cannot be {doing}: {reason.splitlines()[0]}") from error

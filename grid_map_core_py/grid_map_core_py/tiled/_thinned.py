@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from ._tiled_map import TiledMap
 
 _MOST_TILES = 4096
-"""Maximum number of tiles that are read, which takes about half a minute."""
+"""Maximum number of tiles to read; reading them takes about half a minute."""
 
 _Run: TypeAlias = tuple[slice, slice]
-"""Rows or columns of a tile, from the first to the last needed one, and those of the result."""
+"""Rows or columns to read from a tile, and the rows or columns of the result they fill."""
 
 
 def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridMap:
-    """Return every `step`-th cell of a map; see `TiledMap.thinned`."""
+    """Read every `step`-th row and column of a map; see `TiledMap.thinned`."""
     check(step >= 1, "step", "a number of cells", step)
     tiled_map, factor = overview_of(tiled_map, step)
     step, sides = math.ceil(step / factor), [*zip(tiled_map.size, tiled_map.tile, strict=True)]
@@ -51,7 +51,7 @@ def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridM
 
 
 def _runs(size: int, side: int, step: int) -> list[_Run]:
-    """Return the runs of all tiles along a side of the map that have a cell of the result."""
+    """Return the runs along a side of the map, one per tile that contributes to the result."""
     lines = np.arange(min(step // 2, size - 1), size, step)
     begins = np.flatnonzero(np.diff(lines // side, prepend=-1)).tolist()
     return [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps of any size, and the accessor `grid_map` of datasets of xarray."""
+"""Maps of any size, and the xarray accessor `grid_map`."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ T = TypeVar("T")
 
 
 class Chain(Protocol):
-    """Filters for maps and tiled maps: `FilterChain` of grid_map_filters_py."""
+    """Protocol of filter chains for maps and tiled maps: `FilterChain` of grid_map_filters_py."""
 
     @property
     def on_tiles(self) -> Callable[..., Any]:
-        """Function of a `TiledMap` and options that returns a source with `basic_layers`."""
+        """Function that filters a `TiledMap` and returns a source with `basic_layers`."""
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         """Return the filtered map."""
@@ -57,19 +57,19 @@ class Chain(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TiledMap(TiledData):
-    """Map of any size whose layers are read, or computed, window by window.
+    """Map of any size whose layers are read or computed window by window.
 
-    `open_map` makes one. It is immutable, except for `write`, and can be pickled like its source.
+    `open_map` returns a `TiledMap`. A tiled map is immutable, except for `write`, and picklable.
 
     Args:
-        source: where the layers come from.
-        geometry: size, resolution and position, in the frame.
+        source: provider of the layers.
+        geometry: size, resolution and position in the map frame.
         tile: rows and columns of a tile.
-        frame_id: frame of the map.
-        timestamp: time [ns].
+        frame_id: name of the map frame.
+        timestamp: time of the map [ns].
         basic_layers: see `GridMap.basic_layers`.
-        crs: coordinate reference system, as text; empty if unknown.
-        origin: coordinates of the origin of the frame in the reference system [m].
+        crs: coordinate reference system as text, such as WKT; empty if unknown.
+        origin: coordinates of the frame origin in the reference system [m].
     """
 
     @classmethod
@@ -85,13 +85,13 @@ class TiledMap(TiledData):
         timestamp: int = 0,
         crs: str = "",
     ) -> TiledMap:
-        """Create an empty Zarr store, to be filled with `write`, and return its map.
+        """Create an empty Zarr store, to be filled with `write`, and return the store as a map.
 
-        The store takes a few kilobytes, whatever its size. A chunk uses disk space only once it is
-        written; until then its cells are NaN.
+        The empty store uses a few kilobytes, regardless of the map size. A chunk uses disk space
+        only once it is written; the cells of unwritten chunks are NaN.
 
         Args:
-            path: the folder of the store, which must not exist.
+            path: folder of the store, which must not exist.
             geometry: size, resolution and position.
             layers: names of the layers.
             chunks: side of a chunk [cells].
@@ -108,10 +108,10 @@ class TiledMap(TiledData):
     def get_block(
         self, rows: slice, columns: slice, layers: Iterable[str] | None = None
     ) -> GridMap:
-        """Return a rectangle of cells as a map in memory.
+        """Read a rectangle of cells as a map in memory.
 
         Args:
-            rows, columns: slices in map order, with a start and a stop on the map.
+            rows, columns: slices in map order, with start and stop within the map.
             layers: names of the layers to read; None means all.
 
         Raises:
@@ -122,14 +122,14 @@ class TiledMap(TiledData):
         names = select_layers(self.layers, layers)
         window = rows, columns
         is_whole = window == (slice(0, self.size[0]), slice(0, self.size[1]))
-        # The geometry of a part has rounding errors.
+        # The cropped geometry has rounding errors.
         geometry = self.geometry if is_whole else self.geometry.cropped(*window)
         check_cells("map", geometry.size, len(names))
         self.source.prepare()
         return self._map(geometry, names, self.source.read(window, names))
 
     def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
-        """Return a map with the frame and time of this one, which adopts the layers."""
+        """Return a map in memory with `layers` (not copied) and the frame and time of this map."""
         empty = GridMap.from_geometry(geometry, frame_id=self.frame_id, timestamp=self.timestamp)
         grid_map = empty.with_layers(dict(zip(names, layers, strict=True)))
         grid_map.basic_layers = [name for name in self.basic_layers if name in names]
@@ -138,13 +138,13 @@ class TiledMap(TiledData):
     def get_submap(
         self, position: ArrayLike, length: ArrayLike, layers: Iterable[str] | None = None
     ) -> GridMap:
-        """Return the map of a rectangle; only the chunks under it are read.
+        """Return a rectangular part of the map; only the chunks under the rectangle are read.
 
-        The cells are those of `GridMap.get_submap`.
+        The result has the same cells as `GridMap.get_submap`.
 
         Args:
             position: (2,) center of the rectangle [m].
-            length: (2,) its sides [m].
+            length: (2,) side lengths of the rectangle [m].
             layers: names of the layers to read; None means all.
 
         Raises:
@@ -153,7 +153,7 @@ class TiledMap(TiledData):
         return self.get_block(*self.geometry.overlapped(position, length), layers)
 
     def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
-        """Return the whole map, if the limits allow its size; see `get_block`."""
+        """Read the whole map into memory; raises `LimitError` if it exceeds the limits."""
         rows, columns = self.size
         return self.get_block(slice(0, rows), slice(0, columns), layers)
 
@@ -163,21 +163,21 @@ class TiledMap(TiledData):
         positions: ArrayLike,
         interpolation: Interpolation | str = Interpolation.NEAREST,
     ) -> float | Positions:
-        """Return the values of a layer at positions; only cells around them are read.
+        """Return the values of a layer at positions; only nearby cells are read.
 
-        The values equal those of `GridMap.at_position`, also at the borders of tiles. The Dask
+        The values equal the results of `GridMap.at_position`, also at tile borders. The Dask
         scheduler of the program reads the tiles.
 
         Args:
             layer: name of the layer.
             positions: (2,) or (N, 2) x, y [m].
-            interpolation: the method, or its value as a string such as "linear".
+            interpolation: interpolation method, or the value of the method such as "linear".
 
         Returns:
-            A float for one position, else (N,) float64.
+            A float for one position, otherwise an (N,) float64 array.
 
         Raises:
-            OutOfMapError: a position is NaN or not on the map.
+            OutOfMapError: a position is NaN or outside the map.
         """
         select_layers(self.layers, (layer,))
         method, points = method_of(interpolation), as_positions(positions)
@@ -200,18 +200,18 @@ class TiledMap(TiledData):
             return Surface(self.geometry, (0, 0), values, corner).at(flat[chosen], method)
 
         values = np.empty(len(flat))
-        # For one tile, the scheduler takes longer than reading.
+        # For a single tile, scheduling takes longer than reading.
         found = in_any_order(read, range(len(groups))) if len(groups) > 1 else None
         for number, part in found or ((n, read(n)) for n in range(len(groups))):
             values[groups[number]] = part
         return float(values[0]) if points.ndim == 1 else values.reshape(points.shape[:-1])
 
     def to_xarray(self, layers: Iterable[str] | None = None) -> xarray.Dataset:
-        """Return a dataset of Dask arrays, whose tiles are computed when they are used.
+        """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
-        A chunk is a tile, and is computed once, however many of its layers are used together. In
-        all else the dataset is like that of `GridMap.to_xarray`, with `crs` as a CF grid mapping.
-        Quantities of the whole map that a filter needs are computed at once.
+        Each tile is one chunk, and is computed once even if several layers are used together. In
+        all other respects the dataset equals the result of `GridMap.to_xarray`, with `crs` as a CF
+        grid mapping. If a filter needs quantities of the whole map, they are computed immediately.
 
         Args:
             layers: names of the layers; None means all.
@@ -221,11 +221,11 @@ class TiledMap(TiledData):
         return dataset
 
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
-        """Return every `step`-th row and column as a map in memory, for pictures.
+        """Return every `step`-th row and column as a map in memory, for example for display.
 
-        Cells of the result are `step` times as large; the center of each is that of the cell whose
-        value it has. Rasters are read from their overviews if they have any. If very many tiles
-        would have to be read, `step` becomes larger than given.
+        A cell of the result is `step` times as large as the original cell that it is copied from,
+        and has the same center. If a raster has overviews, the overviews are read. If more than
+        about 4000 tiles would have to be read, a larger step is used.
 
         Args:
             step: rows and columns of the map per row and column of the result.
@@ -236,7 +236,7 @@ class TiledMap(TiledData):
         return thinned_map(self, step, select_layers(self.layers, layers))
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
-        """Draw as many cells as a picture can show, and return the axes; see `GridMap.plot`."""
+        """Plot the map, thinned to the plot size, and return the axes; see `GridMap.plot`."""
         from ..map._plots import plot
 
         return plot(self, layer, ax, style, options)
@@ -244,12 +244,12 @@ class TiledMap(TiledData):
     def over_tiles(
         self, function: Callable[[GridMap], T], layers: Iterable[str] | None = None
     ) -> list[T]:
-        """Apply `function` to the map of every tile; return the results in tile order.
+        """Apply `function` to the map of every tile and return the results in tile order.
 
         The Dask scheduler of the program computes the tiles.
 
         Args:
-            function: takes a `GridMap` with the layers; pickled if other processes compute.
+            function: called with a `GridMap` of a tile; pickled if other processes call it.
             layers: names of the layers that the function needs; None means all.
         """
         names = select_layers(self.layers, layers)
@@ -263,14 +263,14 @@ class TiledMap(TiledData):
         return [results[number] for number in range(len(tiles))]
 
     def filter(self, chain: Chain, **options: Any) -> TiledMap:
-        """Return the filtered map; nothing is computed yet.
+        """Return the filtered map, whose tiles are computed on demand.
 
         Args:
             chain: a `FilterChain`.
             options: see `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter needs the whole map in memory, or fails on every map.
+            FilterError: a filter needs the whole map in memory, or the chain fails on any map.
         """
         source = chain.on_tiles(self, **options)
         return replace(self, source=source, basic_layers=source.basic_layers)
@@ -284,22 +284,22 @@ class TiledMap(TiledData):
         overwrite: bool = False,
         progress: Progress | None = None,
     ) -> None:
-        """Compute the map and write it into a Zarr store, tile by tile.
+        """Compute the map and write the tiles to a Zarr store.
 
-        The store appears under its name when it is complete. Until then its tiles are in a folder
-        beside it, whose name ends in `.part`.
+        Tiles are written to a folder next to `path`, whose name ends in `.part`. The folder is
+        renamed to `path` once the store is complete.
 
         Args:
-            path: the folder of the store.
+            path: folder of the store.
             layers: names of the layers to write; None means all.
-            resume: continue a run that did not finish: only missing tiles are computed, and the
-                bytes equal those of an uninterrupted run.
+            resume: continue an unfinished run: only missing tiles are computed, and the store is
+                identical to the store of an uninterrupted run.
             overwrite: replace an existing store.
             progress: called after each tile.
 
         Raises:
             GridMapError: a tile cannot be read, computed or written; the store exists; another
-                process is writing it; or the unfinished run had other inputs.
+                process is writing the store; or the unfinished run had different inputs.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -313,19 +313,19 @@ class TiledMap(TiledData):
     ) -> None:
         """Merge a map into the store that this map was opened from.
 
-        Finite cells of the map replace those of the store. Each cell of the store gets the value of
-        the map cell that contains its center, as with `GridMap.add_data_from`; cells of the map
-        outside the store are ignored. Only chunks under the map are read and written, each of them
+        Finite cells of `grid_map` replace cells of the store. Each store cell gets the value of the
+        map cell that contains its center, as with `GridMap.add_data_from`; map cells outside the
+        store are ignored. Only chunks under the map are read and written, and each chunk is written
         atomically. Several processes may write at the same time without losing data.
 
         Args:
-            grid_map: a map of the same resolution, and in the same frame or without one.
-            position: (2,) center of the map [m]; None takes its own position.
-            layers: names of the layers to write; None means all of the map.
+            grid_map: map with the same resolution, and with the same frame or an empty frame name.
+            position: (2,) center of the map [m]; None uses the position of `grid_map`.
+            layers: names of the layers to write; None means all layers of `grid_map`.
 
         Raises:
-            OutOfMapError: no cell of the map is on the store.
-            GeometryError: the map has another resolution.
+            OutOfMapError: the map and the store do not overlap.
+            GeometryError: the resolutions differ.
             GridMapError: this map was not opened from a Zarr store on this machine, the store lacks
                 a layer, the frames differ, or the store cannot be written.
         """
@@ -341,19 +341,19 @@ class TiledMap(TiledData):
         overwrite: bool = False,
         progress: Progress | None = None,
     ) -> None:
-        """Compute the map and write it into a GeoTIFF file, window by window.
+        """Compute the map and write it to a GeoTIFF file, window by window.
 
-        The file appears under its name when it is complete. Each layer is a band of float32 with
-        its name; NaN is no data. A tag holds frame, time and basic layers, so that `open_map` and
-        `load_geotiff` return the same map. While a cloud-optimized file is written, it also needs
-        disk space for the uncompressed layers.
+        The file is renamed to `path` once it is complete. Each layer is a float32 band with the
+        name of the layer; the nodata value is NaN. A tag stores frame, time and basic layers, so
+        that `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
+        temporarily requires additional disk space for the uncompressed layers.
 
         Args:
-            path: the file.
-            cog: write a cloud-optimized GeoTIFF (COG), with overviews. A cell of an overview is the
-                mean of the finite ones of its four cells, which is meaningless for packed colors.
+            path: path of the file.
+            cog: write a cloud-optimized GeoTIFF (COG) with overviews. An overview cell is the mean
+                of the finite values of four cells, which is meaningless for packed colors.
             layers: names of the layers to write; None means all.
-            compress: pack the values with deflate.
+            compress: compress the values with deflate.
             overwrite: replace an existing file.
             progress: called after each window.
         """
@@ -366,10 +366,10 @@ class TiledMap(TiledData):
         """Convert latitudes and longitudes to positions in the frame of the map.
 
         Args:
-            latitude, longitude: numbers, or (N,) each [deg, WGS 84].
+            latitude, longitude: numbers or (N,) arrays [deg, WGS 84].
 
         Returns:
-            (2,) or (N, 2) x, y [m]; NaN outside the area of the reference system.
+            (2,) or (N, 2) x, y [m]; NaN outside the valid area of the reference system.
 
         Raises:
             GridMapError: the map has no reference system.
@@ -399,18 +399,18 @@ class TiledMap(TiledData):
         return _pairs(latitude, longitude)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
-        """Return the map in a frame with its origin at a latitude and longitude.
+        """Return the map in a frame whose origin is at a latitude and longitude.
 
-        Coordinates in a reference system are millions of meters; those in a frame near the robot
-        are small. The axes keep their directions. Datasets, stores and GeoTIFF files have the
-        coordinates of the reference system, and hold the origin, from which `open_map` and
-        `load_geotiff` restore the frame.
+        Coordinates in a reference system can be millions of meters; in a frame near the robot,
+        coordinates are small. The directions of the axes do not change. Datasets, stores and
+        GeoTIFF files still use the coordinates of the reference system. They also store the origin,
+        so that `open_map` and `load_geotiff` can restore the frame.
 
         Args:
             latitude, longitude: the new origin [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or it does not cover the origin.
+            GridMapError: the map has no reference system, or the origin is outside its valid area.
         """
         origin = self.position_of(latitude, longitude)
         if not np.isfinite(origin).all():
@@ -420,7 +420,7 @@ class TiledMap(TiledData):
 
 
 def _pairs(*coordinates: ArrayLike) -> Positions:
-    """Return pairs (2,) or (N, 2); those outside the reference system are NaN."""
+    """Stack coordinates to (2,) or (N, 2) pairs; pairs with a non-finite coordinate become NaN."""
     pairs = np.stack([np.asarray(one, np.float64) for one in coordinates], axis=-1)
     pairs[~np.isfinite(pairs).all(axis=-1)] = np.nan
     return pairs
@@ -428,7 +428,7 @@ def _pairs(*coordinates: ArrayLike) -> Positions:
 
 @lru_cache(maxsize=16)
 def _transformer(crs: str) -> Any:
-    """Return the PROJ transformer from longitude and latitude into a reference system."""
+    """Return the PROJ transformer from longitude and latitude to a reference system."""
     if not crs:
         raise GridMapError(
             "the map has no reference system, so its place on the earth is not known; a GeoTIFF "
@@ -443,14 +443,14 @@ def _transformer(crs: str) -> Any:
 
 
 class GridMapAccessor:
-    """Methods of grid maps for xarray, as `dataset.grid_map` and `array.grid_map`.
+    """xarray accessor with grid map methods: `dataset.grid_map` and `array.grid_map`.
 
-    Datasets in memory are computed at once, those of Dask lazily and tile by tile, like a
-    `TiledMap`. `GridMap.from_xarray` says which datasets are maps.
+    Datasets in memory are processed immediately. Datasets of Dask arrays are processed lazily and
+    tile by tile, like a `TiledMap`. `GridMap.from_xarray` describes which datasets are maps.
     """
 
     def __init__(self, data: xarray.Dataset | xarray.DataArray) -> None:
-        """Wrap a dataset or an array, which is checked on the first call."""
+        """Wrap a dataset or data array; the first method call checks the data."""
         self._data = data
 
     @cached_property
@@ -470,15 +470,15 @@ class GridMapAccessor:
         return replace(opened, source=origin.source) if origin else opened
 
     def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
-        """Return the map in memory; see `GridMap.from_xarray`."""
+        """Convert the dataset to a map in memory; see `GridMap.from_xarray`."""
         return self._opened.to_map(layers)
 
     def filter(self, chain: Chain, **options: Any) -> xarray.Dataset:
-        """Return the filtered dataset, with the dimensions and coordinates of this one.
+        """Filter the dataset; the result has the same dimensions and coordinates.
 
         Args:
             chain: a `FilterChain`.
-            options: for datasets of Dask, those of `FilterChain.on_tiles`.
+            options: for Dask datasets, the options of `FilterChain.on_tiles`.
 
         Raises:
             FilterError: a filter fails, or needs the whole map of a Dask dataset in memory.
@@ -494,14 +494,14 @@ class GridMapAccessor:
         filtered = filtered.isel(turned(geometry_of(mine)[1]))
         if opened.layers:
             filtered = filtered.transpose(*mine[opened.layers[0]].dims)
-        # Coordinates with other rounding errors would not be aligned.
+        # xarray would not align coordinates with different rounding errors.
         filtered = filtered.assign_coords({name: mine[name].variable for name in DIMENSIONS})
         if self._is_lazy:
             remember(filtered, tiled_map)
         return filtered
 
     def get_submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
-        """Return the cells that a rectangle overlaps without a copy; see `TiledMap.get_submap`."""
+        """Return a rectangular part of the dataset, not copied; see `TiledMap.get_submap`."""
         geometry, ascends = geometry_of(self._dataset)
         window = geometry.overlapped(position, length)
         stored = zip(DIMENSIONS, mirrored(window, geometry.size, ascends), strict=True)
@@ -518,13 +518,13 @@ class GridMapAccessor:
         return self._opened.at_position(layer, positions, interpolation)
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
-        """Draw the map with Matplotlib, and return the axes; see `GridMap.plot`."""
+        """Plot the map with Matplotlib and return the axes; see `GridMap.plot`."""
         return self._opened.plot(layer, ax, style=style, **options)
 
 
 @cache
 def register() -> None:
-    """Add the accessor to xarray."""
+    """Register the accessor `grid_map` in xarray."""
     xr = required("xarray", "the accessor `grid_map`", REMEDY)
     xr.register_dataset_accessor("grid_map")(GridMapAccessor)
     xr.register_dataarray_accessor("grid_map")(GridMapAccessor)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writing tiled maps to new Zarr stores tile by tile; files and locks of stores.
+"""Writes tiled maps to new Zarr stores tile by tile; files and locks of stores.
 
-Stores have Zarr format 2, which zarr-python 2 and 3 write. A chunk is a file that holds a block of
-a layer in the memory order of layers; zarr-python writes it under another name and renames it.
+Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file stores a block of a
+layer in Fortran order; zarr-python writes the chunk under a temporary name and renames the file.
 Cells of missing chunks are NaN.
 
-A new store gets its name when all its tiles are there; until then it is a folder beside it, whose
-name ends in `.part`. A tile is finished when the chunks of all layers exist, so that a later run
-computes only the others.
+An unfinished store is a folder whose name ends in `.part`; the folder is renamed when all tiles are
+complete. A tile is complete when the chunks of all layers exist, so that a resumed run computes
+only the missing tiles.
 """
 
 import errno
@@ -34,14 +34,14 @@ from ._engine import REMEDY, in_any_order
 from ._source import Progress, TiledData, data_errors, tile_name
 
 _RUN = ".run.json"
-"""File in an unfinished store that describes the run; its process keeps it locked."""
+"""File that describes the run in an unfinished store; the writing process locks the file."""
 
 _NEAR = 4
-"""Tiles along the sides of a square of tiles that are computed one after the other."""
+"""Side of the squares of tiles in which tiles are computed consecutively [tiles]."""
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
-    """Create an empty store, and return its path; see `TiledMap.create`."""
+    """Create an empty store and return the path of the store; see `TiledMap.create`."""
     target = check_local(path)
     check_ending(target, ".zarr")
     with data_errors(target, "written"), new_folder(target, _refuse) as folder:
@@ -70,9 +70,9 @@ def to_zarr(
         if target.exists():
             if not overwrite:
                 raise GridMapError("already exists; 'overwrite' replaces it")
-            # Raises an error if the folder is not a store.
+            # Raises FileNotFoundError if the folder is not a store.
             metadata_file(target)
-        # A later run continues this one only if all of this is equal.
+        # A run is resumed only if all these entries are equal.
         run = {
             "input and filters": sha256(tiled_map.source.describe().encode()).hexdigest(),
             "layers": [*names],
@@ -99,11 +99,11 @@ def to_zarr(
         if not part.exists():
             with new_folder(part, _refuse) as folder:
                 create_layers(folder, tiled_map, names)
-                # Zarr warns about files that it did not write.
+                # Written after the layers, because Zarr warns about foreign files.
                 (folder / _RUN).write_text(json.dumps(run), encoding="utf-8")
         with _locked(part):
             _compute(tiled_map, part, names, progress)
-            # Killed workers leave partial files.
+            # Workers that were killed leave partial files behind.
             for leftover in part.glob("*/*.partial"):
                 leftover.unlink()
             if target.exists():
@@ -118,7 +118,7 @@ def to_zarr(
 
 @contextmanager
 def _locked(part: Path) -> Iterator[IO[str]]:
-    """Lock an unfinished store for one process; yield the description of its run."""
+    """Lock an unfinished store for this process; yield the file that describes the run."""
     with (part / _RUN).open("r+") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -130,14 +130,14 @@ def _locked(part: Path) -> Iterator[IO[str]]:
 def _compute(
     tiled_map: TiledData, part: Path, names: Sequence[str], progress: Progress | None
 ) -> None:
-    """Compute the tiles that are not in the unfinished store."""
+    """Compute and write the tiles that are missing in the unfinished store."""
     tiles, columns = tiled_map.tiles, tiled_map.tiles.counts[1]
     chunks = [{file.name for file in (part / name).iterdir()} for name in names]
     places = {n: divmod(n, columns) for n in range(len(tiles))}
     missing = [
         n for n, (row, column) in places.items() if any(f"{row}.{column}" not in c for c in chunks)
     ]
-    # Neighboring tiles share blocks at their borders, which a process keeps in memory.
+    # Neighboring tiles share input blocks at their borders, which a process keeps in memory.
     missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
     done = len(tiles) - len(missing)
     if progress is not None:
@@ -166,7 +166,7 @@ class _Write:
 
     @cached_property
     def _arrays(self) -> dict[str, Any]:
-        # A tile is finished when its chunks exist, so those without finite cells are written, too.
+        # A tile is complete when all its chunks exist, so chunks of NaN are written, too.
         return {name: open_layer(self.store, name, empty_chunks=True) for name in self.names}
 
 
@@ -174,12 +174,12 @@ class _Write:
 
 
 def is_local(name: str) -> bool:
-    """Return whether a store is a folder, not an address for fsspec."""
+    """Return whether the name of a store is a local path, not an fsspec URL."""
     return "://" not in name and "::" not in name
 
 
 def check_local(path: str | PathLike[str]) -> Path:
-    """Return the path of a store to write; refuse all but local folders."""
+    """Return the path of a store to write; raise an error unless the path is local."""
     name = os.fspath(path)
     if not is_local(name):
         raise GridMapError(
@@ -190,7 +190,7 @@ def check_local(path: str | PathLike[str]) -> Path:
 
 
 def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> None:
-    """Create a store without chunks in an empty folder, for some layers of a map."""
+    """Create a store for the layers `names` in an empty folder, without chunks."""
     zarr = required("zarr", f"{path}: a Zarr store", REMEDY)
     blosc = required("numcodecs", "a Zarr store", REMEDY).Blosc
     taken = (*DIMENSIONS, CRS_VARIABLE)
@@ -219,24 +219,24 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
             array = group.create_array(name, **options)
         else:
             array = group.create_dataset(name, **{"compressor": None} | options)
-        # `update` of zarr-python 3 writes the file once for each attribute.
+        # In zarr-python 3, `update` would write the file once per attribute.
         array.attrs.put(about | {"_ARRAY_DIMENSIONS": [*dimensions]})
         return array
 
-    # Readers make a coordinate of the variable, where rioxarray looks for it.
+    # Readers turn the variable into a coordinate, which rioxarray expects.
     about_crs = {"grid_mapping": CRS_VARIABLE, "coordinates": CRS_VARIABLE} if crs else {}
     packing = {"compressor": blosc("lz4", 1, blosc.SHUFFLE), "fill_value": np.nan, "order": "F"}
     for name in names:
         create(name, "<f4", geometry.size, tuple(tiled_map.tile), DIMENSIONS, about_crs, **packing)
     for name, (_, values, about) in coordinates(geometry, tiled_map.origin).items():
-        # Values that equal the fill value are read as NaN.
+        # xarray reads values that equal the fill value as NaN.
         array = create(name, "<f8", values.shape, values.shape, [name], about, fill_value=np.nan)
         array[:] = values
     if crs:
         create(CRS_VARIABLE, "<i4", (), (), [], grid_mapping(crs))
     about = tiled_map.frame_id, tiled_map.timestamp, tiled_map.basic_layers, tiled_map.origin
     group.attrs.put(attributes(geometry, names, *about))
-    # One file with the metadata of all layers is read at once.
+    # Readers then need only one file for the metadata of all layers.
     zarr.consolidate_metadata(str(path))
 
 
@@ -245,12 +245,12 @@ def _is_zarr_2(zarr: Any) -> bool:
 
 
 def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
-    """Return the array of a layer, to write into it.
+    """Open the Zarr array of a layer for writing.
 
     Args:
         store: path of the store.
         name: name of the layer.
-        empty_chunks: write chunks without finite cells, too.
+        empty_chunks: also write chunks without finite cells.
     """
     zarr = required("zarr", f"{store}: a Zarr store", REMEDY)
     options = {"write_empty_chunks": empty_chunks}
@@ -260,10 +260,10 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
 
 
 def metadata_file(store: Path) -> Path:
-    """Return the metadata file of a store, which writing data does not change."""
+    """Return the path of the metadata file of a store; writing chunks does not change the file."""
     if not store.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(store))
-    # Of formats 2 and 3.
+    # Zarr formats 2 and 3.
     for name in (".zgroup", "zarr.json"):
         if (store / name).is_file():
             return store / name
@@ -272,9 +272,9 @@ def metadata_file(store: Path) -> Path:
 
 @contextmanager
 def locked(store: Path) -> Iterator[None]:
-    """Lock a store for one thread of one process; others wait."""
+    """Lock a store for this thread; other threads and processes wait."""
     with metadata_file(store).open("r+") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
         yield
-        # The time of the file tells later runs that the content has changed.
+        # The new modification time tells later runs that the content has changed.
         os.utime(store)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reading windows of Zarr stores, and merging maps into them."""
+"""Reads windows of Zarr stores, and merges maps into stores."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
     import xarray
 
 _OPENED = 16
-"""Stores that a process keeps open: opening one takes as long as reading a window."""
+"""Number of stores that a process keeps open; opening a store takes as long as reading a window."""
 
 _LARGEST_DIFFERENCE = 1e-6
-"""Largest relative difference of two resolutions that count as the same."""
+"""Maximum relative difference between equal resolutions."""
 
 
 @dataclass(frozen=True)
 class StoreSource:
-    """Layers in a Zarr store, which each process opens when it reads.
+    """Source that reads layers from a Zarr store, opened by each process on the first read.
 
     Args:
-        path: the folder of the store, or its address.
+        path: folder or fsspec URL of the store.
         layers: names of the layers.
-        size: rows and columns.
+        size: number of rows and columns.
     """
 
     path: str
@@ -57,11 +57,11 @@ class StoreSource:
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         source = self.opened()[1].source
-        # One by one, so that an error names the layer.
+        # Layers are read separately, so that an error names the layer.
         return [layer for name in names for layer in source.read(window, [name])]
 
     def opened(self) -> "tuple[xarray.Dataset, TiledData]":
-        """Return the store as xarray reads it, and as a map."""
+        """Return the store as an xarray dataset and as a tiled map."""
         dataset, found = _open(self.path, _stamp(self.path))
         if found.size != self.size or not {*self.layers} <= {*found.layers}:
             raise GridMapError(f"{self.path}: the store has been replaced; open it again")
@@ -69,7 +69,7 @@ class StoreSource:
 
 
 def open_store(name: str, chunks: int | None = None) -> TiledData:
-    """Return a store as a tiled map; see `open_map`."""
+    """Open a store as a tiled map; see `open_map`."""
     _, found = _open(name, _stamp(name))
     side = (chunks, chunks) if chunks else found.tile
     # Processes of a cluster may have another working directory.
@@ -78,7 +78,7 @@ def open_store(name: str, chunks: int | None = None) -> TiledData:
 
 
 def _stamp(name: str) -> object:
-    """Return a value that changes when the store is replaced."""
+    """Return a cache key that changes when the store is replaced."""
     if not is_local(name):
         return None
     with data_errors(name, "read"):
@@ -92,7 +92,7 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
     with data_errors(name, "read"):
         xarray = required("xarray", f"{name}: a Zarr store", REMEDY)
         required("zarr", f"{name}: a Zarr store", REMEDY)
-        # Otherwise xarray warns about stores without consolidated metadata.
+        # If `consolidated` is None, xarray warns about local stores without such metadata.
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
         dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
         layers = layers_of(dataset)
@@ -139,11 +139,11 @@ def merge(
 
 
 def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArray[Any]]]:
-    """Return the cells of a store whose centers are on a map, and where they are in its buffer.
+    """Return the store cells whose centers are on a map, and the map cells under the centers.
 
     Returns:
-        window: the cells of the store.
-        lines: buffer indices of the rows and columns of the map under those of the window.
+        window: cells of the store.
+        lines: for each row and each column of the window, the buffer index in the map.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution
@@ -164,7 +164,7 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 def _merge_layer(
     source: StoreSource, name: str, window: Window, lines: list[NDArray[Any]], layer: Layer
 ) -> None:
-    """Merge a layer into the chunks of the store under it, one after the other."""
+    """Merge a layer into the store, chunk by chunk."""
     dataset, _ = source.opened()
     variable, (_, ascends) = dataset[name].variable, geometry_of(dataset)
     if {"scale_factor", "add_offset"} & {*variable.encoding} or variable.dtype.kind != "f":

@@ -12,26 +12,26 @@ from ..parts._disc import Disc, disc_reach
 from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side
 
-# OpenCV's bilateral filter spreads NaN, and a single outlier makes its table of weights too coarse
-# for edges.
+# OpenCV's bilateral filter propagates NaN, and a single outlier makes the weight table too coarse
+# to preserve edges.
 
 _FAR = np.float32(12.0)
 """Standard deviations beyond which a value counts as missing; its weight would be 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Standard deviations that missing values may add up to."""
+"""Mean difference that counts as 0 [standard deviations], since missing values may cause it."""
 
 _PIECE = 2**16
-"""Cells that are computed together, so that their temporaries stay in the cache."""
+"""Number of cells computed at once, so that temporary arrays fit into the cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bilateral(LayerFilter):
-    """Smooth a layer and keep its edges.
+    """Smooth a layer while preserving edges.
 
-    Every finite cell becomes the mean of the finite values in the disc around it, weighted by a
+    Each finite cell becomes the mean of the finite values in the surrounding disc, weighted with a
     Gaussian of the distance and a Gaussian of the difference in value (C. Tomasi and R. Manduchi,
-    "Bilateral filtering for gray and color images", ICCV 1998). Other cells are NaN.
+    "Bilateral filtering for gray and color images", ICCV 1998). Non-finite cells become NaN.
 
     Attributes:
         sigma_space: standard deviation of the Gaussian of distances [m].
@@ -57,7 +57,7 @@ class Bilateral(LayerFilter):
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
         disc = Disc(self._radius, resolution, layer.shape)
-        # A missing value is infinitely far away from all others, so that its weight is 0.
+        # Missing values are set to infinity, so that their weight is 0.
         known = np.where(np.isfinite(layer), layer, np.float32(np.inf))
         margins = [(side // 2, side // 2) for side in disc.kernel.shape]
         padded = np.pad(known, margins, constant_values=np.inf)
@@ -74,15 +74,15 @@ class Bilateral(LayerFilter):
         return result
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
-        """Return the means of the cells `center`; `around` holds them with the margin of a disc."""
+        """Return the weighted means of a block; `around` is the block with the margin of a disc."""
         sigma, (rows, columns) = np.float32(self.sigma_range), center.shape
-        # The cell itself has the weight 1.
+        # Each cell itself has weight 1.
         weights, total = np.ones_like(center), np.zeros_like(center)
         distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
         shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)
         top, left = disc.reach
-        # Both cells of a pair have the same weight, and differences of opposite sign. `first` holds
-        # all pairs with a cell in `center`.
+        # The two cells of a pair have equal weights and opposite differences. `first` covers all
+        # pairs with a cell in `center`.
         pairs = [at for at in np.argwhere(shares) - disc.reach if tuple(at) > (0, 0)]
         for down, right in pairs:
             start, stop = left - max(right, 0), left + columns - min(right, 0)

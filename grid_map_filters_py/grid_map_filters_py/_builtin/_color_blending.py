@@ -18,9 +18,9 @@ _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 
 @dataclass(frozen=True, kw_only=True)
 class ColorBlending(CellFilter):
-    """Blend a layer of colors over another.
+    """Blend a foreground color layer over a background color layer.
 
-    Where one layer has no color, the result is the color of the other one.
+    Where only one of the two layers has a color, the result is that color.
 
     Attributes:
         background_layer: layer with the colors below.
@@ -85,7 +85,7 @@ def _blended(
     front: tuple[Value, ...],
     weights: tuple[Value, ...],
 ) -> Value:
-    """Return the color of a cell; `front` holds the blended channels in [0, 1]."""
+    """Return the color of a cell; `front` are the channels after blending, in [0, 1]."""
     r = FULL * (back[0] * weights[1] + front[0] * weights[0])
     g = FULL * (back[1] * weights[1] + front[1] * weights[0])
     b = FULL * (back[2] * weights[1] + front[2] * weights[0])

@@ -19,9 +19,9 @@ _FIRST, _LAST = np.float32(0), np.float32(1)
 
 @dataclass(frozen=True, kw_only=True)
 class ColorMap(CellFilter, LayerFilter):
-    """Color a layer by a linear ramp between two values, each with a color.
+    """Color a layer with a linear gradient between two values and their colors.
 
-    Values beyond the ramp get the color of its end. Cells that are not finite have no color.
+    Values outside the range are clamped to the nearest end. Non-finite cells get no color.
 
     Attributes:
         input_layer: layer with the values.

@@ -19,7 +19,7 @@ class Curvature(LayerFilter):
     """Compute the curvature of a layer from second differences; positive on hilltops.
 
     At the border of the map, the cell itself replaces the missing neighbor. A second difference
-    with a cell that is not finite counts as 0. Cells that are not finite become NaN.
+    with a non-finite cell counts as 0. Non-finite cells become NaN.
 
     Attributes:
         input_layer: heights [m].
@@ -32,10 +32,10 @@ class Curvature(LayerFilter):
         return 1
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
-        # A margin of one cell repeats the border.
+        # Pad with one cell that replicates the border.
         heights = cv2.copyMakeBorder(layer.T, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         width, flat = heights.shape[1], np.asarray(heights).ravel()
-        # Every cell, columns of the margin included, and its four neighbors.
+        # All cells, including the left and right margins, and the four neighbors of each cell.
         shifts = 0, -width, width, -1, 1
         neighbors = [flat[width + shift : flat.size - width + shift] for shift in shifts]
         curvature = _curvature(neighbors, (-1 / resolution**2,))

@@ -10,7 +10,7 @@ from .._filter import CellFilter, warn
 
 @dataclass(frozen=True, kw_only=True)
 class Deletion(CellFilter):
-    """Remove layers, and warn about layers that the map lacks.
+    """Remove layers, and warn about layers that do not exist.
 
     Attributes:
         layers: names of the layers to remove.

@@ -10,7 +10,7 @@ from ..parts._layer_filter import FillingDiscFilter, lowest_in_disc
 
 @dataclass(frozen=True, kw_only=True)
 class Erosion(FillingDiscFilter):
-    """Give every cell the smallest finite value in the disc of `radius` [m] around it."""
+    """Set every cell to the smallest finite value in the surrounding disc of `radius` [m]."""
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
         return lowest_in_disc(layer, self.radius, resolution, fill=self.compute_empty_cells)

@@ -18,9 +18,9 @@ from ..parts._layer_filter import AroundTypicalValue, check_radius
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianBlur(AroundTypicalValue):
-    """Smooth a layer by the mean of the finite values around each cell, weighted by a Gaussian.
+    """Smooth a layer with the Gaussian-weighted mean of the finite values around each cell.
 
-    In every cell, the weights of the finite values are scaled to a sum of 1 (normalized
+    At each cell, the weights of the finite values are normalized to a sum of 1 (normalized
     convolution, H. Knutsson and C.-F. Westin, 1993), so that holes and borders add no bias.
 
     Attributes:

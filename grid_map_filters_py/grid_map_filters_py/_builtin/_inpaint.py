@@ -41,23 +41,23 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled._source import Window
 
 _LARGEST_RADIUS = 100.0
-"""OpenCV's limit [cells]."""
+"""Maximum radius that OpenCV accepts [cells]."""
 
 _MARGIN = 16
-"""Least cells to see around the holes of a tile, beside those within a few radii. Cells further
-away change less than 1e-6 of the range of a layer, also where half of the cells are missing."""
+"""Minimum margin around the holes of a tile [cells], in addition to a few radii. Cells further away
+change the result by less than 1e-6 of the value range, even if half of the cells are missing."""
 
 _BEYOND = 32
-"""Cells around a tile in which most holes of its border end."""
+"""Initial border of a tile [cells]: most holes on the border of the tile end within it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Inpaint(LayerFilter):
-    """Fill the cells of a layer that are not finite from their surroundings.
+    """Fill the non-finite cells of a layer from surrounding cells.
 
-    This is the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV. Finite
-    cells keep their bits. A layer without finite cells stays unchanged. Missing cells that touch,
-    also at a corner, belong to one hole.
+    Uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV. Finite
+    cells do not change. A layer without finite cells does not change. Missing cells that touch,
+    also at corners, form one hole.
 
     Attributes:
         radius: radius of the neighborhood from which a cell is filled [m], at least one cell.
@@ -75,7 +75,7 @@ class Inpaint(LayerFilter):
         check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
 
     def reach(self, _resolution: float) -> float:
-        # A hole may be as large as the map, and gray values depend on all heights.
+        # A hole may be as large as the map, and the gray-value scale depends on all heights.
         return WHOLE_MAP
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: TileOptions) -> Filter:
@@ -96,7 +96,7 @@ class Inpaint(LayerFilter):
         )
 
     def _refuse(self, holes: Holes, geometry: GridGeometry, max_hole: int) -> None:
-        """Raise a FilterError if there are holes to fill that are too long for tiles."""
+        """Raise a FilterError if a hole to fill is longer than `max_hole`."""
         lengths = holes.lengths * self.wanted(holes, geometry.size, geometry.resolution)
         if not (lengths > max_hole).any():
             return
@@ -125,11 +125,11 @@ class Inpaint(LayerFilter):
 
     @property
     def _chooses(self) -> bool:
-        """True if some holes may stay."""
+        """True if the parameters may leave some holes unfilled."""
         return self.enclosed_holes_only or self.max_hole_area is not None
 
     def wanted(self, holes: Holes, size: Size, resolution: float) -> Mask:
-        """Return which holes to fill (n,)."""
+        """Return an (n,) mask of the holes to fill."""
         limit = math.inf if self.max_hole_area is None else self.max_hole_area
         wanted: Mask = holes.areas * resolution**2 <= limit * (1 + 1e-9)
         return wanted & ~holes.touch_border(size) if self.enclosed_holes_only else wanted
@@ -140,14 +140,14 @@ class Inpaint(LayerFilter):
 
 @dataclass(frozen=True)
 class _InpaintTiles:
-    """Fills the holes of tiles.
+    """Filter that fills the holes of tiles.
 
     Args:
-        whole: the filter.
-        geometry: that of the whole map.
-        extremes: lowest and highest value of the whole layer; NaN if there is none.
+        whole: the `Inpaint` filter of the chain.
+        geometry: geometry of the whole map.
+        extremes: lowest and highest finite value of the whole layer; NaN without finite values.
         max_hole: length of the longest hole to fill [cells].
-        fills_all: True if there are no other holes.
+        fills_all: all holes of the map are to be filled.
     """
 
     whole: Inpaint
@@ -160,10 +160,10 @@ class _InpaintTiles:
         return _BEYOND + self._margin
 
     def missing(self, tile: GridMap, window: "Window") -> int:
-        """Return how many more cells to see around a window of a tile; 0 if all are there.
+        """Return the number of cells by which to widen the tile; 0 if it is large enough.
 
-        These are the cells of holes that reach into the window, unless they are too long, and a
-        margin around them.
+        A tile is large enough if it contains all holes that reach into the window, except holes
+        that are too long, with a margin around each hole.
         """
         starts = [part.start for part in window]
         ends = [length - part.stop for length, part in zip(tile.size, window, strict=True)]
@@ -174,7 +174,7 @@ class _InpaintTiles:
         labels, holes = find_holes(missing)
         reaching, leaving = np.zeros((2, len(holes.areas) + 1), np.bool_)
         reaching[labels[window]] = True
-        # The margin of the tile, on sides where the map goes on.
+        # Mark holes in the margin of the tile, on sides where the map continues.
         for lines, first, whole in zip(
             (labels, labels.T), place_of(tile, self.geometry), self.geometry.size, strict=True
         ):
@@ -196,27 +196,27 @@ class _InpaintTiles:
         return grid_map.with_layers({self.whole.output_layer: filled})
 
     def _chosen(self, missing: Mask, tile: GridMap) -> Mask:
-        """Return the mask of the cells of a tile to fill."""
+        """Return a mask of the cells to fill in a tile."""
         labels, holes = find_holes(missing)
         in_map = holes.moved(place_of(tile, self.geometry))
         wanted = self.whole.wanted(in_map, self.geometry.size, self.geometry.resolution)
-        # A hole that goes on beyond the tile is longer, or does not reach into the window.
+        # A hole that extends beyond the tile is too long, or does not reach into the window.
         return _mask(labels, wanted & (holes.lengths <= self.max_hole))
 
     @property
     def _margin(self) -> int:
-        """Cells around holes to see."""
+        """Margin around holes [cells]."""
         return _MARGIN + 4 * _near(self.whole.radius / self.geometry.resolution)
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return the mask of the cells of wanted holes; 0 marks all cells outside of holes."""
+    """Return a mask of the cells of wanted holes; label 0 marks cells outside holes."""
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 
 
 def _near(radius: float) -> int:
-    """Return the number of cells at which holes know of each other, for a radius in cells."""
+    """Return the distance within which holes affect each other [cells], for a radius in cells."""
     return math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
 
 
@@ -228,11 +228,11 @@ def _fill(
     radius: float,
     extremes: tuple[float, float],
 ) -> None:
-    """Write the chosen cells of a layer, inpainted, into a copy of it.
+    """Inpaint the chosen cells of `layer`, and write the results into `filled`.
 
     Args:
-        filled: the copy.
-        layer: heights, not finite in holes.
+        filled: copy of `layer`.
+        layer: heights; non-finite in holes.
         holes: mask of all holes.
         chosen: mask of the holes to fill.
         radius: radius of the neighborhood [cells].
@@ -243,7 +243,7 @@ def _fill(
         filled[chosen] = lowest
         return
     if min(layer.shape) < 3:
-        # OpenCV reads beyond the border of images with sides of one or two pixels.
+        # OpenCV reads out of bounds if a side of the image has only one or two pixels.
         margins = [(1, 1) if side < 3 else (0, 0) for side in layer.shape]
         inner = tuple(slice(before, -after or None) for before, after in margins)
         whole = np.asfortranarray(np.pad(layer, margins, "edge"))
@@ -252,7 +252,7 @@ def _fill(
         _fill(wide, whole, ~np.isfinite(whole), wanted, radius, extremes)
         filled[chosen] = wide[inner][chosen]
         return
-    # The method weights by gradients, with thresholds for 8-bit gray values.
+    # The method uses gradients as weights, with thresholds for 8-bit gray values.
     scale = 255.0 / (highest - lowest)
 
     def fill(strip: tuple[slice, Mask]) -> None:
@@ -268,7 +268,7 @@ def _fill(
         if grays is None:
             image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(missing, dtype=np.uint8)
             grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
-        # Column after column, as the layers are stored.
+        # Column by column, in the memory order of the layers.
         places, rows = np.nonzero((own & chosen[:, columns]).T)
         heights = np.clip(grays[rows, places], 0.0, 255.0, dtype=np.float64) / scale + lowest
         filled[:, columns][rows, places] = heights
@@ -277,28 +277,28 @@ def _fill(
 
 
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
-    """Yield columns, and a mask of the holes there that are filled together.
+    """Yield strips of columns, each with a mask of the holes that are filled together.
 
-    A cell is filled from cells within the radius and their neighbors. Groups of holes that are
-    further apart do not affect each other, so that the columns around a group give the bits of the
-    whole layer.
+    A cell is filled from cells within the radius and the neighbors of these cells. Groups of holes
+    that are further apart do not affect each other, so that filling the columns around a group
+    gives exactly the same values as filling the whole layer.
 
     Args:
-        holes: mask of all holes (rows, columns).
-        near: number of cells at which holes affect each other.
-        count: number of strips; there are fewer if a group is wide.
+        holes: (rows, columns) mask of all holes.
+        near: distance within which holes affect each other [cells].
+        count: maximum number of strips; wide groups reduce it.
     """
     columns = holes.shape[1]
     if count == 1:
         yield slice(0, columns), holes
         return
-    # Two cells that affect each other touch when each becomes a block of this side. Rows of the map
-    # are along x of the image.
+    # After dilation with blocks of side `near`, cells that affect each other touch. Rows of the map
+    # run along x of the image.
     grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
     starts, lengths = boxes[:, cv2.CC_STAT_TOP], boxes[:, cv2.CC_STAT_HEIGHT]
     strips = starts * count // columns
-    strips[0] = -1  # cells outside of the groups
+    strips[0] = -1  # cells outside all groups
     for strip in range(count):
         if (own := strips == strip).any():
             begin, end = starts[own].min(), (starts + lengths)[own].max()

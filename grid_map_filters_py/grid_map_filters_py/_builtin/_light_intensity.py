@@ -16,9 +16,9 @@ from ..parts._colors import FULL, or_none, pack
 
 @dataclass(frozen=True, kw_only=True)
 class LightIntensity(CellFilter):
-    """Shade a map in gray, by the cosine between its normals and the direction to the light.
+    """Shade a map in gray with the cosine between the surface normal and the light direction.
 
-    Cells without a normal have no color.
+    Cells without a normal get no color.
 
     Attributes:
         input_layers_prefix: prefix of the normals; `x`, `y` and `z` follow.

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap
 
 _CELLS = 4 * CELLS
-"""Cells per block, large enough to outweigh the walk over the syntax tree."""
+"""Number of cells per block, large enough that the syntax tree adds little overhead."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MathExpression:
-    """Compute `output_layer` by a matrix expression over the layers of the map.
+    """Compute `output_layer` with a matrix expression over the layers of the map.
 
-    A number fills the layer; a matrix must have the shape of the map.
+    If the result is a number, all cells get it; a matrix must have the shape of the map.
 
     Attributes:
         expression: for example `0.5 * slope + roughness`.
@@ -66,7 +66,7 @@ class MathExpression:
 
     def _evaluate(self, grid_map: GridMap) -> npt.NDArray[np.float32]:
         names, (rows, columns) = self._parsed.names, grid_map.size
-        # A layer may hide a function or a constant, and make the expression a different one.
+        # A layer may hide a function or a constant and thereby change the expression.
         is_cellwise = self._parsed.is_cellwise and not self._parsed.is_changed_by(grid_map)
         if not (is_cellwise and names and names <= set(grid_map)):
             return np.asarray(self._parsed(grid_map), dtype=np.float32)

@@ -13,22 +13,22 @@ from ..parts._disc import Disc
 from ..parts._layer_filter import AroundTypicalValue, DiscFilter
 
 _FEW = 4
-"""Largest reach of a small disc, in cells."""
+"""Maximum reach of a disc that counts as small [cells]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeanInRadius(AroundTypicalValue, DiscFilter):
-    """Give every cell the mean of the finite values in the disc of `radius` [m] around it.
+    """Set every cell to the mean of the finite values in the surrounding disc of `radius` [m].
 
-    Cells without a finite value in their disc become NaN.
+    A cell becomes NaN if the disc contains no finite value.
     """
 
     def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Layer:
         disc = Disc(self.radius, resolution, layer.shape)
-        # For few values, single-precision sums are as exact as the layer.
+        # Single-precision sums of few values are as precise as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean, too_large = _mean(disc, layer, offset, dtype)
-        # Only these cells, so that the others are the same in any block.
+        # Only these cells are replaced, so that results do not depend on the block.
         if dtype == np.float32 and too_large.any():
             exact, _ = _mean(disc, layer, offset, np.float64)
             mean[too_large] = exact[too_large]
@@ -38,7 +38,7 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
 def _mean(
     disc: Disc, layer: Layer, offset: float, dtype: type[np.floating[Any]]
 ) -> tuple[npt.NDArray[Any], Mask]:
-    """Return the means, and where their sums overflow."""
+    """Return the means, and a mask of the cells where the sums overflow."""
     with np.errstate(invalid="ignore", over="ignore"):
         known, values = disc.padded(layer, offset, dtype)
         total = disc.sums(values)

@@ -27,8 +27,8 @@ _TOLERANCE = 1e-9
 class MedianFill:
     """Fill holes with the median of the finite values in the square around each cell.
 
-    The median of an even number of values is the larger one of the two in the middle. The result
-    has no basic layers.
+    The median of an even number of values is the larger of the two middle values. The result has no
+    basic layers.
 
     Attributes:
         input_layer: layer to filter.
@@ -73,7 +73,7 @@ class MedianFill:
 
     def reach(self, resolution: float) -> float:
         radii = [self.fill_hole_radius, self._existing_value_radius or 0.0]
-        # The opening has a reach of two cells; the closing dilates and erodes.
+        # The opening reaches two cells; each iteration of the closing dilates and erodes.
         of_mask = 2 + 2 * self.num_erode_dilation_iterations
         return max(of_mask, *(disc_reach(radius, resolution) for radius in radii))
 
@@ -108,7 +108,7 @@ class MedianFill:
 
 
 def _mask(layer: Layer, iterations: int) -> Layer:
-    """Return the mask of cells to fill, as 0 and 1; `iterations` are those of the closing."""
+    """Return a mask of the cells to fill (0 or 1), closed with the number of `iterations`."""
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))
 

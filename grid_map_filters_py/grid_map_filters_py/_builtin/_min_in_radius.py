@@ -10,9 +10,9 @@ from ..parts._layer_filter import DiscFilter, lowest_in_disc
 
 @dataclass(frozen=True, kw_only=True)
 class MinInRadius(DiscFilter):
-    """Give every finite cell the smallest finite value in the disc of `radius` [m] around it.
+    """Set every finite cell to the smallest finite value in the surrounding disc of `radius` [m].
 
-    Cells that are not finite become NaN.
+    Non-finite cells become NaN.
     """
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:

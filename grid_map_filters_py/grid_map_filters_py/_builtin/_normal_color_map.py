@@ -16,9 +16,9 @@ _ONE, _HALF = np.float32(1), np.float32(127.5)
 
 @dataclass(frozen=True, kw_only=True)
 class NormalColorMap(CellFilter):
-    """Color a map by its normals: red, green, blue are x, y, z mapped from [-1, 1] to [0, 1].
+    """Color a map by its normals: x, y, z in [-1, 1] are mapped to red, green, blue in [0, 1].
 
-    Cells without a normal have no color.
+    Cells without a normal get no color.
 
     Attributes:
         input_layers_prefix: prefix of the normals; `x`, `y` and `z` follow.
@@ -43,5 +43,5 @@ def _color(x: Value, y: Value, z: Value, _: tuple[Value, ...]) -> Value:
 
 
 def _channel(normal: Value) -> Value:
-    # Gives the same bits as 255 * (0.5 * normal + 0.5).
+    # Bitwise equal to 255 * (0.5 * normal + 0.5).
     return (normal + _ONE) * _HALF

@@ -59,7 +59,7 @@ class NormalVectors:
 
         normals = [np.empty(grid_map.size, np.float32, order="F") for _ in "xyz"]
         blocks = blocks_of(grid_map.size, self.reach(resolution), SIDE)
-        # Differences of very large floats may overflow.
+        # Differences between very large floats may overflow.
         with np.errstate(over="ignore"):
             fill_blocks(normals, normals_of, [heights], blocks)
         away = normals["xyz".index(self.normal_vector_positive_axis)] < 0

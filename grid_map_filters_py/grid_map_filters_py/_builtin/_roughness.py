@@ -11,13 +11,13 @@ from ..parts._normals import SIDE, plane_deviations
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness(AroundTypicalValue, DiscFilter):
-    """Compute the standard deviation of the points around a cell from their plane [m].
+    """Compute the standard deviation of the points around a cell from a fitted plane [m].
 
-    It is sqrt(sum d^2 / (n - 1)), with the distances d of the n finite points in the disc to the
-    plane through their mean. The normal of the plane is that of `NormalVectors` with the same disc.
-    This is the roughness filter of traversability_estimation (M. Wermelinger et al.,
-    "Navigation planning for legged robots in challenging terrain", IROS 2016). It is NaN where the
-    input is not finite, and where the disc has no other finite cell.
+    The roughness is sqrt(sum d^2 / (n - 1)), where d are the distances of the n finite points in
+    the disc to the plane through the mean of the points, with the normal that `NormalVectors`
+    computes for the same disc. This equals the roughness filter of traversability_estimation (M.
+    Wermelinger et al., "Navigation planning for legged robots in challenging terrain", IROS 2016).
+    The result is NaN where the input is not finite or the disc has no other finite cell.
 
     Attributes:
         input_layer: heights [m].

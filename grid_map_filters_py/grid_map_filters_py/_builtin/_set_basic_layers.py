@@ -11,7 +11,7 @@ from .._filter import CellFilter, warn
 
 @dataclass(frozen=True, kw_only=True)
 class SetBasicLayers(CellFilter):
-    """Set the basic layers, and warn about layers that the map lacks.
+    """Set the basic layers, and warn about layers that do not exist.
 
     Attributes:
         layers: names of the basic layers; may be empty.

@@ -22,8 +22,8 @@ from ..parts._normals import SIDE, area_normals, raster_normals
 class Slope:
     """Compute the angle between the surface and the horizontal [rad], in [0, pi / 2].
 
-    It is the angle between the normal and the z axis, atan(hypot(x, y) / |z|). This equals
-    acos(|z|), but keeps its digits on gentle slopes.
+    The slope is the angle between the surface normal and the z axis, atan(hypot(x, y) / |z|). This
+    equals acos(|z|), but does not lose precision on gentle slopes.
 
     Attributes:
         input_layer: heights [m].

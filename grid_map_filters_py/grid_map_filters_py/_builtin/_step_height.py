@@ -18,15 +18,15 @@ from ..parts._layer_filter import DiscFilter, check_radius, highest_in_disc, low
 class StepHeight(DiscFilter):
     """Compute the height of the steps around each cell [m].
 
-    With one window, it is the difference between the highest and the lowest finite cell of a disc,
-    at finite cells. With two windows, as in the step filter of traversability_estimation
-    (M. Wermelinger et al., "Navigation planning for legged robots in challenging terrain",
-    IROS 2016), it is
+    With one window, the step height of a finite cell is the difference between the highest and the
+    lowest finite value in the surrounding disc. With two windows, as in the step filter of
+    traversability_estimation (M. Wermelinger et al., "Navigation planning for legged robots in
+    challenging terrain", IROS 2016), the step height is
 
         min(1, n / critical_cell_number) * h,
 
-    where h is the largest such difference in the second disc and n the number of cells there in
-    which it exceeds `critical_value`: a few cells, which may be noise, make no step.
+    where h is the largest difference in the second disc, and n is the number of cells in that disc
+    whose difference exceeds `critical_value`. A few cells, possibly noise, thus count only partly.
 
     Attributes:
         input_layer: heights [m].

@@ -15,7 +15,7 @@ from ..parts._blocks import blockwise
 
 @dataclass(frozen=True, kw_only=True)
 class Threshold(CellFilter):
-    """Set cells of a layer to a value where a layer is below or above a threshold.
+    """Set the cells of a layer to a fixed value where a layer is below or above a threshold.
 
     Attributes:
         layer: condition layer and output layer.
@@ -50,7 +50,7 @@ class Threshold(CellFilter):
         result = layer.copy("F")
         lower, upper = self.lower_threshold, self.upper_threshold
         compare, threshold = (np.greater, upper) if lower is None else (np.less, lower)
-        # Without the signature, the threshold would be rounded to float32.
+        # Without `signature`, the threshold would be rounded to float32.
         passes = compare(condition, np.asarray(threshold), signature="dd->?")
         with np.errstate(over="ignore"):
             result[passes & np.isfinite(condition)] = self.set_to

@@ -19,9 +19,9 @@ from ..parts._blocks import blockwise
 class Traversability(CellFilter):
     """Compute the traversability of cells, from 0 (impassable) to 1.
 
-    It is the weighted mean of 1 - value / critical value, each clamped to [0, 1], over layers such
-    as slope, step height and roughness (M. Wermelinger et al., "Navigation planning for legged
-    robots in challenging terrain", IROS 2016). It is NaN where a value is not finite.
+    Traversability is the weighted mean of 1 - value / critical value, each clamped to [0, 1], over
+    layers such as slope, step height and roughness (M. Wermelinger et al., "Navigation planning for
+    legged robots in challenging terrain", IROS 2016). A cell is NaN if a layer is not finite there.
 
     Attributes:
         input_layers: layers with costs such as slope, step height and roughness.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_filters`: runs a filter chain on every map of a topic.
 
-The parameters of the chain can be set while the node runs. The node builds the new chain first; if
-that fails, it refuses the change with the reason and keeps the old chain.
+The parameters of the chain can be changed while the node runs. The node first builds the new chain;
+if that fails, it rejects the change with the reason and keeps the old chain.
 
-Its reports on `/diagnostics` also have the last, mean and maximum duration of each filter [ms].
+Diagnostics on `/diagnostics` include the last, mean and maximum duration of each filter [ms].
 """
 
 import array
@@ -30,10 +30,10 @@ from .._times import StepTimes
 
 
 class FilterChainNode(ConfiguredNode):
-    """Subscribes to maps, filters them and publishes the results."""
+    """Node that subscribes to maps, filters each map and publishes the result."""
 
     def __init__(self) -> None:
-        # A filter added at run time has parameters that are not declared.
+        # The parameters of a filter that is added at run time are not declared.
         super().__init__("grid_map_filters", allow_undeclared_parameters=True)
         topic = self.read_topic("input_topic", "/grid_map", "topic of the incoming maps")
         output = self.read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
@@ -87,18 +87,18 @@ class FilterChainNode(ConfiguredNode):
                     if isinstance(parameter.value, array.array)
                     else parameter.value
                     for name, parameter in (before | of_chain).items()
-                    if parameter.type_ != Parameter.Type.NOT_SET  # it is deleted
+                    if parameter.type_ != Parameter.Type.NOT_SET  # deleted parameter
                 }
                 self._next_chain = FilterChain.from_config(nested(values), threads=self._threads)
         except GridMapError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        except Exception as error:  # A request or a plug-in may raise any exception.
+        except Exception as error:  # Requests and plug-ins may raise any exception.
             self._log.error(f"set_parameters: {error!r}")
             return SetParametersResult(successful=False, reason=cut(repr(error)))
         return SetParametersResult(successful=True)
 
     def _replace_chain(self, _changes: list[Parameter]) -> None:
-        """Use the new chain after all callbacks have accepted the change."""
+        """Activate the new chain once all callbacks have accepted the change."""
         if self._next_chain is not None:
             self._chain, self._next_chain = self._next_chain, None
             self._times = StepTimes()
@@ -117,7 +117,7 @@ class FilterChainNode(ConfiguredNode):
         self._publisher.publish(to_serialized_message(result, start_index=start))
 
     def _milliseconds(self) -> dict[str, str]:
-        """Return the durations of the whole chain and of its filters [ms]."""
+        """Return the durations of the whole chain and of each filter [ms], for diagnostics."""
         found = {"ms": self._times.last, "mean ms": self._times.mean}
         for time in self._times:
             found[f"ms {time.config.name}"] = time.last

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The expression language of the filters (EigenLab's, with additions).
+"""Expression language of the filters: EigenLab syntax with additions.
 
-`Expression(text)` is parsed once. Called with layers it returns a matrix or a number; its method
-`over_windows` evaluates it for the window around every cell.
+`Expression(text)` parses the text once. Calling the expression with layers returns a matrix or a
+number; the method `over_windows` evaluates the expression for the window around every cell.
 """
 
 from ._expression import Expression

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cellwise expressions: each cell of the result depends on the same cell of the layers.
+"""Detects cellwise expressions: each cell of the result depends on the same cell of the layers.
 
-Reductions such as `max(elevation)` depend on all cells, but are numbers: once they are computed,
-the rest of an expression may be cellwise.
+Reductions such as `max(elevation)` depend on all cells, but result in numbers: once reductions are
+computed, the rest of an expression may be cellwise.
 """
 
 from collections.abc import Container, Iterator
@@ -25,9 +25,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers, which hide functions and constants. None if they are unknown:
-            then no layer may have the name of a function or a constant, and possible indices are
-            undecided.
+        layers: names of the layers, which hide functions and constants. None if the names are
+            unknown: constants and functions then count as not hidden, except that calls that may
+            be indices count as indices.
         reduced: treat reductions as numbers.
     """
 
@@ -35,7 +35,7 @@ class Analysis:
     reduced: bool = False
 
     def is_cellwise(self, root: Node) -> bool:
-        """Return True if an expression is a number or cellwise."""
+        """Return True if the expression is a number or cellwise."""
         return self._kind(root) is not _Kind.OTHER
 
     def culprit(self, root: Node) -> Node | None:
@@ -46,7 +46,7 @@ class Analysis:
         return next(filter(None, inner), root)
 
     def reductions(self, root: Node) -> Iterator[Node]:
-        """Yield the reductions of cellwise expressions, which can be computed first."""
+        """Yield the reductions of cellwise arguments, which can be computed in advance."""
         for node in root.descendants():
             if node.kind == "call" and not self._is_index(node) and self._reduces(*node.parts):
                 yield node
@@ -70,7 +70,7 @@ class Analysis:
                 return self._kind(operand)
             case "binary", (operator, left, right):
                 kinds = [self._kind(left), self._kind(right)]
-                # These are the operators of matrices.
+                # For two matrices, these are matrix operators.
                 if operator in ("*", "/") and _Kind.NUMBER not in kinds:
                     return _Kind.OTHER
             case "call", (function, arguments) if not self._is_index(node):
@@ -83,7 +83,7 @@ class Analysis:
         if self.reduced and self._reduces(function, arguments):
             return _Kind.NUMBER
         kinds = [self._kind(argument) for argument in arguments]
-        # With a matrix as the second argument, these compare cell by cell.
+        # With a matrix as second argument, these functions compare cell by cell.
         pairwise = function in ("min", "max") and kinds[1:] == [_Kind.CELLS]
         of_number = FUNCTIONS[function].reduces == len(kinds) and {*kinds} == {_Kind.NUMBER}
         if not (FUNCTIONS[function].elementwise or pairwise or of_number):

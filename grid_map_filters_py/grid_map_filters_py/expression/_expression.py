@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Mathematical expressions over layers."""
+"""Mathematical expressions with layers as variables."""
 
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Expression:
-    """A mathematical expression over layers, parsed once.
+    """A mathematical expression with layers as variables, parsed once.
 
-    Immutable; expressions with the same text are equal.
+    Expressions are immutable; expressions with the same text are equal.
 
     Args:
         text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
 
     Raises:
-        ExpressionError: the text is not an expression, or is invalid for all layers; the message
-            shows the position.
+        ExpressionError: the text is not an expression, or the expression is invalid for any
+            layers; the message shows the position.
 
     Example:
         >>> Expression("1 + 2 * [1, 2]")({})
@@ -45,12 +45,12 @@ class Expression:
 
     text: str
     names: frozenset[str] = field(init=False, repr=False, compare=False)
-    """The layers that the expression needs."""
+    """Names of the layers that the expression requires."""
 
     _root: Node = field(init=False, repr=False, compare=False)
     _places: dict[str, int] = field(init=False, repr=False, compare=False)
     _layers: frozenset[str] | None = field(init=False, repr=False, compare=False, default=None)
-    """Layers of the tiled map that the expression is for; None if it is for any map."""
+    """Layers of the tiled map, for results of `for_tiles_of`; None if any map is allowed."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
@@ -71,19 +71,19 @@ class Expression:
         object.__setattr__(self, "_places", functions | names)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # An expression for tiles also depends on its map.
+        # An expression for tiles also depends on the tiled map.
         state = () if self._layers is None else (self.__dict__,)
         return Expression, (self.text,), *state
 
     @property
     def is_cellwise(self) -> bool:
-        """True if a cell of the result depends on the same cell of the layers alone."""
+        """True if each cell of the result depends only on the same cell of the layers."""
         return Analysis(self._layers).is_cellwise(self._root)
 
     def why_whole_map(self, layers: Container[str]) -> str:
-        """Return why the expression needs whole layers of these names; empty if it does not.
+        """Return why a map with these layers must be evaluated as a whole; empty if tiles work.
 
-        Reductions are possible: `for_tiles_of` computes them first.
+        Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
         """
         culprit = Analysis(layers, reduced=True).culprit(self._root)
         if culprit is None:
@@ -91,13 +91,13 @@ class Expression:
         return _shown("this part needs whole layers", self.text, culprit.position)
 
     def for_tiles_of(self, tiled_map: "TiledMap") -> "Expression":
-        """Return the expression for tiles of a map, with numbers in place of reductions.
+        """Return the expression for tiles of a map, with reductions replaced by numbers.
 
-        Reductions of single cells are computed tile by tile; parts are combined in double
-        precision, in the order of the tiles. Reductions that contain others follow.
+        Reductions are computed tile by tile, and the partial results are combined in double
+        precision, in tile order. Nested reductions are computed from the inside out.
 
         Args:
-            tiled_map: its layers hide functions and constants.
+            tiled_map: input map; the names of the layers hide functions and constants.
 
         Raises:
             ExpressionError: the rest of the expression is not cellwise.
@@ -120,19 +120,19 @@ class Expression:
         return any(name in self._places and name not in self.names for name in names)
 
     def __call__(self, layers: Mapping[str, NDArray[Any]]) -> NDArray[np.float32] | float:
-        """Evaluate for whole layers.
+        """Evaluate the expression for whole layers.
 
-        Elementwise work is done in float32 and keeps the memory order of the layers, reductions
-        accumulate in double precision. Infinities and NaN follow IEEE 754, silently.
+        Elementwise operations use float32 and keep the memory order of the layers; reductions use
+        double precision. Infinities and NaN follow IEEE 754, without warnings.
 
         Args:
-            layers: a map, or (rows, columns) arrays by name; a layer hides the function or the
-                constant of the same name. Only those that the expression names are touched, and
-                never changed.
+            layers: a map, or (rows, columns) arrays by name; a layer hides the function or constant
+                of the same name. Only layers that the expression names are read, and no layer is
+                changed.
 
         Returns:
-            A new float32 matrix, or a number where the expression reduces to one. The matrix has
-            the buffer order of the layers: `map["out"] = expression(map)`.
+            A new float32 matrix, or a number if the expression reduces to one. The matrix has the
+            buffer order of the layers, so that `map["out"] = expression(map)` is possible.
 
         Raises:
             ExpressionError: a layer is missing, or shapes or indices do not fit.
@@ -155,11 +155,11 @@ class Expression:
         return Interpreter(Matrices(), values, ", ".join(sorted(layers)) or "none")
 
     def fill(self, out: NDArray[np.float32], layers: Mapping[str, NDArray[Any]]) -> None:
-        """Write the value for whole layers into an array, with one temporary array less.
+        """Evaluate the expression into an existing array, which saves one temporary array.
 
         Args:
-            out: (rows, columns) float32, the shape of the value; is written to.
-            layers: (rows, columns) arrays by name: those that the expression names, and no others.
+            out: (rows, columns) float32 array for the result.
+            layers: (rows, columns) arrays by name: exactly the layers that the expression names.
         """
         values = {name: _bind(name, layers[name], self._places[name]) for name in layers}
         with _faults_as_errors(self.text):
@@ -176,19 +176,19 @@ class Expression:
         *,
         compute_empty_cells: bool = True,
     ) -> NDArray[np.float32]:
-        """Evaluate for the square window around every cell.
+        """Evaluate the expression for the square window around every cell.
 
         The expression must return a number for a window, and may name only the input layer. All
         cells are computed together, in double precision.
 
         Args:
-            name: name of the input layer in the expression, where it stands for the window.
-            layer: (rows, columns), unwrapped (start index (0, 0)).
+            name: name of the input layer, which stands for the window in the expression.
+            layer: (rows, columns) array with start index (0, 0).
             window_size: odd number of cells along a side.
-            edge_handling: treatment of windows beyond the border. `inside`: their cells
-                are NaN. `crop`: they are the part on the map. `empty`: the part outside is NaN.
-                `mean`: the part outside is the mean of the finite values of the part on the map.
-            compute_empty_cells: False leaves cells NaN where the input is NaN.
+            edge_handling: treatment of windows that extend beyond the map. `inside`: the result is
+                NaN. `crop`: the window is cropped to the map. `empty`: cells outside are NaN.
+                `mean`: cells outside are the mean of the finite values of the window on the map.
+            compute_empty_cells: False returns NaN for cells whose input is NaN.
 
         Returns:
             (rows, columns) float32 in Fortran order.
@@ -208,11 +208,11 @@ class Expression:
 
 @dataclass(frozen=True)
 class _PartsOfTile:
-    """Computes partial reductions on a tile.
+    """Callable that computes partial reductions on a tile.
 
     Args:
-        expression: holds the reductions.
-        nodes: calls of functions that reduce.
+        expression: expression that contains the reductions.
+        nodes: calls of reducing functions.
     """
 
     expression: Expression
@@ -220,12 +220,12 @@ class _PartsOfTile:
 
     @property
     def names(self) -> set[str]:
-        """The names in the arguments."""
+        """Names of all layers in the arguments."""
         parts = (part for node in self.nodes for part in node.descendants())
         return {part.parts[0] for part in parts if part.kind in ("name", "call")}
 
     def __call__(self, layers: Mapping[str, NDArray[Any]]) -> list[list[float]]:
-        """Return the results of the folds of each reduction."""
+        """Return the fold results for each reduction on a tile."""
         with _faults_as_errors(self.expression.text):
             interpreter = self.expression._interpreter(layers)
             partials = []
@@ -236,13 +236,13 @@ class _PartsOfTile:
         return [partial.parts for partial in partials]
 
     def combined(self, of_tiles: Sequence[list[list[float]]], size: Size) -> list[float]:
-        """Return the reductions of a map.
+        """Combine the partial reductions of all tiles to the reductions of a map.
 
         Args:
-            of_tiles: the parts, tile after tile.
+            of_tiles: results for each tile, in tile order.
             size: rows and columns of the map.
         """
-        # Only its shape is used.
+        # Only the shape is used.
         whole = np.broadcast_to(np.float32(0), size)
         results = []
         with _faults_as_errors(self.expression.text):
@@ -255,7 +255,7 @@ class _PartsOfTile:
 
 
 def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
-    """Return a read-only float32 view (or copy, of another type) of a layer."""
+    """Return a layer as a read-only float32 view, or as a copy if the type differs."""
     values = np.asarray(layer).astype(np.float32, copy=False).view()
     if values.ndim != 2:
         message = f"the layer {name!r} must have rows and columns, its shape is {values.shape}"
@@ -268,7 +268,7 @@ def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
 def _faults_as_errors(text: str) -> Iterator[None]:
     """Convert faults to errors that show the expression with a caret.
 
-    Meanwhile, infinities and NaN raise no warnings.
+    Within the context, infinities and NaN raise no warnings.
     """
     try:
         with np.errstate(all="ignore"):
@@ -278,6 +278,6 @@ def _faults_as_errors(text: str) -> Iterator[None]:
 
 
 def _shown(message: str, text: str, position: int) -> str:
-    """Return a message above the expression with a caret under a place."""
+    """Format a message followed by the expression, with a caret under `position`."""
     line = "".join(" " if character.isspace() else character for character in text)
     return f"{message}\n    {line}\n    {' ' * position}^"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The operators and functions of the expression language.
+"""Operators and functions of the expression language.
 
-Each is written once, with the primitives of `Matrices`, so that it works with whole layers and with
-the windows of all cells.
+Operators and functions use the primitives of `Matrices`, and therefore work both for whole layers
+and for the windows of all cells.
 """
 
 import math
@@ -24,7 +24,7 @@ from ._matrices import SCALAR, Fold, Matrices, Value, describe, known, shape_of,
 from ._nodes import Fault
 
 LARGEST = 10**8
-"""Maximum number of elements of a matrix that an expression makes."""
+"""Maximum number of elements of a matrix created by an expression."""
 CONSTANTS = {"pi": np.pi, "nan": np.nan, "inf": np.inf}
 
 
@@ -32,7 +32,7 @@ CONSTANTS = {"pi": np.pi, "nan": np.nan, "inf": np.inf}
 
 
 def round_half_away(values: Any) -> Any:
-    """Round to the nearest whole number, halves away from zero as std::round does."""
+    """Round to the nearest integer; halves are rounded away from zero, as in std::round."""
     whole = np.trunc(values)
     return whole + np.copysign(np.abs(values - whole) >= 0.5, values)
 
@@ -54,7 +54,7 @@ def _finite_or(substitute: float) -> Callable[[Any], Any]:
 # --- operators ------------------------------------------------------------------------------------
 
 ARITHMETIC = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "^": np.power}
-"""A point before an operator, as in `.*`, makes it elementwise."""
+"""A leading dot, as in `.*`, makes an operator elementwise."""
 
 COMPARISONS = {
     "<": np.less,
@@ -80,7 +80,7 @@ def operate(algebra: Matrices, operator: str, left: Value, right: Value) -> Valu
             )
         return algebra.product(left, right)
     if operator in POWERS and isinstance(right, float) and right == 2.0:
-        return algebra.elementwise(np.square, left)  # same bits, many times faster
+        return algebra.elementwise(np.square, left)  # bitwise equal, many times faster
     return algebra.elementwise((ARITHMETIC | COMPARISONS)[operator.lstrip(".")], left, right)
 
 
@@ -108,7 +108,7 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Return the reduction for one argument or an axis, or the elementwise result for a matrix."""
+    """Return `max` or `min`: reduces one argument, or compares two matrices elementwise."""
 
     def reduce(algebra: Matrices, value: Value, second: Value | None = None) -> Value:
         if isinstance(second, float) and second not in (0.0, 1.0):
@@ -176,10 +176,10 @@ def _length(value: Value, argument: int) -> int:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of the language.
+    """A function of the expression language.
 
-    Its treatment of NaN tells `skips_missing` whether windows at the border can be padded with NaN,
-    which is faster than cropping them.
+    `skips_missing` uses the NaN attributes to decide if windows at the border can be padded with
+    NaN, which is faster than cropping the windows.
 
     Attributes:
         apply: takes the algebra and `least` to `most` arguments.
@@ -202,7 +202,7 @@ class Function:
 
 
 def elementwise(function: Callable[..., Any], arity: int = 1, *, keeps_nan: bool) -> Function:
-    """Return the function that applies `function` to each element."""
+    """Return a `Function` that applies `function` to each element."""
 
     def apply(algebra: Matrices, *values: Value) -> Value:
         return algebra.elementwise(function, *values)
@@ -220,7 +220,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Return a function that applies `fold` to the finite elements; NaN without any."""
+    """Return a `Function` that applies `fold` to the finite elements; NaN without finite ones."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)
@@ -268,7 +268,7 @@ FUNCTIONS = {
     "numberOfFinites": Function(_folding(FINITE_COUNT), skips_nan=True, reduces=1),
     "min": Function(_extreme(MINIMUM, np.minimum, "cwiseMin"), most=2, axis=True, reduces=1),
     "max": Function(_extreme(MAXIMUM, np.maximum, "cwiseMax"), most=2, axis=True, reduces=1),
-    # The extreme of largest magnitude with its sign, as in EigenLab.
+    # The signed value with the largest magnitude, as in EigenLab.
     "absmax": Function(
         lambda algebra, value, axis=None: algebra.elementwise(
             lambda high, low: np.where(np.abs(high) >= np.abs(low), high, low),
@@ -294,4 +294,4 @@ FUNCTIONS = {
     "ones": Function(_maker(lambda rows, columns: np.ones((rows, columns), np.float32)), most=2),
     "eye": Function(_maker(lambda rows, columns: np.eye(rows, columns, dtype=np.float32)), most=2),
 }
-"""All functions of the language, for layers and windows alike."""
+"""All functions of the language, for layers and for windows."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluation of a syntax tree, and the checks that need no layers."""
+"""Evaluates syntax trees, and checks expressions without layers."""
 
 import math
 from collections.abc import Mapping
@@ -17,12 +17,12 @@ _DEEPEST = 150
 
 
 class Interpreter:
-    """Evaluates nodes for given values of the names; each kind of node has a method.
+    """Evaluates nodes for given values of names; there is one method per kind of node.
 
     Args:
-        algebra: the primitives for the kind of values.
-        names: values of the names; they hide functions and constants of the same name.
-        available: the existing names, for error messages.
+        algebra: primitive operations for the type of the values.
+        names: values by name; a name hides the function or constant of the same name.
+        available: available names, as text for error messages.
     """
 
     def __init__(self, algebra: Matrices, names: Mapping[str, Value], available: str) -> None:
@@ -35,12 +35,12 @@ class Interpreter:
 
         Args:
             node: root of the subtree.
-            end: the value of `end`; None outside of an index.
+            end: value of the keyword `end`; None outside an index.
 
         Raises:
-            Fault: with its position.
+            Fault: the evaluation failed; the fault includes a position.
         """
-        # `node.blamed()` would take longer than the operation on a small map.
+        # For small maps, `node.blamed()` would take longer than the operation.
         try:
             return getattr(self, f"_{node.kind}")(end, *node.parts)
         except Fault as fault:
@@ -97,7 +97,7 @@ class Interpreter:
         count = (stop - start) / stride if stride else math.nan
         if not 0.0 <= count < LARGEST:
             raise Fault(f"the range {start:g}:{stride:g}:{stop:g} is empty or endless")
-        # The tolerance lets 0:0.1:0.3 end at 0.3 in spite of round-off.
+        # The tolerance lets 0:0.1:0.3 end at 0.3 despite rounding errors.
         places = np.arange(math.floor(count + 1e-9) + 1)
         return simplified((start + stride * places).astype(np.float32).reshape(1, -1))
 
@@ -150,7 +150,7 @@ class Interpreter:
 
 
 def _as_places(value: Value, length: int | None = None) -> NDArray[np.intp]:
-    """Return an index value as places; `length` of the dimension where it is known."""
+    """Convert an index value to indices; `length` of the dimension is None if unknown."""
     numbers = np.atleast_2d(np.asarray(value, np.float64))
     if 1 not in numbers.shape:
         raise Fault(f"an index is a number or a vector, not {' x '.join(map(str, numbers.shape))}")
@@ -164,7 +164,7 @@ def _as_places(value: Value, length: int | None = None) -> NDArray[np.intp]:
 
 
 def _check_count(name: str, arguments: tuple[Node, ...]) -> None:
-    """Raise a Fault unless the function takes this number of arguments."""
+    """Raise a Fault unless the function accepts this number of arguments."""
     function, count = FUNCTIONS[name], len(arguments)
     if function.least <= count <= function.most:
         return
@@ -176,18 +176,18 @@ def _check_count(name: str, arguments: tuple[Node, ...]) -> None:
 # --- checks without layers ------------------------------------------------------------------------
 
 # Parts without names are evaluated once, so that `[1, 2] + [1, 2, 3]` or `zeros(1.5)` fails when
-# the expression is built. A layer hides the function of the same name: `mean(2, 3)` may be a cell
-# of the layer `mean`. So calls whose arguments could be an index are checked only with the layers.
+# the expression is created. A layer hides the function of the same name: `mean(2, 3)` may be a cell
+# of the layer `mean`. Calls whose arguments may be indices are checked later, with the layers.
 
 _EVALUATE = Interpreter(Matrices(), {}, "")
 
 
 def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
-    """Raise a Fault for an error that does not depend on the layers.
+    """Raise a Fault if an expression is invalid regardless of the layers.
 
     Args:
-        node: root of the tree, or of a subtree at this depth.
-        indexing: the node is inside of a possible index.
+        node: root of the tree, or of a subtree at `depth`.
+        indexing: the node may be part of an index.
     """
     if depth > _DEEPEST:
         raise Fault("the expression is nested too deeply", position=node.position)
@@ -222,14 +222,14 @@ def _check_call(name: str, arguments: tuple[Node, ...]) -> None:
 
 
 def _is_constant(node: Node) -> bool:
-    """Return True if the value is the same for all layers."""
+    """Return True if the value does not depend on the layers."""
     if node.kind in ("name", "end", "all") or (node.kind == "call" and may_be_index(node)):
         return False
     return all(map(_is_constant, node.children()))
 
 
 def may_be_index(call: Node) -> bool:
-    """Return True if the arguments could be places in a layer that hides the function."""
+    """Return True if the arguments may be indices into a layer that hides the function."""
     _, arguments = call.parts
     return len(arguments) <= 2 and all(
         float(node.parts[0]).is_integer()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluation on whole matrices: numbers are Python floats, matrices are float32 arrays.
+"""Evaluates expressions on whole matrices: numbers are Python floats, matrices float32 arrays.
 
-A Python float takes the type of the array it is combined with, in NumPy 1 and 2: float32 stays
-float32. Arrays of the user are read-only. A writeable array is therefore a temporary of the
-evaluation; the next operation may write its result into it.
+In NumPy 1 and 2, an operation between a Python float and a float32 array results in float32. Arrays
+of the user are read-only. A writeable array is therefore a temporary array of the evaluation; the
+next operation may overwrite it with the result.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -25,9 +25,9 @@ SCALAR: Shape = (1, 1)
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """A reduction: `map` every element, then `combine` them in any order.
+    """A reduction: apply `map` to every element, then `combine` the results in any order.
 
-    `whole`, if given, reduces a whole array faster, and returns NaN if there is nothing to reduce.
+    The optional `whole` reduces a whole array faster; it returns NaN if no elements count.
     """
 
     map: Callable[[Any], Any]
@@ -36,19 +36,19 @@ class Fold:
 
 
 def known(value: Value, *, argument: int | None = None) -> Value:
-    """Return a number or matrix; raise a Fault, about an `argument`, if it depends on a window."""
+    """Return the value; raise a Fault for `argument` if the value depends on a window."""
     if not isinstance(value, float | np.ndarray):
         raise Fault("this must not depend on the data of the window", argument=argument)
     return value
 
 
 def shape_of(value: Value) -> Shape:
-    """Return (rows, columns); a number is 1 x 1."""
+    """Return the shape (rows, columns) of a value; a number is 1 x 1."""
     return SCALAR if isinstance(value, float) else (value.shape[0], value.shape[1])
 
 
 def common_shape(values: Iterable[Value]) -> Shape:
-    """Return the shape of an elementwise result; 1 x 1 fits every shape."""
+    """Return the shape of an elementwise result; 1 x 1 values fit every shape."""
     larger = list(dict.fromkeys(shape for shape in map(shape_of, values) if shape != SCALAR))
     if len(larger) > 1:
         raise Fault(f"the shapes {' and '.join(map(describe, larger))} do not match")
@@ -60,17 +60,17 @@ def describe(shape: Shape) -> str:
 
 
 class Matrices:
-    """The primitive operations of the language, on numbers and matrices.
+    """Primitive operations of the language for numbers and matrices.
 
     Args:
-        spare: float32 memory for the first temporary of its shape; None if there is none.
+        spare: float32 array to reuse for the first temporary array of equal shape, or None.
     """
 
     def __init__(self, spare: NDArray[np.float32] | None = None) -> None:
         self._spare = spare
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
-        """Apply `function` to equal shapes; 1 x 1 matrices are repeated.
+        """Apply `function` elementwise to values of equal shape; 1 x 1 values are repeated.
 
         Matrices are computed in float32, numbers in double precision.
         """
@@ -82,32 +82,32 @@ class Matrices:
         return result
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
-        """Reduce everything to 1 x 1, or per column (axis 0) or row (1), in double precision."""
+        """Reduce all elements (axis None), columns (0) or rows (1), in double precision."""
         return [_reduce(as_matrix(value), axis, fold) for fold in folds]
 
     def product(self, left: Value, right: Value) -> Value:
-        """Multiply matrices of fitting shapes."""
-        # Transposed, so that the result is in Fortran order.
+        """Return the matrix product of values with compatible shapes."""
+        # The product of the transposes returns the result in Fortran order.
         return (as_matrix(right).T @ as_matrix(left).T).T
 
     def transpose(self, value: Value) -> Value:
-        """Swap rows and columns."""
+        """Return the transpose of a value."""
         return value if isinstance(value, float) else value.T
 
     def take(self, value: Value, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Value:
-        """Pick rows and columns that exist; a single cell is a number."""
+        """Select existing rows and columns; a single cell becomes a number."""
         return simplified(as_matrix(value)[_as_slice(rows)][:, _as_slice(columns)])
 
     def stack(self, blocks: Sequence[Sequence[Value]]) -> Value:
-        """Put blocks of fitting shapes together."""
+        """Assemble a matrix from rows of blocks with compatible shapes."""
         rows = [np.concatenate([as_matrix(block) for block in row], axis=1) for row in blocks]
         return simplified(np.asfortranarray(np.concatenate(rows, axis=0)))
 
 
 class Partial(Matrices):
-    """The primitives on a tile; `parts` has the results of all folds.
+    """Primitive operations on a tile; `parts` collects the results of all folds.
 
-    To reduce tile by tile, a function runs with `Partial` on each tile, then once with `Combined`.
+    To reduce tiles, a function runs with `Partial` on each tile, then once with `Combined`.
     """
 
     def __init__(self) -> None:
@@ -115,17 +115,17 @@ class Partial(Matrices):
         self.parts: list[float] = []
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
-        # Without `whole`, which returns NaN for tiles with nothing to reduce.
+        # `whole` is not used, because it returns NaN for tiles without elements to reduce.
         parts = super().fold(value, axis, *(replace(fold, whole=None) for fold in folds))
         self.parts += parts
         return parts
 
 
 class Combined(Matrices):
-    """The primitives for values whose folds are known.
+    """Primitive operations for values whose folds are known.
 
     Args:
-        parts: results of each fold in each tile, in the order of the folds.
+        parts: for each fold in order of execution, the results from all tiles.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:
@@ -137,12 +137,12 @@ class Combined(Matrices):
 
 
 def simplified(matrix: NDArray[np.float32]) -> Value:
-    """Return a 1 x 1 matrix as a number, and any other unchanged."""
+    """Convert a 1 x 1 matrix to a number, and return any other matrix unchanged."""
     return float(matrix.item()) if matrix.size == 1 else matrix
 
 
 def as_matrix(value: Value) -> NDArray[np.float32]:
-    """Return a number as a 1 x 1 matrix, and a matrix unchanged."""
+    """Convert a number to a 1 x 1 matrix, and return a matrix unchanged."""
     return np.full(SCALAR, value, np.float32) if isinstance(value, float) else value
 
 
@@ -155,17 +155,17 @@ def apply(
     """Apply an elementwise function; truth values become 1 and 0.
 
     Args:
-        function: a ufunc, or a function of arrays.
-        values: floats and arrays of equal shapes (or 1 x 1).
+        function: a ufunc, or a function that accepts arrays.
+        values: floats and arrays of equal shape (or 1 x 1).
         dtype: dtype of the resulting array.
-        spare: memory for the result that may be used in place of new memory.
+        spare: array that may be reused for the result.
 
     Returns:
-        A new array or a used-up temporary, or a float if all values are numbers.
+        A new array or an overwritten temporary array; a float if all values are numbers.
     """
     if isinstance(function, np.ufunc):
-        # A temporary of the evaluation may be overwritten; a 1 x 1 one may be smaller than the
-        # result.
+        # Temporary arrays of the evaluation may be overwritten, except 1 x 1 arrays, which may be
+        # smaller than the result.
         for value in values:
             if isinstance(value, np.ndarray) and value.flags.writeable and value.size > 1:
                 spare = value if value.dtype == dtype else spare
@@ -186,6 +186,6 @@ def _reduce(matrix: NDArray[np.float32], axis: int | None, fold: Fold) -> Value:
 
 
 def _as_slice(places: NDArray[np.intp]) -> slice | NDArray[np.intp]:
-    """Return consecutive places as a slice, which copies nothing and keeps the memory order."""
+    """Convert consecutive indices to a slice, which avoids a copy and keeps the memory order."""
     consecutive = places.size > 0 and bool(np.all(np.diff(places) == 1))
     return slice(int(places[0]), int(places[-1]) + 1) if consecutive else places

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The syntax tree of an expression, and errors with their position in the text."""
+"""Syntax tree of an expression, and errors with a position in the text."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A part of an expression.
+    """A node of the syntax tree of an expression.
 
     | kind     | parts                                                                             |
     |----------|-----------------------------------------------------------------------------------|
@@ -26,9 +26,9 @@ class Node:
     |          | same name                                                                         |
 
     Args:
-        kind: see above.
-        parts: see above.
-        position: column that errors point at.
+        kind: kind of the node; see the table.
+        parts: parts of the node; see the table.
+        position: column in the text to which errors point.
     """
 
     kind: str
@@ -37,7 +37,7 @@ class Node:
 
     @contextmanager
     def blamed(self) -> Iterator[None]:
-        """Set the position of faults without one to that of this node."""
+        """Set the position of this node in faults that have no position yet."""
         try:
             yield
         except Fault as fault:
@@ -46,17 +46,17 @@ class Node:
             raise
 
     def children(self) -> Iterator["Node"]:
-        """Return the nodes directly below this one, from left to right."""
+        """Yield the direct child nodes from left to right."""
         return _nodes_in(self.parts)
 
     def descendants(self) -> Iterator["Node"]:
-        """Return this node and everything below it."""
+        """Yield this node and all nodes below it."""
         yield self
         for child in self.children():
             yield from child.descendants()
 
     def with_numbers(self, numbers: Mapping["Node", float]) -> "Node":
-        """Return the node with numbers in place of some nodes."""
+        """Return a copy of the tree in which the given nodes are replaced by numbers."""
         if self in numbers:
             return Node("number", (numbers[self],), self.position)
         return Node(self.kind, _with_numbers(self.parts, numbers), self.position)
@@ -82,12 +82,12 @@ def _nodes_in(parts: tuple[Any, ...]) -> Iterator[Node]:
 
 
 class Fault(Exception):
-    """An error in an expression; the node that is evaluated adds the position.
+    """An error in an expression; the evaluated node adds the position.
 
     Args:
-        message: one line for the user.
+        message: one-line message for the user.
         position: column in the text; None while unknown.
-        argument: index of the function's argument that caused the fault, if one did.
+        argument: index of the function argument that caused the fault; None otherwise.
     """
 
     def __init__(

@@ -35,7 +35,7 @@ _EXPECTED = {
 
 _VALUE = ", expected a value"
 
-# Hints for likely mistakes, by the unexpected terminal after a complete value.
+# Hints for common mistakes, by the unexpected terminal after a complete value.
 _MISPLACED = {
     "COMPARE": "comparisons cannot be chained: write (a < b) .* (b < c)",
     "COLON": "a range has at most first:step:last",
@@ -43,7 +43,7 @@ _MISPLACED = {
 
 
 def parse(text: str) -> Node:
-    """Return the root of the syntax tree of an expression.
+    """Parse an expression and return the root of the syntax tree.
 
     Raises:
         Fault: the text is not an expression.

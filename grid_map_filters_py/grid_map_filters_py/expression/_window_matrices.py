@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluation of expressions on the windows of many cells in one NumPy call.
+"""Evaluates expressions on the windows of many cells with few NumPy calls.
 
-The value of a subexpression is a small matrix *per cell*. It is stored as a matrix of elements. An
+The value of a subexpression is a small matrix *per cell*, stored as a matrix of elements. An
 element is a number, or a field: an array with the values of this element in all cells. Elements are
-computed on demand and freed after use, so the memory is that of some layers for any window size.
-Fields have double precision, because the windows of high terrain differ by little; numbers are
-rounded to float32 as in C++.
+computed on demand and freed after use, so memory use equals a few layers for any window size.
+Fields use double precision, because differences between windows are small on high terrain; numbers
+are rounded to float32 as in C++.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -27,8 +27,8 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: returns element (row, column). A field is writeable if nothing else refers to it. `at`
-            must not refer to the matrix: memory in reference cycles is not freed at once.
+        at: function that returns element (row, column). A field is writeable if nothing else refers
+            to it. `at` must not refer to the matrix, because reference cycles delay freeing memory.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -43,10 +43,10 @@ class WindowMatrix:
 
 
 class SlidingWindow(WindowMatrix):
-    """The window of one array.
+    """The sliding window of an array.
 
     Args:
-        source: (cells + rows - 1, cells + columns - 1) values under the windows of all cells.
+        source: (cells + rows - 1, cells + columns - 1) values covered by the windows of all cells.
         shape: (rows, columns) of the window.
     """
 
@@ -57,12 +57,12 @@ class SlidingWindow(WindowMatrix):
         source.flags.writeable = False
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold along one axis after the other, in rows + columns steps (a separable filter)."""
+        """Fold along each axis in turn, in rows + columns steps (a separable filter)."""
         return [_fold_box(fold, self.source, self.shape) for fold in folds]
 
 
 class WeightedWindow(WindowMatrix):
-    """A constant kernel times a sliding window, element by element."""
+    """Elementwise product of a constant kernel and a sliding window."""
 
     def __init__(self, kernel: NDArray[np.float32], window: SlidingWindow) -> None:
         super().__init__(window.shape, lambda i, j: float(kernel[i, j]) * window.at(i, j))
@@ -70,7 +70,7 @@ class WeightedWindow(WindowMatrix):
         self._window = window
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold; the sum of finite values is a correlation with the cleaned source."""
+        """Fold the elements; the sum of finite values is a correlation with the cleaned source."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
@@ -82,7 +82,7 @@ class WeightedWindow(WindowMatrix):
 
 
 class DeviatingWindow(WindowMatrix):
-    """A sliding window minus a number per cell."""
+    """Difference between a sliding window and a number per cell."""
 
     def __init__(self, window: SlidingWindow, number: WindowMatrix) -> None:
         super().__init__(window.shape, lambda i, j: window.at(i, j) - number.at(0, 0))
@@ -91,7 +91,7 @@ class DeviatingWindow(WindowMatrix):
 
 
 class SquaredDeviations(WindowMatrix):
-    """Squares of a sliding window minus a number per cell, as in a standard deviation."""
+    """Squared differences between a sliding window and a number per cell, as in a variance."""
 
     def __init__(self, deviations: DeviatingWindow) -> None:
         super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
@@ -99,7 +99,7 @@ class SquaredDeviations(WindowMatrix):
         self._number = deviations.number.at(0, 0)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold; finite squares are summed up in rows + columns steps."""
+        """Fold the elements; finite squares are summed in rows + columns steps."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
             return super().reduce(folds)
         total = self._sum()
@@ -113,16 +113,16 @@ class SquaredDeviations(WindowMatrix):
         ]
         too_large = ~np.isfinite(total)
         if too_large.any():
-            # A square beyond double precision is not finite and does not count. The other cells
-            # keep their results, so that these are the same in any block of cells.
+            # Squares beyond the double-precision range are not finite and do not count. Results of
+            # other cells are kept, so that they do not depend on the block.
             for result, exact in zip(results, super().reduce(folds), strict=True):
                 np.copyto(result, exact, where=too_large)
         return [*results]
 
     def _sum(self) -> Element:
-        """Return the sum of squares, from the deviations around the mean of each column.
+        """Compute the sum of squares from the deviations around the mean of each column.
 
-        This avoids cancellation: no subtrahend is much larger than the result.
+        This avoids cancellation, because no subtrahend is much larger than the result.
         """
         height, width = self.shape
         count, mean = (
@@ -153,19 +153,19 @@ class SquaredDeviations(WindowMatrix):
 
 
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return the windows of some cells, with their mean in the elements outside of the map.
+    """Return the windows of some cells; elements outside the map get the mean of the window.
 
-    Fields are (N,), in the order of `cells.ravel("F")`.
+    Fields are (N,) arrays in the order of `cells.ravel("F")`.
 
     Args:
-        layer: (rows, columns) of the map.
+        layer: (rows, columns) layer of the map.
         cells: mask of the cells.
-        size: rows and columns of a window; an odd number.
+        size: number of rows and columns of a window; odd.
     """
     margin, shape = size // 2, (size, size)
     source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)
     outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
-    # The place of the first element of every window, and the step to the next column.
+    # Index of the first element of every window, and the step to the next column.
     first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(source)
     flat = source.ravel("F")
     count, total = (
@@ -180,7 +180,7 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
 
 
 class WindowMatrices(Matrices):
-    """The operations on matrices per cell; values that are equal in all cells stay plain values."""
+    """Operations on matrices per cell; values that are equal in all cells remain plain values."""
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         if not any(isinstance(value, WindowMatrix) for value in values):
@@ -238,7 +238,7 @@ class WindowMatrices(Matrices):
 
 
 def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix | None:
-    """Return an elementwise result as a window type with faster folds; None if no type fits."""
+    """Return an elementwise result as a window type with faster folds, or None."""
     if all(isinstance(value, SlidingWindow | float) for value in values):
         shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
         sources = [
@@ -261,7 +261,7 @@ def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMa
 
 
 def _accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -> list[Element]:
-    """Fold at most `count` elements; each is computed once."""
+    """Fold at most `count` elements, computing each element once."""
     totals: list[Any] = []
     counter = np.min_scalar_type(count)
     for element in elements:
@@ -321,7 +321,7 @@ def _as_element(total: Any) -> Element:
 
 
 def _matrix(shape: Shape, at: Callable[[int, int], Element]) -> Value:
-    """Return a matrix of lazy elements; a single element is computed at once and kept."""
+    """Return a matrix of lazy elements; a single element is computed immediately and stored."""
     return _field(at(0, 0)) if shape == SCALAR else WindowMatrix(shape, at)
 
 
@@ -336,7 +336,7 @@ def _protect(element: Element) -> None:
 
 
 def _element(value: Value, row: int, column: int) -> Element:
-    """Return an element; a 1 x 1 value has the same element in all places."""
+    """Return an element of a value; a 1 x 1 value is repeated for all rows and columns."""
     if isinstance(value, float):
         return float(np.float32(value))
     if value.shape == SCALAR:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluation of an expression on the sliding window around every cell."""
+"""Evaluates an expression on the sliding window around every cell."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -18,20 +18,20 @@ from ._window_matrices import SlidingWindow, WindowMatrices, WindowMatrix, mean_
 
 EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 
-# Cells per block: arrays of this size stay in the cache of one core.
+# Number of cells per block: arrays of this size fit into the cache of one core.
 _BLOCK = 2**17
 
-# Cells by which a window may exceed the layer; this limits memory.
+# Maximum number of cells by which a window may exceed the layer, to limit memory.
 _LARGEST_MARGIN = 1000
 
 
 def evaluate_over_windows(
     root: Node, name: str, layer: NDArray[Any], window_size: int, edge_handling: EdgeHandling
 ) -> NDArray[np.float32]:
-    """Evaluate a syntax tree as `Expression.over_windows` does; raises Fault."""
+    """Evaluate a syntax tree like `Expression.over_windows`; errors are Faults."""
     _check_arguments(layer, window_size, edge_handling)
     if edge_handling == "crop":
-        # A window of this size covers the map from any of its cells.
+        # A window of this size covers the whole map from any cell.
         window_size = min(window_size, 2 * max(layer.shape) - 1)
     size, margin = window_size, window_size // 2
     if edge_handling == "empty" or (edge_handling == "crop" and skips_missing(root, name)):
@@ -47,12 +47,12 @@ def evaluate_over_windows(
         result.T[border.T] = number(mean_padded_window(layer, border, size))
         return result
     if edge_handling == "inside":
-        # Without cells, so that a wrong expression fails even if no window fits.
+        # Evaluate for zero cells, so that a wrong expression fails even if no window fits.
         number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
     result = np.full(layer.shape, np.nan, np.float32, order="F")
     row_spans, column_spans = (_spans(length, size, edge_handling) for length in layer.shape)
     for rows, span in product(row_spans, column_spans):
-        # Rectangles of cells that fit the cache and whose windows have one shape.
+        # Rectangles of cells that fit into the cache and have windows of equal shape.
         for columns in span.split(max(1, _BLOCK // (rows.stop - rows.start))):
             values = np.array(layer[rows.source, columns.source], np.float64, order="F")
             window = SlidingWindow(values, (rows.window, columns.window))
@@ -61,10 +61,10 @@ def evaluate_over_windows(
 
 
 class _Span(NamedTuple):
-    """Neighboring cells along one axis whose windows have the same part on the map.
+    """Neighboring cells along one axis whose windows are cropped in the same way.
 
-    The cells are the half-open interval [start, stop). The part of their windows has `window`
-    cells; that of the first one begins at the cell `first`.
+    The cells are the half-open interval [start, stop). The cropped windows have `window` cells; the
+    window of the cell `start` begins at the cell `first`.
     """
 
     start: int
@@ -74,11 +74,11 @@ class _Span(NamedTuple):
 
     @property
     def source(self) -> slice:
-        """The cells that lie under the windows."""
+        """Cells covered by the windows."""
         return slice(self.first, self.first + self.stop - self.start + self.window - 1)
 
     def split(self, step: int) -> Iterator["_Span"]:
-        """Yield parts of at most `step` cells."""
+        """Split the span into parts of at most `step` cells."""
         for start in range(self.start, self.stop, step):
             first = self.first + start - self.start
             yield _Span(start, min(start + step, self.stop), first, self.window)
@@ -89,14 +89,14 @@ def _spans(length: int, size: int, edge_handling: EdgeHandling) -> list[_Span]:
     near = range(min(margin, length) + 1)
     spans = []
     for start, stop in pairwise(sorted({*near, *(length - cell for cell in near)})):
-        # The window of the first cell, without what the border cuts off any of the windows.
+        # Window of the first cell, without the parts that are cropped in any of the windows.
         first, last = max(0, start - margin), start + min(size - margin, length - stop + 1)
         spans.append(_Span(start, stop, first, last - first))
     return [span for span in spans if edge_handling == "crop" or span.window == size]
 
 
 def _number(root: Node, name: str, window: WindowMatrix) -> Any:
-    """Return the value of windows: an array over their cells, or one number for all."""
+    """Evaluate the expression for windows: an array over all cells, or one number for all cells."""
     available = f"{name} (a window expression knows only its input layer)"
     value = Interpreter(WindowMatrices(), {name: window}, available)(root)
     if shape_of(value) != SCALAR:
@@ -124,18 +124,18 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
 
 
 def skips_missing(root: Node, name: str) -> bool:
-    """Return True if cropping the windows of the layer `name` equals padding them with NaN.
+    """Return True if cropping windows of the layer `name` is equivalent to padding with NaN.
 
-    With padding, all cells have windows of one size, and the border needs no special treatment. It
-    is possible if every use of the window ends in a reduction that skips NaN, and all earlier
-    functions keep NaN. The result is False if this simple analysis cannot decide.
+    With padding, all windows have the same size, and the border needs no special treatment. Padding
+    is possible if every use of the window ends in a reduction that skips NaN, and all functions
+    before the reduction keep NaN. The result is False if this simple analysis cannot decide.
     """
     # If a layer has the name of a function, its parentheses mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)
 
 
 def _is_number(node: Node, name: str) -> bool:
-    """Return True if a subtree gives the same single number for both kinds of windows."""
+    """Return True if a subtree results in the same number for cropped and padded windows."""
     match node.kind, node.parts:
         case "number", _:
             return True
@@ -151,14 +151,14 @@ def _is_number(node: Node, name: str) -> bool:
 
 
 def _keeps_missing(node: Node, name: str) -> bool:
-    """Return True if a subtree is a number, or keeps every NaN of the window in place."""
+    """Return True if a subtree is a number, or keeps every NaN of the window in position."""
     if _is_number(node, name):
         return True
     match node.kind, node.parts:
         case "name", (other,):
             return bool(other == name)
         case "binary", (operator, left, right) if operator in POWERS:
-            # NaN to the power 0, and 1 to the power NaN, are 1.
+            # NaN to the power of 0, and 1 to the power of NaN, are 1.
             positive = right.kind == "number" and right.parts[0] > 0.0
             return positive and _keeps_missing(left, name)
         case "binary", (operator, left, right):

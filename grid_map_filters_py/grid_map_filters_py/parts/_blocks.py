@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers computed block by block, in the threads of the chain.
+"""Computes layers block by block in the threads of the chain.
 
-The temporaries of a block are in the cache, and the new layer is the only large array. The blocks
-depend on the size of the map and on the reach, not on the number of threads.
+The temporary arrays of a block fit into the cache, and the new layer is the only large array. The
+blocks depend on the map size and the reach, but not on the number of threads.
 """
 
 import math
@@ -18,16 +18,16 @@ from grid_map_core_py._arrays import Layer, Size, slices
 from ._side_by_side import CELLS, side_by_side
 
 Block = tuple[tuple[slice, slice], tuple[slice, slice]]
-"""Rows and columns of a block without its border, and with its border."""
+"""Rows and columns of a block, first without and then with the border."""
 
 _SIDE = 512
-"""Largest side of a block with a border, unless the border is wide; half of it on small maps."""
+"""Maximum side of blocks with a narrow border [cells]; small maps use half of this value."""
 
 _SMALL = 2**20
 """Number of cells below which a map is small."""
 
 _SHARE = 16
-"""Minimum side of a block in widths of its border, which is computed twice."""
+"""Minimum ratio of block side to border width, since borders are computed twice."""
 
 
 def blockwise(
@@ -36,15 +36,15 @@ def blockwise(
     reach: float = 0,
     side: int | None = None,
 ) -> Layer:
-    """Return the layer `function(*layers)`, computed block by block in the threads of the chain.
+    """Compute the layer `function(*layers)` block by block in the threads of the chain.
 
     Args:
-        function: takes blocks of the layers, which are views of them, and returns an array of their
-            shape. A cell of it depends on the cells of the layers that are at most `reach` rows and
-            columns away.
-        layers: (rows, cols) in map order, of one shape.
-        reach: whole number of cells; `WHOLE_MAP` calls the function once, with the layers.
-        side: largest side of a block [cells], without the border; about 500 by default. Blocks are
+        function: called with blocks (views) of the layers; returns an array of the same shape. A
+            cell of the result must depend only on cells that are at most `reach` rows and columns
+            away.
+        layers: (rows, cols) arrays of equal shape in map order.
+        reach: whole number of cells; `WHOLE_MAP` calls the function once, with whole layers.
+        side: maximum side of a block without the border [cells]; about 500 by default. Blocks are
             larger if `reach` is large.
 
     Returns:
@@ -65,7 +65,7 @@ def fill_blocks(
     layers: Sequence[Layer],
     blocks: Sequence[Block],
 ) -> None:
-    """Write the layers that `function(*layers)` returns into `results`, block by block."""
+    """Compute the layers `function(*layers)` block by block, and write them into `results`."""
 
     def compute(block: Block) -> None:
         cells, around = block
@@ -81,17 +81,17 @@ def fill_blocks(
 
 
 def blocks_of(size: Size, reach: float, side: int | None) -> list[Block]:
-    """Return blocks of about equal size; one block if `reach` is most of the map.
+    """Divide a map into blocks of about equal size; one block if `reach` covers most of the map.
 
     Args:
         size: rows and columns of the map.
         reach: width of the border [cells].
-        side: largest side of a block [cells], or None.
+        side: maximum side of a block [cells]; None uses the default.
     """
     border = int(min(reach, max(size)))
     if side is None:
         side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2
-    # Without a border, whole columns are one piece of memory.
+    # Without a border, blocks of whole columns are contiguous in memory.
     longest = max(side, _SHARE * border)
     limits = (longest, longest) if border else (size[0], CELLS // size[0])
     sides = [

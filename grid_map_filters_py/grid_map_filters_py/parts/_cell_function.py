@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions of the values of one cell, applied to all cells of a map.
 
-A function is written once, with operators, `choose` and `clamp`, and works with numbers and with
-arrays. If numba is installed, it is compiled to a loop over the cells as soon as a filter needs it.
-Without numba, NumPy computes the same bits piece by piece, several times slower.
+A function uses operators, `choose` and `clamp`, and works for numbers and arrays. If numba is
+installed, the function is compiled to a loop over the cells on first use. Without numba, NumPy
+computes bitwise equal results piece by piece, but several times slower.
 """
 
 import functools
@@ -27,7 +27,7 @@ _ZERO = np.float32(0)
 
 
 def choose(condition: Value, yes: Value, no: Value) -> Value:
-    """Return `yes` where the condition holds, else `no`."""
+    """Return `yes` where the condition is true, else `no`."""
     return np.where(condition, yes, no)
 
 
@@ -36,18 +36,18 @@ def _choose_one(condition: Value, yes: Value, no: Value) -> Value:
 
 
 def clamp(value: Value, lowest: np.float32, highest: np.float32) -> Value:
-    """Return a value clamped to [lowest, highest]; NaN becomes the lowest."""
+    """Clamp a value to [lowest, highest]; NaN becomes `lowest`."""
     return choose(value > lowest, choose(value < highest, value, highest), lowest)
 
 
 def is_finite(value: Value) -> Value:
-    """Return True where a float is neither NaN nor infinite."""
+    """Return True where a value is neither NaN nor infinite."""
     return value - value == _ZERO
 
 
 @dataclass(frozen=True, eq=False)
 class CellFunction:
-    """A function of the values of one cell; for use as a decorator, through `cell_function`.
+    """Function of the values of one cell, created with the decorator `cell_function`.
 
     Attributes:
         function: takes one value per layer, and last a tuple of numbers that are the same for all
@@ -65,7 +65,7 @@ class CellFunction:
 
     @property
     def layers(self) -> int:
-        """Number of layers that the function takes."""
+        """Number of layers that the function requires."""
         return len(inspect.signature(self.function).parameters) - 1
 
     def prepare(self) -> None:
@@ -75,21 +75,21 @@ class CellFunction:
     def __call__(
         self, layers: Sequence[npt.NDArray[Any]], numbers: Sequence[SupportsFloat] = ()
     ) -> Layer:
-        """Return the results of the function as a layer.
+        """Apply the function to all cells and return the results as a layer.
 
         Args:
-            layers: arrays of one shape in Fortran order, one per argument of the function.
+            layers: arrays of equal shape in Fortran order, one per argument of the function.
             numbers: last argument of the function.
 
         Returns:
-            float32 whose bits are the results, in the shape of the layers, in Fortran order.
+            Float32 array (bits of uint32 results) in Fortran order, in the shape of the layers.
         """
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
         with np.errstate(over="ignore"):
             constants = tuple(np.float32(float(number)) for number in numbers)
         compiled = self._loop.compiled()
         for values in flat:
-            values.flags.writeable = False  # as compiled
+            values.flags.writeable = False  # as in the compiled signature
         # The compiled function does not check the lengths of arrays.
         if len({values.size for values in flat}) > 1:
             compiled = None
@@ -108,7 +108,7 @@ class CellFunction:
     def plain(
         self, layers: Sequence[npt.NDArray[Any]], numbers: tuple[np.float32, ...]
     ) -> npt.NDArray[Any]:
-        """Return the results for layers (n,), computed by NumPy."""
+        """Compute the results for flat layers (n,) with NumPy."""
         with np.errstate(all="ignore"):
             return elementwise(lambda *cells: self.function(*cells, numbers), self.gives, *layers)
 
@@ -129,15 +129,15 @@ class CellFunction:
 def cell_function(
     *, takes: npt.DTypeLike, gives: npt.DTypeLike, numbers: int = 0
 ) -> Callable[[Callable[..., Value]], CellFunction]:
-    """Return the decorator that makes a `CellFunction`, with the arguments of that class."""
+    """Return a decorator that creates a `CellFunction`; see `CellFunction` for the arguments."""
     return lambda function: CellFunction(function, takes, gives, numbers)
 
 
-# Numba compiles no tuple of a variable number of elements.
+# Numba cannot compile tuples of variable length.
 _ARGUMENTS: dict[int, Callable[..., tuple[Value, ...]]] = {
     1: lambda a, i, numbers: (a[0][i], numbers),
     2: lambda a, i, numbers: (a[0][i], a[1][i], numbers),
     3: lambda a, i, numbers: (a[0][i], a[1][i], a[2][i], numbers),
     5: lambda a, i, numbers: (a[0][i], a[1][i], a[2][i], a[3][i], a[4][i], numbers),
 }
-"""Functions that return the arguments for cell `i` of layers, by the number of layers."""
+"""Functions that return the arguments for cell `i`, by number of layers."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Colors of single cells, for cell functions.
+"""Helpers for cell functions that compute colors.
 
-The core packs colors into float32; the functions here clamp and scale channels.
+grid_map_core_py packs colors into float32; these functions also clamp and scale the channels.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from grid_map_core_py.plugins import check
 from ._cell_function import Value, choose, clamp
 
 FULL = np.float32(255)
-"""Value of a channel at full intensity."""
+"""Maximum value of a channel."""
 
 _NONE = np.float32(0)
 _INFINITY, _MAGNITUDE = np.uint32(0x7F800000), np.uint32(0x7FFFFFFF)
@@ -20,17 +20,17 @@ _CHANNEL = np.uint32(255)
 
 
 def check_color(name: str, color: tuple[float, ...]) -> None:
-    """Check a parameter that is a color."""
+    """Raise an error unless a parameter is a valid color."""
     finite = len(color) == 3 and bool(np.isfinite(color).all())
     check(finite, name, "three finite numbers: red, green, blue", list(color))
 
 
 def pack(r: Value, g: Value, b: Value) -> Value:
-    """Return the bits 0x00RRGGBB of a color.
+    """Pack a color into the bits 0x00RRGGBB.
 
     Args:
-        r, g, b: red, green and blue, float32. Values beyond [0, 255] are clamped, fractions are
-            cut off.
+        r, g, b: red, green and blue as float32. Values are clamped to [0, 255] and truncated to
+            integers.
     """
     return join_channels(_byte(r), _byte(g), _byte(b))
 
@@ -40,22 +40,22 @@ def _byte(channel: Value) -> Value:
 
 
 def or_none(color: Value, exists: Value) -> Value:
-    """Return the bits of a color where one exists, else those of NaN."""
+    """Return the bits of a color where `exists` is true, else the bits of NaN."""
     return choose(exists, color, NO_COLOR)
 
 
 def is_none(color: Value) -> Value:
-    """Return a mask of the colors whose bits are a NaN."""
+    """Return True where the bits of a color are NaN."""
     return color & _MAGNITUDE > _INFINITY
 
 
 def shares(color: Value) -> tuple[Value, Value, Value]:
-    """Return red, green and blue of a color's bits, each in [0, 1]."""
+    """Unpack the bits of a color into red, green and blue, each in [0, 1]."""
     red, green, blue = split_channels(color)
     return _share(red), _share(green), _share(blue)
 
 
 def _share(channel: Value) -> Value:
     """Return the lowest byte of a channel, scaled to [0, 1]."""
-    # Signed integers have faster conversions.
+    # Signed integers convert to float faster.
     return np.float32(np.int32(channel & _CHANNEL)) / FULL

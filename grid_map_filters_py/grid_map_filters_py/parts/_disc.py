@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sums over the disc around every cell.
 
-The disc is closed: a cell center within 1e-9 m of the rim is inside. Cells outside of the map have
-no data.
+The disc is closed: a cell center within 1e-9 m of the rim is inside. Cells outside the map count as
+missing.
 
-Sums are never differences of running sums (as in an integral image), so that a huge value spoils
-only the discs that contain it.
+Sums are never differences of running sums (as in an integral image), so that a huge value affects
+the precision only in discs that contain the value.
 """
 
 import math
@@ -26,7 +26,7 @@ from .._filter import WHOLE_MAP
 Field = npt.NDArray[Any]
 
 _LARGEST = 2**31
-"""Number of cells along a side, more than any map has."""
+"""Number of cells along a side that exceeds any map."""
 
 
 def disc_reach(radius: float, resolution: float) -> float:
@@ -37,7 +37,7 @@ def disc_reach(radius: float, resolution: float) -> float:
         resolution: side of a cell [m].
 
     Returns:
-        A number of cells; `WHOLE_MAP` for a disc that no map can hold.
+        A number of cells, or `WHOLE_MAP` for a disc that exceeds any map.
     """
     cells = (max(radius, 0.0) + BORDER_TOLERANCE) / resolution
     return math.floor(cells) if cells < _LARGEST else WHOLE_MAP
@@ -48,9 +48,9 @@ class Disc:
     """The cells within `radius` of a cell, and sums over the disc around every cell of a layer.
 
     Args:
-        radius: [m].
+        radius: radius of the disc [m].
         resolution: side of a cell [m].
-        size: rows and columns of the layer; the disc has no cells further apart than the layer's.
+        size: rows and columns of the layer, to which the disc is limited.
 
     Example:
         >>> layer = np.eye(5, dtype=np.float32)
@@ -66,21 +66,21 @@ class Disc:
 
     @cached_property
     def reach(self) -> Size:
-        """Rows and columns from the center to the rim."""
+        """Number of rows and columns from the center to the rim."""
         rows, columns = (int(min(self._limit, count - 1)) for count in self.size)
         return rows, columns
 
     @property
     def offsets(self) -> tuple[Field, Field]:
-        """(n, 1) and (1, m) distances of rows and columns from the center, in cells."""
+        """(n, 1) and (1, m) distances of rows and columns from the center [cells]."""
         rows, columns = (np.arange(-reach, reach + 1.0) for reach in self.reach)
         return rows[:, None], columns[None, :]
 
     @cached_property
     def half_widths(self) -> tuple[Field, Field]:
-        """Cells from the middle to the end of lines along rows, and of lines along columns.
+        """Half-lengths of the lines of the disc along rows and along columns [cells].
 
-        The index is the distance of the line from the center, in cells.
+        The index is the distance of the line from the center [cells].
         """
         rows, columns = (
             np.minimum(half_chords(self._limit, np.arange(other + 1.0)), reach).astype(int)
@@ -90,7 +90,7 @@ class Disc:
 
     @cached_property
     def kernel(self) -> Field:
-        """(n, m) with 1 in the cells of the disc and 0 elsewhere; n and m are odd."""
+        """(n, m) array, 1 in the cells of the disc and 0 elsewhere; n and m are odd."""
         rows, columns = (np.abs(offsets) for offsets in self.offsets)
         return np.asarray(rows <= self.half_widths[0][columns.astype(int)], np.float64)
 
@@ -101,16 +101,16 @@ class Disc:
     def padded(
         self, layer: Layer, offset: float = 0.0, dtype: npt.DTypeLike = np.float64
     ) -> tuple[Field, Field]:
-        """Return a mask of the finite cells, and their differences to `offset`.
+        """Pad a layer with the reach of the disc, and separate missing cells from values.
 
         Args:
-            layer: (rows, columns), of the size of the disc's layer.
-            offset: see `typical_value`.
+            layer: (rows, columns) array of the size given to `Disc`.
+            offset: number subtracted from all values; see `typical_value`.
             dtype: type of the differences.
 
         Returns:
-            known: bool, with a margin of the disc's reach.
-            values: `dtype`, with the same margin; 0 in cells that are not finite.
+            known: padded bool mask of the finite cells.
+            values: padded differences to `offset`; 0 in non-finite cells.
         """
         rows, columns = self.reach
         values = np.zeros(np.add(self.size, (2 * rows, 2 * columns)), dtype, order="F")
@@ -121,7 +121,7 @@ class Disc:
 
     @property
     def inner(self) -> tuple[slice, slice]:
-        """The cells of the layer in a padded array."""
+        """Slices of the layer within a padded array."""
         (rows, columns), (height, width) = self.reach, self.size
         return slice(rows, rows + height), slice(columns, columns + width)
 
@@ -133,12 +133,12 @@ class Disc:
         Args:
             values: array returned by `padded`.
             axis: direction of the lines, 0 for rows.
-            moments: sum up the values times their distance from the middle of the line instead.
+            moments: weight each value with its signed distance from the middle of the line.
 
         Yields:
             distance: distance of the line from the center [cells].
             ahead, behind: (rows, columns) sums over the lines at this distance on both sides of the
-                center; the same for distance 0. The next step overwrites them.
+                center; equal for distance 0. The next iteration overwrites both arrays.
         """
         widths, margin, across = self.half_widths[axis], self.reach[axis], self.reach[1 - axis]
 
@@ -150,7 +150,7 @@ class Disc:
         line = np.zeros_like(middle) if moments else middle.copy("K")
         width = 0
         for distance in reversed(range(len(widths))):
-            # Lines get longer towards the center, so only their new ends are added.
+            # Lines get longer towards the center, so only the new ends are added.
             for width in range(width + 1, widths[distance] + 1):  # noqa: B020
                 ahead = moved(values, axis, margin + width)
                 behind = moved(values, axis, margin - width)
@@ -166,7 +166,7 @@ class Disc:
             )
 
     def sums(self, values: Field) -> Field:
-        """Return the (rows, columns) sums of padded values over the discs."""
+        """Return the (rows, columns) sums of the padded `values` over all discs."""
         total = np.zeros(self.size, values.dtype, order="F")
         for distance, ahead, behind in self.lines(values, 0):
             total += ahead
@@ -175,21 +175,21 @@ class Disc:
         return total
 
     def counts(self, known: Field) -> Field:
-        """Return the number of True values in the disc around every cell, as integers."""
+        """Count the True values of a padded mask in the disc around every cell."""
         # The smallest integer type is by far the fastest.
         smallest = np.min_scalar_type(np.count_nonzero(self.kernel))
         return self.sums(known.view(np.uint8).astype(smallest, copy=False))
 
 
 def typical_value(layer: Layer) -> float:
-    """Return the approximate median of the finite values, 0 if there are none.
+    """Return the approximate median of the finite values; 0 without finite values.
 
-    Sums of differences to it keep their precision on terrain at 1000 m, also with outliers.
+    Subtracting this value preserves the precision of sums at heights of 1000 m, even with outliers.
     """
     flat = layer.ravel("K")
     sample = flat[:: flat.size // 1000 + 1]
     known = sample[np.isfinite(sample)]
     if not known.size:
         known = flat[np.isfinite(flat)]
-    # Double precision, so that the mean of two huge numbers stays finite.
+    # In double precision, the mean of two huge numbers stays finite.
     return float(np.median(known.astype(np.float64))) if known.size else 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Holes of layers: groups of missing cells that touch, also at corners and across tiles."""
+"""Finds holes in layers: groups of missing cells that touch, also at corners and across tiles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ Integers = npt.NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class Holes:
-    """Boxes and areas of holes.
+    """Bounding boxes and areas of holes.
 
     Args:
-        starts: (n, 2) first row and column.
-        ends: (n, 2) row and column behind the last ones.
-        areas: (n,) number of cells.
+        starts: (n, 2) first row and column of each hole.
+        ends: (n, 2) row and column after the last row and column of each hole.
+        areas: (n,) number of cells of each hole.
     """
 
     starts: Integers
@@ -32,12 +32,12 @@ class Holes:
 
     @property
     def lengths(self) -> Integers:
-        """(n,) length along rows or columns, whichever is longer [cells]."""
+        """(n,) longer side of the bounding box of each hole [cells]."""
         lengths: Integers = (self.ends - self.starts).max(axis=1, initial=0)
         return lengths
 
     def touch_border(self, size: Size) -> Mask:
-        """Return which holes reach the border of a map (n,)."""
+        """Return an (n,) mask of the holes that touch the border of a map."""
         touch: Mask = ((self.starts == 0) | (self.ends == size)).any(axis=1)
         return touch
 
@@ -50,12 +50,12 @@ class Holes:
 
 
 def find_holes(missing: Mask) -> tuple[Integers, Holes]:
-    """Return the number of the hole of each cell (rows, cols), from 1; and the holes.
+    """Label the holes of a layer; return (rows, cols) hole numbers, and the holes.
 
     Args:
-        missing: (rows, cols); cells that are not have the number 0.
+        missing: (rows, cols) mask of missing cells. Holes count from 1; other cells get 0.
     """
-    # Rows of the map are along x of the image.
+    # Rows of the map run along x of the image.
     image = np.ascontiguousarray(missing.T).view(np.uint8)
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(image, connectivity=8)
     found = np.asarray(boxes[1:], np.int64)
@@ -71,12 +71,12 @@ def place_of(tile: GridMap, whole: GridGeometry) -> Size:
 
 
 class Edge(NamedTuple):
-    """Numbers of the holes along an edge of a tile, stored for the missing cells only.
+    """Hole numbers along an edge of a tile, stored only for missing cells.
 
     Args:
-        length: number of cells.
-        cells: the missing ones.
-        numbers: their holes, from 1.
+        length: number of cells of the edge.
+        cells: indices of the missing cells.
+        numbers: hole numbers of the missing cells, from 1.
     """
 
     length: int
@@ -85,12 +85,12 @@ class Edge(NamedTuple):
 
     @classmethod
     def of(cls, numbers: Integers) -> "Edge":
-        """Return the edge with a number for each cell, 0 for those that are in no hole."""
+        """Create an edge from the hole number of each cell; 0 for cells outside holes."""
         cells = np.flatnonzero(numbers)
         return cls(len(numbers), cells.astype(np.int32), numbers[cells].astype(np.int32))
 
     def shifted(self, first: int) -> Integers:
-        """Return a number for each cell, raised by `first`; 0 for those that are in no hole."""
+        """Return the hole number of each cell plus `first`; 0 for cells outside holes."""
         numbers = np.zeros(self.length, np.int64)
         numbers[self.cells] = self.numbers + np.int64(first)
         return numbers
@@ -100,9 +100,9 @@ class HolesOfTile(NamedTuple):
     """The holes of a tile that matter for the whole map.
 
     Args:
-        lowest, highest: of the finite values; NaN if there are none.
-        holes: holes that reach the border of the tile or are long, placed in the whole map.
-        edges: the first and last row, first and last column.
+        lowest, highest: extremes of the finite values; NaN without finite values.
+        holes: long holes and holes that touch the tile border, in cells of the whole map.
+        edges: first and last row, first and last column.
     """
 
     lowest: float
@@ -113,12 +113,12 @@ class HolesOfTile(NamedTuple):
 
 @dataclass(frozen=True)
 class FindHoles:
-    """Finds the holes of a layer in a tile.
+    """Callable that finds the holes of a layer in a tile.
 
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: longest hole that is left out if it does not reach the border of the tile [cells].
+        length: maximum length of inner holes that are omitted [cells].
     """
 
     layer: str
@@ -138,10 +138,10 @@ class FindHoles:
 
 
 def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
-    """Return the holes of a map.
+    """Merge the holes of all tiles to the holes of the whole map.
 
     Args:
-        tiles: those of its tiles, row after row of tiles.
+        tiles: holes of the tiles, row by row.
         counts: number of tiles along rows and along columns.
     """
     parts = [tile.holes for tile in tiles]
@@ -150,12 +150,12 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
     pairs = [np.empty((2, 0), np.int64)]
     for lines, sides in ((numbers, (1, 0)), (numbers.T, (3, 2))):
         for both in pairwise(lines):
-            # The numbers of holes in the whole map, along the border between two lines of tiles.
+            # Hole numbers in the whole map, along the border between two lines of tiles.
             last, first = (
                 np.concatenate([tiles[n].edges[side].shifted(firsts[n]) for n in line])
                 for line, side in zip(both, sides, strict=True)
             )
-            # A hole goes on straight, or at a corner to both sides.
+            # A hole continues straight or diagonally across the border.
             for one, other in ((last, first), (last[1:], first[:-1]), (last[:-1], first[1:])):
                 touch = (one > 0) & (other > 0)
                 pairs.append(np.stack([one[touch], other[touch]]))
@@ -171,11 +171,11 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
 
 
 def _roots(count: int, ones: Integers, others: Integers) -> Integers:
-    """Return the smallest number of the group of each number below `count`.
+    """Return, for each number below `count`, the smallest number in the same group.
 
     Args:
-        count: how many numbers there are.
-        ones, others: pairs that are in one group.
+        count: number of numbers.
+        ones, others: pairs of numbers that belong to the same group.
     """
     roots = np.arange(count)
     while True:

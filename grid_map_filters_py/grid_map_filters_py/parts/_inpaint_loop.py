@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The inpainting of `cv2.inpaint`, compiled: several times as fast where there are many holes.
+"""Compiled version of `cv2.inpaint`, several times faster for maps with many holes.
 
-Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and Video Inpainting"
-(2001), as OpenCV approximates it: holes are filled from their rim inwards, in the order of fast
-marching (Sethian 1996). A cell becomes a weighted mean of the known and filled cells around it.
-Weights fall with the distance, and grow where the image changes across the line to the cell.
+Implements Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and Video
+Inpainting" (2001) like OpenCV: holes are filled from the rim inwards by fast marching (Sethian
+1996). A cell becomes a weighted mean of the known and filled cells around it. Weights decrease with
+distance, and increase with the change of the image across the line to the cell.
 
-Images have a frame of one cell.
+Images are padded with one cell on all sides.
 """
 
 import math
@@ -20,19 +20,19 @@ from grid_map_core_py._arrays import Mask
 from grid_map_core_py._loops import loop
 
 _ZERO, _ONE, _UNKNOWN = np.float32(0), np.float32(1), np.float32(np.inf)
-_OUTSIDE = np.float32(1e6)  # arrival time of cells outside of the image
-# OpenCV's, for gray values from 0 to 255: the change up to which a direction counts as flat, the
-# weight of such a direction, and what the sum of weights exceeds.
+_OUTSIDE = np.float32(1e6)  # arrival time of cells outside the image
+# OpenCV constants for gray values from 0 to 255: maximum change in a flat direction, weight of a
+# flat direction, and lower bound of the sum of weights.
 _FLAT, _WEIGHT_OF_FLAT, _LEAST_WEIGHT = np.float32(0.01), np.float32(1e-6), np.float32(1e-20)
 
 
 def inpainted(
     image: npt.NDArray[np.float32], missing: Mask, radius: float
 ) -> npt.NDArray[np.float32] | None:
-    """Return what `cv2.inpaint` returns for `cv2.INPAINT_NS`, or None without numba.
+    """Inpaint an image like `cv2.inpaint` with `cv2.INPAINT_NS`; return None without numba.
 
     Args:
-        image: gray values (rows, columns), each side at least 3.
+        image: (rows, columns) gray values; both sides are at least 3 cells.
         missing: mask of the cells to fill.
         radius: radius of the neighborhood [cells], from 1 to 100.
     """
@@ -46,7 +46,7 @@ def inpainted(
 
 
 def _change(before: Any, here: Any, after: Any, has_before: Any, has_after: Any) -> Any:
-    """Return how much gray values change from cell to cell, in both directions together."""
+    """Return the sum of the gray-value changes to the known cells before and after a cell."""
     change = (abs(after - here) if has_after else _ZERO) + (
         abs(here - before) if has_before else _ZERO
     )
@@ -54,7 +54,7 @@ def _change(before: Any, here: Any, after: Any, has_before: Any, has_after: Any)
 
 
 def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
-    """Return the gray value of a cell from the known cells of the disc around it."""
+    """Estimate the gray value of a cell from the known cells in the surrounding disc."""
     grays, times = images
     rows, columns, reach = frame
     width = columns + 2
@@ -66,8 +66,8 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
             cell = first + y * width + x
             if square > reach * reach or times[np.uintp(cell)] == _UNKNOWN:
                 continue
-            # Numba looks for negative indices, which takes long, unless they are unsigned.
-            # At borders OpenCV takes the changes one cell further inside.
+            # Unsigned indices avoid the slow check of numba for negative indices. At borders,
+            # OpenCV uses the changes one cell further inside.
             inner_column, inner_row = first + max(x, 1), first + max(y, 1) * width
             across = _change(
                 grays[np.uintp(inner_column + max(y - 1, 0) * width)],
@@ -83,7 +83,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
                 times[np.uintp(cell - 1)] != _UNKNOWN,
                 times[np.uintp(cell + 1)] != _UNKNOWN,
             )
-            # The gradient turned by a right angle, along which gray values continue.
+            # Change along the direction to the cell, from the gradient rotated by 90 degrees.
             change = abs(np.float32(y - row) * along - np.float32(x - column) * across)
             weight = _WEIGHT_OF_FLAT
             if change > _FLAT:
@@ -96,7 +96,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
 
 
 def _arrival(times: Any, one: Any, other: Any) -> Any:
-    """Return the time at which a front arrives from two neighbors of a cell, at right angles."""
+    """Return the arrival time of a front from two neighbors of a cell at right angles."""
     first, second = np.float64(times[one]), np.float64(times[other])
     difference = first - second
     if abs(difference) < 1.0:
@@ -105,12 +105,12 @@ def _arrival(times: Any, one: Any, other: Any) -> Any:
 
 
 def _has_unknown_neighbor(times: Any, cell: Any, width: Any) -> Any:
-    # The sum of all four is infinity if one of them is.
+    # The sum is infinite if one of the four times is infinite.
     return times[cell - width] + times[cell + width] + times[cell - 1] + times[cell + 1] == _UNKNOWN
 
 
 def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) -> Any:
-    """Fill the neighbors of a cell, add them to the queue, and return the next number in it."""
+    """Fill and enqueue the unknown neighbors of a cell; return the next free queue number."""
     grays, times = images
     width = frame[1] + 2
     for cell in (middle - width, middle - 1, middle + width, middle + 1):
@@ -130,15 +130,15 @@ def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) 
 
 @loop(("float32*", 2), ("int64", 3))
 def _inpaint(images: Any, frame: Any) -> None:
-    """Fill the unknown cells of two images, gray values and arrival times.
+    """Fill the unknown cells of two images: gray values and arrival times.
 
-    `frame` has the rows and columns within the frame, and the radius of the neighborhood.
+    `frame` is a tuple of rows and columns without padding, and the radius of the neighborhood.
     """
     times = images[1]
     rows, columns, _ = frame
-    # A heap; cells of equal time have the order of their numbers.
+    # A heap; cells with equal times are ordered by number.
     queue, number = [(_ZERO, 0, 0) for _ in range(0)], 0
-    # The cells around holes come first, row after row.
+    # The cells around holes come first, row by row.
     for row in range(1, rows + 1):
         for cell in range(row * (columns + 2) + 1, row * (columns + 2) + 1 + columns):
             if times[cell] == _ZERO and _has_unknown_neighbor(times, cell, columns + 2):

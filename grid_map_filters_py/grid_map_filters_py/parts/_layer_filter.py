@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Base classes of filters that make one layer from another, and extremes in discs."""
+"""Base classes for filters that compute one layer from another, and extremes in discs."""
 
 import math
 from abc import ABC, abstractmethod
@@ -25,7 +25,7 @@ Values: TypeAlias = npt.NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, kw_only=True)
 class LayerFilter(ABC):
-    """Base class of filters that make one layer from another.
+    """Base class for filters that compute one layer from another.
 
     Attributes:
         input_layer: layer to filter.
@@ -36,13 +36,13 @@ class LayerFilter(ABC):
     output_layer: str
 
     _side: ClassVar[int | None] = None
-    """Largest side of a block [cells]; None for that of `blockwise`."""
+    """Maximum side of a block [cells]; None uses the default of `blockwise`."""
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer, resolution = grid_map[self.input_layer], grid_map.resolution
         function = self._for_blocks_of(layer)
-        # Cellwise filters split the layer themselves, and write each part only once.
+        # Cellwise filters divide the layer themselves, and write each part only once.
         reach = WHOLE_MAP if isinstance(self, CellFilter) else self.reach(resolution)
         result = blockwise(
             lambda block: function(block, resolution), layer, reach=reach, side=self._side
@@ -51,22 +51,22 @@ class LayerFilter(ABC):
 
     @abstractmethod
     def reach(self, resolution: float) -> float:
-        """Return how many rows and columns away the filter looks."""
+        """Return the reach of the filter in rows and columns; see `LocalFilter.reach`."""
 
     def _for_blocks_of(self, _layer: Layer) -> Callable[[Layer, float], Values]:
-        """Return a function that computes a block, from the block and the resolution."""
+        """Return a function that filters a block, given the block and the resolution."""
         return self._filter
 
     @abstractmethod
     def _filter(self, layer: Layer, resolution: float) -> Values:
-        """Return the result for a layer in map order, which stays unchanged."""
+        """Return the filtered layer; `layer` is in map order and must not be changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AroundTypicalValue(LayerFilter):
-    """Base class of filters that compute with differences to the typical value of the layer.
+    """Base class for filters that subtract a typical value from the layer, for precision.
 
-    The typical value is that of the whole layer, so that blocks give the same bits.
+    The typical value is computed once for the whole layer, so that results do not depend on blocks.
     """
 
     def _for_blocks_of(self, layer: Layer) -> Callable[[Layer, float], Values]:
@@ -77,12 +77,12 @@ class AroundTypicalValue(LayerFilter):
 
     @abstractmethod
     def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Values:
-        """Return the result for a layer from its differences to `offset`."""
+        """Return the filtered layer, computed from differences to `offset`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DiscFilter(LayerFilter):
-    """Base class of filters that look at the disc around each cell.
+    """Base class for filters that use the disc around each cell.
 
     Attributes:
         radius: radius of the disc [m], 0 or more; the rim is inside.
@@ -99,7 +99,7 @@ class DiscFilter(LayerFilter):
 
 @dataclass(frozen=True, kw_only=True)
 class FillingDiscFilter(DiscFilter):
-    """Base class of filters that may also fill holes.
+    """Base class for disc filters that can also fill holes.
 
     Attributes:
         compute_empty_cells: also fill cells that are not finite, if their disc has a finite value.
@@ -109,21 +109,21 @@ class FillingDiscFilter(DiscFilter):
 
 
 def check_radius(radius: float, name: str = "radius") -> None:
-    """Check the parameter `name` of a filter that looks at a disc around each cell."""
+    """Raise an error unless `radius`, the parameter `name` of a disc filter, is valid."""
     check(math.isfinite(radius) and radius >= 0, name, "a length >= 0 [m]", radius)
 
 
 def highest_in_disc(layer: Layer, radius: float, resolution: float, *, fill: bool = True) -> Layer:
-    """Return the largest finite value in the disc around every cell, NaN if there is none.
+    """Return the largest finite value in the disc around every cell; NaN without finite values.
 
-    This is the gray-scale dilation of the layer with the disc as structuring element. It ignores
-    cells that are not finite.
+    This is the gray-scale dilation of the layer with the disc as structuring element; non-finite
+    cells are ignored.
 
     Args:
         layer: (rows, cols).
         radius: radius of the disc [m].
         resolution: side of a cell [m].
-        fill: True also gives values to cells that are not finite in the layer.
+        fill: also compute values for non-finite cells of the layer.
 
     Returns:
         (rows, cols) float32 in Fortran order.

@@ -14,31 +14,31 @@ from grid_map_core_py._arrays import Layer, Mask, slices
 Values = npt.NDArray[np.float32]
 
 _SCATTERED = 0.3
-"""Share of all cells up to which sorting single windows is fastest."""
+"""Maximum fraction of chosen cells for which sorting single windows is fastest."""
 
 _LARGEST_NETWORK = 5
-"""Side of a window up to which a sorting network is faster than sorting single windows."""
+"""Maximum window side for which a sorting network is faster than sorting single windows."""
 
 _PIECE = 2**16
-"""Values that are sorted at a time."""
+"""Number of values sorted at a time."""
 
 
 def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int) -> None:
     """Write the upper median of the finite values in the square around each chosen cell.
 
-    The upper median of an even number of values is the larger one of the two in the middle. It is
-    NaN where no value is finite.
+    The upper median of an even number of values is the larger of the two middle values. The result
+    is NaN where no value is finite.
 
     Args:
-        output: (rows, cols) in Fortran order; is written to.
-        layer: (rows, cols) in Fortran order.
-        cells: (rows, cols) bool in Fortran order; the chosen cells.
-        half_width: the square has 2 half_width + 1 cells along a side; it is cropped at the border.
+        output: (rows, cols) array in Fortran order, to which the medians are written.
+        layer: (rows, cols) array in Fortran order.
+        cells: (rows, cols) bool mask of the chosen cells, in Fortran order.
+        half_width: a square has 2 half_width + 1 cells per side; it is cropped at the map border.
     """
-    # Wider squares contain no further cells.
+    # Wider squares would contain no additional cells.
     half_width = min(half_width, max(layer.shape) - 1)
     side = 2 * half_width + 1
-    # Missing values are infinity, which sorts to the end.
+    # Missing values become infinity, which is sorted to the end.
     padded = np.full(np.add(layer.T.shape, 2 * half_width), np.inf, np.float32)
     inner = padded[half_width:, half_width:][: layer.shape[1], : layer.shape[0]]
     np.copyto(inner, layer.T, where=np.isfinite(layer.T))
@@ -61,7 +61,7 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
 
 
 def _medians_by_network(windows: Values, ranks: npt.NDArray[Any]) -> Values:
-    """Return the values of the ranks (n, m) in the windows (n, m, side, side)."""
+    """Return the values with the given ranks (n, m) in the windows (n, m, side, side)."""
     values: list[Values] = [*np.moveaxis(windows, (2, 3), (0, 1)).copy().reshape(-1, *ranks.shape)]
     spare = np.empty_like(values[0])
     for low, high in _comparators(len(values)):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Surface normals of a layer, and deviations from planes.
+"""Computes surface normals of a layer, and deviations from fitted planes.
 
-A layer is (rows, cols) heights [m] in map order, not finite where unknown; `offset` is its typical
-value. The radius of the discs and the resolution, which is the side of a cell, are in m. Normals
-are the x, y and z components (rows, cols) of unit vectors.
+A layer is a (rows, cols) array of heights [m] in map order, non-finite where unknown; `offset` is a
+typical height. `radius` is the radius of the disc [m], `resolution` the side of a cell [m]. Normals
+are three (rows, cols) arrays: the x, y and z components of unit vectors.
 """
 
 from collections.abc import Sequence
@@ -21,35 +21,35 @@ Field = npt.NDArray[np.float64]
 Fields = tuple[Field, ...]
 
 _SMALLEST_SPREAD = 1e-8
-"""Variance [m^2] of points across a line; below this they define no plane."""
+"""Minimum variance [m^2] across the main direction for points that define a plane."""
 
 _SMALLEST_GAP = 0.03
-"""Product of the relative gaps between eigenvalues; below this the formula loses digits."""
+"""Product of the relative gaps between eigenvalues below which the formula loses precision."""
 
 _SMALLEST_Z = 0.01
-"""z component of a normal; below this the formula loses digits."""
+"""z component of a normal below which the formula loses precision."""
 
-_PIECE = 2**13  # cells whose eigenvectors are computed at once, in the cache
+_PIECE = 2**13  # number of cells whose eigenvectors are computed at once, to fit the cache
 
 SIDE = 256
-"""Largest side of a block: about thirty arrays of it are in the cache."""
+"""Maximum side of a block [cells]: about thirty arrays of this size fit into the cache."""
 
 
 def area_normals(layer: Layer, offset: float, radius: float, resolution: float) -> Fields:
     """Return the normals of least-squares planes through the points in a disc around each cell.
 
-    The normal is the eigenvector of the smallest eigenvalue of the covariance of the points. Where
-    fewer than three points are finite, or they are on a line, it is the z axis. It is NaN where the
-    layer is not finite.
+    A normal is the eigenvector for the smallest eigenvalue of the covariance matrix of the points.
+    With fewer than three finite points, or with points on a line, the normal is the z axis. Normals
+    are NaN where the layer is not finite.
     """
     return _planes(layer, offset, Disc(radius, resolution, layer.shape))[0]
 
 
 def raster_normals(layer: Layer, resolution: float) -> Fields:
-    """Return the normals from the slopes between neighboring cells.
+    """Return the normals computed from slopes between neighboring cells.
 
-    Slopes are central differences, also across an unknown cell, and one-sided beside one. Normals
-    are NaN at the border of the layer, and where a slope lacks two finite cells.
+    Slopes are central differences, even across an unknown cell, and one-sided beside an unknown
+    cell. Normals are NaN at the layer border, and where a slope lacks two finite cells.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
@@ -71,10 +71,10 @@ def _slope(heights: Field, resolution: float) -> Field:
 
 
 def plane_deviations(layer: Layer, offset: float, radius: float, resolution: float) -> Field:
-    """Return the standard deviation [m] of the points in a disc from the plane of `area_normals`.
+    """Return the standard deviation of the points in a disc from the plane of `area_normals` [m].
 
-    It is that of a sample (n - 1 in the denominator); NaN where the layer is not finite, and where
-    the disc has one point.
+    This is the sample standard deviation (n - 1 in the denominator). The result is NaN where the
+    layer is not finite or the disc contains only one point.
     """
     disc = Disc(radius, resolution, layer.shape)
     (x, y, z), (xx, xy, xz, yy, yz, zz), count = _planes(layer, offset, disc)
@@ -85,12 +85,12 @@ def plane_deviations(layer: Layer, offset: float, radius: float, resolution: flo
 
 
 def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Field]:
-    """Return least-squares planes through the points in the discs.
+    """Fit least-squares planes to the points in the discs.
 
     Returns:
-        normals: unit vectors, NaN where the layer is not finite.
-        covariances: elements xx, xy, xz, yy, yz, zz of the covariances of the points, times the
-            square of their number [cells^2].
+        normals: unit vectors; NaN where the layer is not finite.
+        covariances: elements xx, xy, xz, yy, yz, zz of the covariance matrices of the points, times
+            the squared number of points [cells^2].
         count: number of points.
     """
     covariances, count, known = _covariances(layer, offset, disc)
@@ -102,9 +102,9 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
                 whole[:, part] = piece
         xx, xy, _, yy, _, _ = covariances
         spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
-        # The second eigenvalue is at least the smaller one of the horizontal 2 x 2 part. That
-        # exceeds the spread where diagonal and determinant of xx - spread, xy, yy - spread are
-        # positive.
+        # The second eigenvalue is at least the smaller eigenvalue of the horizontal 2 x 2 part,
+        # which exceeds the spread if the matrix (xx - spread, xy; xy, yy - spread) has a positive
+        # diagonal and determinant.
         is_exact &= (xx > spread) & ((xx - spread) * (yy - spread) > xy * xy)
     # Calling LAPACK is slow even for an empty array.
     lone, unknown = count < 3, ~known
@@ -126,15 +126,15 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
 def _covariances(
     layer: Layer, offset: float, disc: Disc
 ) -> tuple[Fields, Field, npt.NDArray[np.bool_]]:
-    """Return the covariances and the numbers of points of `_planes`, and the finite cells."""
+    """Return covariances and numbers of points for `_planes`, and a mask of finite cells."""
     known, heights = disc.padded(layer, offset)
-    # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
-    # towards -y: with negative heights all signs are right.
+    # In units of cells, x and y are integers. Rows run towards -x and columns towards -y; negated
+    # heights correct all signs.
     heights *= -1.0 / disc.resolution
     sum_z, xz = _moments(disc, heights, 1, (0, 1))
     (yz,) = _moments(disc, heights, 1, (0,), along=True)
     (zz,) = _moments(disc, heights * heights, 1, (0,))
-    # The smallest integer type that holds the moments of a whole disc is the fastest.
+    # The smallest integer type that can represent the moments of a whole disc is fastest.
     largest = np.count_nonzero(disc.kernel) * max(disc.reach) ** 2
     one = known.astype(np.min_scalar_type(-largest - 1))
     moments = *_moments(disc, one, 1, (1, 2)), *_moments(disc, one, 0, (1, 2))
@@ -159,14 +159,14 @@ def _moments(
     *,
     along: bool = False,
 ) -> list[npt.NDArray[Any]]:
-    """Return the moments of values about the lines along `axis`: sums times powers of the distance.
+    """Return moments of values over the disc around every cell: sums of value * distance^order.
 
     Args:
-        disc: around every cell.
-        values: padded.
-        axis: direction of the lines; the distance is along the other axis.
-        orders: the powers, from 0 to 2.
-        along: sum up the values times their distance along the lines.
+        disc: disc around every cell.
+        values: padded values.
+        axis: direction of the lines of the disc; distances are measured along the other axis.
+        orders: exponents of the distance, from 0 to 2.
+        along: also multiply each value by the distance along the line.
     """
     totals = [np.zeros(disc.size, values.dtype, order="F") for _ in orders]
     for distance, ahead, behind in disc.lines(values, axis, moments=along):
@@ -185,26 +185,26 @@ def _moments(
 def _smallest_eigenvectors(
     xx: Field, xy: Field, xz: Field, yy: Field, yz: Field, zz: Field
 ) -> tuple[Field, Field, Field, npt.NDArray[np.bool_]]:
-    """Return unit eigenvectors of the smallest eigenvalue of symmetric 3 x 3 matrices.
+    """Return unit eigenvectors for the smallest eigenvalues of symmetric 3 x 3 matrices.
 
     Eigenvalues are the trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
-    The adjugate of a matrix minus its smallest eigenvalue is the eigenvector times itself, up to a
-    factor. Its last column is taken.
+    The adjugate of (matrix - smallest eigenvalue * identity) is a multiple of the outer product of
+    the eigenvector with itself; the eigenvector is the normalized last column.
 
     Returns:
-        x, y, z, and a mask of the exact ones. The others, of vertical walls and close eigenvalues,
-        have lost digits.
+        x, y, z, and a mask of the exact eigenvectors. Other eigenvectors, at vertical walls or with
+        close eigenvalues, have lost precision.
     """
     mean = (xx + yy + zz) * (1.0 / 3.0)
     a, b, c = xx - mean, yy - mean, zz - mean
     xy2, xz2, yz2 = xy * xy, xz * xz, yz * yz
-    # The diagonal a, b, c adds up to 0, hence its squares to twice b * b - a * c.
+    # The diagonal a, b, c has the sum 0, so a^2 + b^2 + c^2 equals 2 * (b * b - a * c).
     square = (b * b - a * c + xy2 + xz2 + yz2) * (1.0 / 3.0)
     radius = np.sqrt(square)
     determinant = (b * c - yz2) * a - xz2 * b - xy2 * c + xy * xz * yz * 2.0
     cosine = determinant / (square * radius * 2.0)
-    # The smallest t with 4 t^3 - 3 t = cosine. One step of Newton's method refines a root in single
-    # precision, unless the next root is close; cosines in double precision take longer.
+    # Find the smallest t with 4 t^3 - 3 t = cosine. One Newton step refines a single-precision root
+    # unless the next root is close; double-precision cosines would be slower.
     angle = np.arccos(np.clip(cosine.astype(np.float32), -1.0, 1.0))
     root = np.cos((angle + np.float32(2.0 * np.pi)) * np.float32(1.0 / 3.0)).astype(np.float64)
     squared = root * root
@@ -212,7 +212,7 @@ def _smallest_eigenvectors(
     smallest = (squared * root * 8.0 + cosine) / gap * radius * 2.0 + mean
     a, b, c = xx - smallest, yy - smallest, zz - smallest
     x, y, z = xy * yz - xz * b, xy * xz - yz * a, a * b - xy2
-    # The factor is the trace of the adjugate. Columns of rounding errors are short compared to it.
+    # The trace of the adjugate is the factor. A column of rounding errors is short in comparison.
     factor = (a + b) * c - xz2 - yz2 + z
     length = np.sqrt(x * x + y * y + z * z)
     is_exact = (gap > _SMALLEST_GAP) & (length > _SMALLEST_Z * factor)

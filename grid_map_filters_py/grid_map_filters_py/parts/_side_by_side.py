@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Work on parts of a map in several threads.
+"""Runs work on parts of a map in several threads.
 
-NumPy, OpenCV and compiled loops release Python's lock, so that threads compute at the same time.
-The parts are the same for any number of threads, and so are the results.
+NumPy, OpenCV and compiled loops release the global interpreter lock, so that threads run in
+parallel. Parts and results do not depend on the number of threads.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -17,15 +17,15 @@ import numpy as np
 T = TypeVar("T")
 
 CELLS = 2**17
-"""Cells of a part; with fewer, waking a waiting thread would take longer than the work."""
+"""Number of cells per part; for smaller parts, waking a thread takes longer than the work."""
 
 _threads: ContextVar[int] = ContextVar("_threads", default=1)
-"""Number of threads of the running chain; the thread that runs it is one of them."""
+"""Number of threads of the running chain, including the calling thread."""
 
 
 @contextmanager
 def use_threads(count: int) -> Iterator[None]:
-    """Let `side_by_side` use `count` threads; the calling thread is one of them."""
+    """Let `side_by_side` use `count` threads, including the calling thread."""
     token = _threads.set(count)
     try:
         yield
@@ -34,22 +34,22 @@ def use_threads(count: int) -> Iterator[None]:
 
 
 def thread_count() -> int:
-    """Return the number of threads that `side_by_side` uses here."""
+    """Return the number of threads that `side_by_side` uses in this context."""
     return _threads.get()
 
 
 def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
-    """Call a function with each part, in as many threads as the running chain may use.
+    """Call `function` with each part, in as many threads as the running chain may use.
 
-    Outside of a chain with several threads, this is a loop. The settings of `numpy.errstate`, and
-    the step that `warn` names, are those of the caller.
+    Outside a chain with several threads, this function is a plain loop. All threads use the
+    `numpy.errstate` settings of the caller, and `warn` names the step of the caller.
 
     Args:
         function: called in any order, by several threads at the same time.
-        parts: arguments of the calls, taken one after the other.
+        parts: arguments of the calls, drawn one after the other.
 
     Raises:
-        Exception: a call has failed. Further parts are not begun.
+        Exception: a call failed; no further call is started.
     """
     helpers = thread_count() - 1
     if helpers == 0:
