@@ -20,7 +20,7 @@ NAME = "octomap_to_grid_map"
 
 
 class OctomapToGridMapNode(ConfiguredNode):
-    """Converts every octomap of a topic or a service."""
+    """Converts every octomap from a topic or a service to a map."""
 
     def __init__(self) -> None:
         super().__init__(NAME)
@@ -38,7 +38,7 @@ class OctomapToGridMapNode(ConfiguredNode):
         )
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
-        """Return the bounds at one end of the three axes; NaN means no bound."""
+        """Read the bounds (3,) at one end of the axes, `min` or `max`; NaN means no bound."""
         about = f"leave out voxels with {beyond} {{}} [m]; `.nan` means no bound"
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
