@@ -111,7 +111,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Call `step` until the condition holds; fail with `what` after `timeout` seconds."""
+    """Call `step` until `condition()` is true; fail and name `what` after `timeout` [s]."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"

@@ -57,7 +57,7 @@ def _play(
     publishers: dict[str, Any],
     rate: float,
 ) -> int:
-    """Publish messages until the last one or a signal, and return their number."""
+    """Publish messages until the end or a signal; return the number of published messages."""
     begin = time.monotonic()
     for count, (entry, file, topic) in enumerate(entries):
         data = bag.read(file, entry)

@@ -124,7 +124,7 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest visible distance from the axis at depth 1; beyond it, distortions fold back."""
+        """Largest visible distance from the axis at depth 1; farther points may fold back."""
         height, width = self.size
         u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
         edges = [(u, np.full(50, y)) for y in (v[0], v[-1])]
@@ -224,7 +224,7 @@ class CameraImages:
         return Picture(message.header.frame_id, stamp, pixels, self.camera)
 
     def read_depths(self, message: Any) -> Cloud:
-        """Return the points of a depth image or its bytes, for pixels with a finite depth."""
+        """Convert a depth image, or its bytes, to the points of pixels with a finite depth."""
         if isinstance(message, bytes):
             message = view(message, Image)
         picture = self.read_picture(message)
@@ -276,7 +276,7 @@ def seen_cells(
 
 
 def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt.NDArray[np.bool_]:
-    """Return a mask of the points (N, 3) that cells of a map hide from the eye (3,)."""
+    """Return a mask (N,) of points (N, 3) that map cells hide from the camera at `eye` (3,)."""
     hidden = np.zeros(len(points), bool)
     if not len(points):
         return hidden

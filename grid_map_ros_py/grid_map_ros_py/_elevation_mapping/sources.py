@@ -71,7 +71,7 @@ class SensorProcessor:
 
     Attributes:
         model: the sensor model.
-        above, below: points that are higher or lower, relative to the robot, are dropped [m].
+        above, below: largest and smallest height of used points [m], relative to the robot.
         unused: parameters without effect, each with the reason.
     """
 

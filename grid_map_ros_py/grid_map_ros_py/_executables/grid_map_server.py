@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_server`: stores a map, publishes it on a latched topic, and serves it.
+"""Node `grid_map_server`: stores a map, publishes it latched and serves it on request.
 
 Services:
     ~/get_grid_map: `grid_map_msgs/GetGridMap`, returns the map or a part of it.
-    ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, returns its size, resolution, position.
+    ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, returns map size, resolution and position.
     ~/set_grid_map: `grid_map_msgs/SetGridMap`, replaces the map.
     ~/load_map: `grid_map_msgs/ProcessFile`, loads the last map of a bag.
     ~/save_map: `grid_map_msgs/ProcessFile`, saves the map to a bag.

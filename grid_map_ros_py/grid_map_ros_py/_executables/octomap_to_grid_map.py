@@ -43,7 +43,7 @@ class OctomapToGridMapNode(ConfiguredNode):
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
     def _listen(self) -> str:
-        """Subscribe, or call the service periodically; return the name of topic or service."""
+        """Subscribe, or call the service periodically; return the name of the topic or service."""
         about = "topic of the octomaps, binary or full"
         topic = self.read_topic("octomap_topic", "/octomap_binary", about)
         about = "service `octomap_msgs/GetOctomap` to call instead; empty uses the topic"

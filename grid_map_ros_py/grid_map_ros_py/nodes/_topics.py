@@ -166,7 +166,7 @@ class LatchedSubscription:
 class MapSubscription(LatchedSubscription):
     """A `LatchedSubscription` to `grid_map_msgs/GridMap`.
 
-    The callback gets a `ReceivedMap` and decodes the layers that it needs. Keep a reference to the
+    The callback receives a `ReceivedMap` and decodes the required layers. Keep a reference to the
     subscription.
 
     Example:
