@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Base class of the nodes of demos."""
+"""Base class of demo nodes."""
 
 import os
 from pathlib import Path
@@ -14,10 +14,10 @@ from grid_map_ros_py.nodes import ConfiguredNode, map_qos
 
 
 class Demo(ConfiguredNode):
-    """A node that publishes maps or subscribes to them."""
+    """Node with helper methods for file paths and for publishing maps."""
 
     def read_path(self, name: str, default: str, description: str, *, data: str = "") -> Path:
-        """Return a parameter that is a path; an empty one means a file in `data` of this package.
+        """Read a path parameter; an empty value means the file `data` in the folder `data`.
 
         A leading `~` is expanded.
         """
@@ -28,11 +28,11 @@ class Demo(ConfiguredNode):
         return Path(os.path.expanduser(given))  # noqa: PTH111
 
     def map_publisher(self, topic: str = "grid_map") -> Publisher:
-        """Return a latched publisher of maps."""
+        """Create a latched publisher of maps."""
         return self.create_publisher(GridMapMessage, topic, map_qos())
 
     def publish_maps(self, default_rate: float, topic: str = "grid_map") -> None:
-        """Publish `map_at` of the current time, at the rate of the parameter `publish_rate`."""
+        """Publish `map_at` of the current time at the rate in the parameter `publish_rate`."""
         rate = self.read_positive("publish_rate", default_rate, "maps per second [Hz]")
         publisher = self.map_publisher(topic)
 

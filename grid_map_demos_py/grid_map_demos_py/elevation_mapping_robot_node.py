@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping_robot`: a simulated robot with a lidar and a depth camera.
 
-It drives on real terrain with boxes, a ramp and stairs, and a person crosses its path. It starts
-when a node subscribes to the lidar. Publishes the clouds of both sensors, odometry that drifts,
-with its covariance, and the true terrain around the robot in the frame of the odometry.
+The robot drives on real terrain with boxes, a ramp and stairs; a person crosses the path. The robot
+starts when a node subscribes to the lidar. The node publishes the clouds of both sensors, drifting
+odometry with covariance, and the true terrain around the robot in the odometry frame.
 """
 
 import array
@@ -34,18 +34,18 @@ from .robot_course import (
 )
 
 TRUTH_LENGTH = 12.0
-"""Side of the published part of the true terrain [m]."""
+"""Side length of the published part of the true terrain [m]."""
 
 MAX_RANGE = 20.0
 SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
     "lidar": (LIDAR, SpinningLidar(azimuths=720).directions, LaserModel()),
     "camera": (CAMERA, DepthCamera().directions, StructuredLightModel()),
 }
-"""By frame: transform to the robot, directions of the beams, and model of the noise."""
+"""Sensors by frame: transform to the robot, beam directions, and noise model."""
 
 
 class ElevationMappingRobotNode(Demo):
-    """Moves the robot, casts the beams of its sensors and publishes what they measure."""
+    """Moves the robot, simulates both sensors and publishes the measurements."""
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_robot")
@@ -67,7 +67,7 @@ class ElevationMappingRobotNode(Demo):
 
     def _step(self) -> None:
         now = self.get_clock().now().nanoseconds
-        # The node that maps may have to compile first.
+        # Wait for a subscriber: the mapping node may have to compile first.
         self._start = self._start if self._clouds["lidar"].get_subscription_count() else now
         seconds = 1e-9 * (now - self._start)
         pose = self._course.pose_at(seconds)
@@ -95,7 +95,7 @@ class ElevationMappingRobotNode(Demo):
 
 
 def to_bytes(points: npt.NDArray[np.float64]) -> "array.array[int]":
-    """Return points (N, 3) as the bytes of float32."""
+    """Convert points (N, 3) to float32 bytes."""
     return array.array("B", points.astype("<f4").tobytes())
 
 

@@ -32,7 +32,7 @@ DTYPES = {8: np.uint8, 16: np.uint16}
 
 
 def keeps(file: Path, image: Image) -> bool:
-    """Return whether the format of a file, by its ending, stores such an image without loss."""
+    """Return whether the format given by the file extension stores an image without loss."""
     try:
         data = np.frombuffer(encode_image(image, file.suffix), np.uint8)
     except (cv2.error, ValueError):
@@ -42,7 +42,7 @@ def keeps(file: Path, image: Image) -> bool:
 
 
 class GridMapToImageDemoNode(Demo):
-    """Saves the first map that it receives."""
+    """Saves a layer of the first received map as an image."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_to_image_demo")
@@ -67,7 +67,7 @@ class GridMapToImageDemoNode(Demo):
             self._draw = partial(
                 to_image, dtype=DTYPES[bits], channels=channels, lower=lower, upper=upper
             )
-        # An unusable file is an error now, before the first map.
+        # Report an unusable file now, before the first map arrives.
         pixel = self._draw(GridMap((1.0, 1.0), 1.0, layers={self._layer: 0.0}), self._layer)
         expected = f"a format such as .png, that can hold {bits} bits"
         expected += " and transparency" * is_transparent

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
-The file is read again for each message, so that edits show at once. It may be gray or in color,
-with 8 or 16 bits or floats per channel, and with an alpha channel.
+The file is read again for each message, so that edits appear at once. The image may be gray or in
+color, with 8 or 16 bits or floats per channel, with or without alpha.
 """
 
 from pathlib import Path
@@ -25,14 +25,14 @@ NAMES = (
     *("32FC1", "32FC3", "32FC4", "64FC1", "64FC3", "64FC4"),
 )
 ENCODING_OF = {(ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name in NAMES}
-"""ROS encodings by data type and number of channels; OpenCV has colors in the order BGR."""
+"""ROS encodings by data type and number of channels; OpenCV stores colors in BGR order."""
 
 
 def read_message(path: Path) -> Image:
-    """Return the unconverted pixels of a file as a message without frame and time.
+    """Read an image file into a message, without conversion; frame and time are not set.
 
     Raises:
-        GridMapError: the file cannot be read, or has a type that messages do not support.
+        GridMapError: the file cannot be read, or messages do not support its pixel type.
     """
     with storage_errors(path, "read"):
         pixels = np.atleast_3d(read_image(path))

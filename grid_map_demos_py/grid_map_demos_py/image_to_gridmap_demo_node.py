@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `image_to_gridmap_demo`: makes elevation maps from images; bright pixels are high.
+"""Node `image_to_gridmap_demo`: converts images to elevation maps; bright pixels are high.
 
-Subscribes to images and publishes `grid_map` with the layers `elevation`, from the gray values, and
+It subscribes to images and publishes `grid_map` with the layers `elevation` (the gray values) and
 `color`. The first image sets the size of the map, which later images must match. Transparent pixels
 become cells without a value.
 """

@@ -31,7 +31,7 @@ Numbers = npt.NDArray[np.float64]
 LAYER = "demo"
 
 BORDER = 2
-"""Width of the border that errors leave out, where methods lack neighbors [cells]."""
+"""Width of the border excluded from errors, where methods lack neighbors [cells]."""
 
 HILLS = [  # x, y, variance along x, variance along y, height
     (1.0, -1.0, 1.0, 0.3, -2.0),
@@ -45,12 +45,12 @@ HILLS = [  # x, y, variance along x, variance along y, height
 
 
 def sine(x: Numbers, y: Numbers) -> Numbers:
-    """Return a sum of waves of four lengths."""
+    """Return a sum of four waves with different wavelengths."""
     return np.cos(x) + np.sin(2 * y) + np.cos(3 * x) + np.sin(4 * y)
 
 
 def polynomial(x: Numbers, y: Numbers) -> Numbers:
-    """Return a polynomial of fourth order."""
+    """Return a fourth-order polynomial."""
     return -((x - y) ** 2) + (x * y) ** 2
 
 
@@ -64,7 +64,7 @@ def gaussians(x: Numbers, y: Numbers) -> Numbers:
 
 
 def steps(x: Numbers, y: Numbers) -> Numbers:
-    """Return two steep steps that cross."""
+    """Return two crossing steep steps."""
     return np.tanh(5 * x) + np.tanh(5 * y)
 
 
@@ -85,7 +85,7 @@ def sampled(world: World, geometry: GridGeometry) -> GridMap:
 
 
 def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -> GridMap:
-    """Return the data, interpolated at the cell centers of another map."""
+    """Interpolate the data at the cell centers of another map."""
     result = GridMap.from_geometry(geometry, frame_id=data.frame_id)
     heights = np.asarray(data.at_position(LAYER, result.get_positions(), method))
     result[LAYER] = heights.reshape(result.size, order="F")
@@ -95,7 +95,7 @@ def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -
 def measure(
     world: World, data: GridMap, geometry: GridGeometry, method: Interpolation
 ) -> tuple[float, float, float]:
-    """Return mean and largest error [m] of an interpolation, and the time per query [us]."""
+    """Return the mean and largest error [m] of an interpolation, and the time per query [us]."""
     start = time.perf_counter()
     result = interpolated(data, geometry, method)
     duration = time.perf_counter() - start
@@ -105,7 +105,7 @@ def measure(
 
 
 def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
-    """Yield the lines of the table of all worlds and methods."""
+    """Yield the lines of the error table for all worlds and methods."""
     yield (
         f"{fine.length[0]:g} m x {fine.length[1]:g} m, "
         f"interpolated from {data.resolution:g} m to {fine.resolution:g} m"
@@ -119,7 +119,7 @@ def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
 
 
 class InterpolationDemoNode(Demo):
-    """Publishes a true surface, its samples, and their interpolation."""
+    """Publishes a true surface, samples of the surface, and the interpolated samples."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_interpolation_demo")

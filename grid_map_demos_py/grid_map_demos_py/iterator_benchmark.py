@@ -5,7 +5,7 @@
 
 Prints a table of times for square maps with SIDE cells per side. Two tasks, the larger of two
 layers and the mean of 3 x 3 cells, are solved in several ways, from single cells in Python to whole
-arrays in NumPy and OpenCV. Needs no ROS.
+arrays in NumPy and OpenCV. It does not require ROS.
 """
 
 import argparse
@@ -25,13 +25,13 @@ SIDES = (100, 400)
 LARGEST_SIDE = 2_000
 RESOLUTION = 0.004
 SECONDS = 0.05
-"""Minimum duration of a measurement [s]; the shortest of its runs counts."""
+"""Minimum duration of a measurement [s]; the result is the shortest run."""
 
 Way = Callable[[GridMap], None]
 
 
 def by_index_and_name(grid_map: GridMap) -> None:
-    """Index layer and cell for each cell: readable, suits few cells."""
+    """Look up the layer and index it for each cell: readable, suitable for few cells."""
     for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 
@@ -52,26 +52,26 @@ def by_place(grid_map: GridMap) -> None:
 
 
 def by_array_of_cells(grid_map: GridMap) -> None:
-    """Index all cells in one NumPy call: suits the cells of a disc, a polygon or a line."""
+    """Index all cells in one NumPy call: suitable for a disc, a polygon or a line."""
     random, larger = grid_map["random"], grid_map["larger"]
     cells = map_cells(grid_map)
     larger[cells] = np.maximum(larger[cells], random[cells])
 
 
 def by_layer(grid_map: GridMap) -> None:
-    """Use NumPy on whole layers: suits all cells."""
+    """Use NumPy on whole layers: suitable for all cells."""
     np.maximum(grid_map["larger"], grid_map["random"], out=grid_map["larger"])
 
 
 def window_by_window(grid_map: GridMap) -> None:
-    """Iterate over the windows."""
+    """Iterate over the sliding windows."""
     mean = grid_map["mean"]
     for index, window in sliding_windows(grid_map, "random", "inside", 3):
         mean[index] = window.mean()
 
 
 def by_array_of_windows(grid_map: GridMap) -> None:
-    """Use NumPy on the array of all windows, which is a view of the layer."""
+    """Use NumPy on the array of all sliding windows, which is a view of the layer."""
     grid_map["mean"][1:-1, 1:-1] = window_array(grid_map, "random", "inside", 3).mean(axis=(2, 3))
 
 
@@ -97,7 +97,7 @@ WAYS: dict[str, dict[str, Way]] = {
 
 
 def make_map(side: int) -> GridMap:
-    """Return a map with a random layer and two layers for the results."""
+    """Create a map with a random layer and two layers for the results."""
     grid_map = GridMap(np.full(2, side * RESOLUTION), RESOLUTION)
     grid_map["random"] = np.random.default_rng(1).uniform(-1.0, 1.0, grid_map.size)
     grid_map["larger"] = 0.0
@@ -106,7 +106,7 @@ def make_map(side: int) -> GridMap:
 
 
 def shortest_time(way: Way, grid_map: GridMap) -> float:
-    """Return the shortest time of a function [s]."""
+    """Return the shortest run time of a function [s]."""
     end = time.perf_counter() + SECONDS
     times: list[float] = []
     while not times or time.perf_counter() < end:
@@ -117,7 +117,7 @@ def shortest_time(way: Way, grid_map: GridMap) -> float:
 
 
 def table(sides: Sequence[int]) -> Iterator[str]:
-    """Yield the lines of the table, each as soon as it is measured."""
+    """Yield the lines of the table, each as soon as its times are measured."""
     maps = [make_map(side) for side in sides]
     heads = (f"{side} x {side} [ms]" for side in sides)
     yield " ".join([f"{'':22}", *(f"{head:>18}" for head in heads), f"{'a cell [ns]':>12}"])
@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for line in table(options.sides):
             print(line, flush=True)
     except BrokenPipeError:
-        # Without this, Python would try to write the rest at exit.
+        # Otherwise Python would try to write the remaining output at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
     return 0

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_iterators_demo`: fills the regions of a map cell by cell, in their order.
+"""Node `grid_map_iterators_demo`: fills regions of a map cell by cell, in iteration order.
 
-Publishes the map on `grid_map`, whose layer `type` is 1 in the cells filled so far, and the polygon
+Publishes the map on `grid_map` (its layer `type` is 1 in the cells filled so far), and the polygon
 or the sliding window on `polygon`. The demo shows all regions in turn and then keeps the last map,
 or starts again with the parameter `repeat`.
 """
@@ -36,7 +36,7 @@ REGIONS: dict[str, Callable[[gm.GridMap], Cells]] = {
 """Functions that return the cells (rows, cols) of a region, in the order of the demo."""
 
 WINDOW = 3
-"""Side of the sliding window in cells."""
+"""Side length of the sliding window [cells]."""
 
 CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
 """Pauses after every cell and after every region [s]."""
@@ -56,7 +56,7 @@ def make_map() -> gm.GridMap:
 
 
 def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Change a map step by step: all regions, then the sliding window."""
+    """Change a map step by step and yield each step: all regions, then the sliding window."""
     yield Step(2.0)
     for title, find_cells in REGIONS.items():
         grid_map.clear_all()
@@ -82,7 +82,7 @@ def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
 
 
 def square(grid_map: gm.GridMap, center: Positions) -> gm.Polygon:
-    """Return the outline of the window around a position (2,)."""
+    """Return the outline of the sliding window around a position (2,)."""
     corners = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)])
     return gm.Polygon(center + 0.5 * WINDOW * grid_map.resolution * corners)
 

@@ -39,7 +39,7 @@ class LargeMapRobotNode(Demo):
 
 
 def position_at(distance: float) -> tuple[float, float]:
-    """Return x, y [m] after a distance along x [m] from the start of the path, back and forth."""
+    """Return the position x, y [m] after a drive of `distance` along x [m], back and forth."""
     x = END - abs(math.remainder(distance, 4 * END))
     return x, float(way_at(x))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A tiled map of 10^9 cells with known ground along a path, and that path."""
+"""Tiled map of 10^9 cells with known heights along a path, and the path."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ GEOMETRY = GridGeometry.from_size((32768, 32768), 0.1)
 LAYER = "elevation"
 
 CORRIDOR = 30.0
-"""Largest distance of known ground from the path, along y [m]."""
+"""Half width of the known ground around the path, along y [m]."""
 
 BEND, WAVE = 300.0, 2000.0
 """Amplitude and wavelength of the path [m]."""
@@ -33,14 +33,14 @@ _LENGTHS = np.geomspace(1.5, 400.0, 24)
 
 
 def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return the y of the path at x [m]."""
+    """Return the y coordinate [m] of the path at x [m]."""
     return BEND * np.sin(2 * math.pi / WAVE * np.asarray(x, np.float64))
 
 
 def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
     """Return the heights (rows, cols) of the ground under the cells of a grid [m].
 
-    A sum of waves in all directions; longer waves are higher. The sine of a sum is a sum of
+    The ground is a sum of waves in all directions; longer waves are higher. Each wave is a sum of
     products of terms in x and in y, so that one matrix product computes all cells.
     """
     random = np.random.default_rng(5)
@@ -57,7 +57,7 @@ def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
 
 
 def make_site(path: Path) -> Iterator[None]:
-    """Write the map to a Zarr store, along the path; other chunks use no disk space.
+    """Write the map along the path to a Zarr store; chunks without ground use no disk space.
 
     Raises:
         GridMapError: the store cannot be written.

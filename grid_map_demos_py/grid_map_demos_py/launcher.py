@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Demos of several nodes without launch files: each node is a process that ends with the demo.
+"""Demos of several nodes without launch files; each node is a process that ends with the demo.
 
     filters_demo, elevation_mapping_demo, large_map_demo [--report DIRECTORY] [--view [PORT]]
 
 A demo runs until it is interrupted. With `--report`, another process collects the messages of the
 nodes, writes pictures into the directory, prints a table and ends the demo; the exit code is 0 only
-if every topic delivered. With `--view`, another process shows the demo in the browser and logs the
+if every topic delivers. With `--view`, another process shows the demo in the browser and logs the
 address.
 """
 
@@ -29,7 +29,7 @@ VIEWERS = {
     "rerun_cli": "grid_map_visualization_py._executables.rerun_viewer",
     "viser": "grid_map_visualization_py._executables.web_viewer",
 }
-"""Viewers by the module that they need, the better one first."""
+"""Viewer modules by the library that they require, in order of preference."""
 
 PATIENCE = 5.0
 """Maximum time for a process to stop before it is killed [s]."""
@@ -39,14 +39,14 @@ WINDOW = "grid_map_ros_py._executables.grid_map_window"
 
 @dataclass(frozen=True)
 class NodesDemo:
-    """A demo that starts nodes and, on request, a report or the viewer in the browser.
+    """Demo that starts nodes and, on request, a report or a browser viewer.
 
-    The files `NAME.yaml` and `NAME_viewer.yaml` in `config` have the parameters of the report and
-    of the viewers.
+    The files `NAME.yaml` and `NAME_viewer.yaml` in `config` contain the parameters of the report
+    and of the viewers.
 
     Attributes:
         name: name of the executable.
-        about: one sentence for its help.
+        about: one-sentence description for `--help`.
         report: name of the report in `report_node`.
         nodes: parameter files in `config`, by module.
     """
@@ -70,9 +70,9 @@ class NodesDemo:
         """Run the demo; return its exit code.
 
         Args:
-            arguments: the command line, None for that of the process.
-            steps: work before the nodes start, one step per item; an interrupt ends it.
-            parameters: an additional parameter, as `name:=value`, by module of the node.
+            arguments: command line arguments; None means `sys.argv[1:]`.
+            steps: iterated before the nodes start; an interrupt stops the iteration.
+            parameters: an additional parameter `name:=value` for each node module.
         """
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
         about = "write pictures there, print a table and end"
@@ -130,7 +130,7 @@ elevation_mapping_demo = NodesDemo(
 
 
 def large_map_demo(arguments: Sequence[str] | None = None) -> int:
-    """Write a large map to a temporary folder, and run the demo of its windows."""
+    """Write a large map to a temporary folder, and run the demo that publishes map windows."""
     from .large_site import GEOMETRY, make_site
 
     demo = NodesDemo(
@@ -160,15 +160,15 @@ def large_map_demo(arguments: Sequence[str] | None = None) -> int:
 
 
 def viewer() -> str:
-    """Return the module of the first viewer whose library is installed, or of the last one."""
+    """Return the first viewer module whose library is installed, or the last viewer module."""
     return next((VIEWERS[name] for name in VIEWERS if find_spec(name)), [*VIEWERS.values()][-1])
 
 
 class ProcessGroup:
     """Starts Python modules as processes and stops them all on exit.
 
-    An interrupt (Ctrl-C) or a request to terminate only sets `stopped`. The processes do not see
-    the Ctrl-C of the terminal themselves.
+    An interrupt (Ctrl-C) or a request to terminate only sets `stopped`. Ctrl-C in the terminal does
+    not reach the processes directly.
     """
 
     def __init__(self) -> None:
@@ -193,16 +193,16 @@ class ProcessGroup:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-        # Python removes its own handlers as it ends.
+        # Python removes its own signal handlers at exit.
         on_end(signal.SIG_IGN)
 
     def start(self, module: Sequence[str], parameter_file: str, *parameters: str) -> None:
         """Start a node, unless the group has been stopped.
 
         Args:
-            module: the module of the node, and its arguments.
-            parameter_file: its name in the folder `config`.
-            parameters: other parameters, each as `name:=value`.
+            module: module of the node, followed by arguments.
+            parameter_file: name of the file in the folder `config`.
+            parameters: additional parameters, each as `name:=value`.
         """
         from ament_index_python.packages import get_package_share_directory
 
@@ -219,7 +219,7 @@ class ProcessGroup:
             )
 
     def wait(self) -> tuple[str, int] | None:
-        """Wait until a process ends, and return its module and exit code; None when stopped."""
+        """Wait until a process ends; return its module and exit code, or None if stopped."""
         while not self.stopped:
             for module, process in self._processes.items():
                 code = process.poll()

@@ -2,7 +2,7 @@
 """Node `move_demo`: shows the two ways to change the position of a map, along a spiral.
 
 `move` keeps the data in place in the world, and data that leaves the map is lost. Setting
-`position` moves the data with the map. Publishes on `grid_map`, 10 times a second.
+`position` moves the data with the map. It publishes on `grid_map`, 10 times a second.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 
 The surface is a formula with known normals. The demo adds noise and outliers to its heights,
 smooths them, and computes normals with the algorithms area and raster of a filter chain. The error
-of a normal is 1 minus the cosine of its angle to the true one.
+of a normal is 1 minus the cosine of the angle to the true normal.
 
 Publishes all layers on `grid_map`, 10 times a second: `elevation`, `noise`, `elevation_noisy`,
 `elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*` and `normal_raster_*`, and
@@ -28,10 +28,10 @@ from .parts import weighted_means
 
 Numbers = npt.NDArray[np.float64]
 Surface = tuple[Numbers, Numbers, Numbers]
-"""Height [m] and slopes along x and y, in shapes that broadcast."""
+"""Height [m] and slopes along x and y, as arrays with broadcastable shapes."""
 
 ALGORITHMS = {"area": "directionalErrorArea", "raster": "directionalErrorRaster"}
-"""Layer of errors by algorithm."""
+"""Error layer of each algorithm."""
 
 MOST_NOISE = 1e3
 
@@ -65,7 +65,7 @@ SHAPES: dict[str, Shape] = {"wave": wave, "plane": plane, "hill": hill, "cone": 
 
 
 def surface_map(shape: str, seconds: float) -> GridMap:
-    """Return a map with `elevation` and `normal_analytic_*` of a shape at a time."""
+    """Return a map of a shape at a time [s], with `elevation` and `normal_analytic_*`."""
     grid_map = GridMap((2.5, 4.0), 0.02, frame_id="map")
     x, y = grid_map.axes()
     height, *slopes = SHAPES[shape](x[:, None], y[None, :], seconds)
@@ -78,13 +78,13 @@ def surface_map(shape: str, seconds: float) -> GridMap:
 
 
 def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.Generator) -> None:
-    """Set `noise`, `elevation_noisy` and the smoothed `elevation_filtered`.
+    """Set the layers `noise`, `elevation_noisy` and the smoothed `elevation_filtered`.
 
     Args:
         grid_map: map with the layer `elevation`.
-        noise: largest noise, up or down [m].
-        outliers: share of the cells that become infinite.
-        random: generator of noise and outliers.
+        noise: largest absolute noise [m].
+        outliers: fraction of the cells that become infinite.
+        random: random number generator.
     """
     grid_map["noise"] = random.uniform(-noise, noise, grid_map.size)
     noisy = grid_map["elevation"].astype(np.float64) + grid_map["noise"]
@@ -97,9 +97,9 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
 
 
 def add_errors(grid_map: GridMap) -> None:
-    """Set the error of each algorithm: 1 minus the cosine of the angle to the true normal.
+    """Add the error layers: 1 minus the cosine of the angle to the true normal.
 
-    Errors are NaN in border cells, where raster has no normals.
+    Errors are NaN in border cells, where the raster algorithm computes no normals.
     """
     for algorithm, layer in ALGORITHMS.items():
         pairs = [
@@ -119,7 +119,7 @@ def default_chain() -> FilterChain:
 
 
 def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
-    """Yield the lines of a table of the angles to the true normals on every shape."""
+    """Yield the lines of a table with the angular errors of the normals on every shape."""
     yield f"angle to the true normals, noise {noise:g} m, outliers {outliers:.1%}"
     yield f"{'shape':6} {'algorithm':10} {'mean [deg]':>11} {'max [deg]':>11}"
     for shape in SHAPES:
@@ -134,7 +134,7 @@ def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
 
 
 class NormalFilterComparisonDemoNode(Demo):
-    """Publishes a surface with its true normals and those of two algorithms."""
+    """Publishes a surface with the true normals and the normals of two algorithms."""
 
     def __init__(self) -> None:
         super().__init__("normal_filter_comparison_demo")

@@ -5,7 +5,7 @@ Requests an octomap from a service such as octomap_server every 10 s, or reads o
 Publishes `grid_map` with the layer `elevation`, the height of the highest occupied voxel of each
 column, and republishes the octomap of the service on `octomap` for the OctoMap display of RViz.
 
-For robots use `octomap_to_grid_map` in `grid_map_ros_py`, which also subscribes to a topic.
+On robots, use `octomap_to_grid_map` in `grid_map_ros_py`, which also subscribes to a topic.
 """
 
 import math
@@ -33,7 +33,7 @@ REMEDY = "install ros-jazzy-octomap-msgs and source ROS, or name a file by 'octo
 
 
 class OctomapToGridmapDemoNode(Demo):
-    """Converts the octomap of a service or of a file."""
+    """Converts an octomap from a service or a file to a map."""
 
     def __init__(self) -> None:
         super().__init__("octomap_to_gridmap_demo")

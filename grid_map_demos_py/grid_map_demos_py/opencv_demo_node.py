@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `opencv_demo`: blurs a layer with OpenCV, through an image.
+"""Node `opencv_demo`: converts a layer to an image and blurs it with OpenCV.
 
 Publishes `grid_map` with the layers `original`, a star with sharp edges, and `elevation`, the star
 blurred by a Gaussian kernel that shrinks and grows.
@@ -25,7 +25,7 @@ LARGEST_WIDTH = 200
 
 
 def kernel_size(seconds: float) -> int:
-    """Return the side of the kernel [pixels] at a time: odd, from 201 to 1 and back in pi s."""
+    """Return the odd kernel size [pixels] at a time: from 201 to 1 and back within pi seconds."""
     width = LARGEST_WIDTH - int(LARGEST_WIDTH * abs(math.sin(seconds)))
     return 2 * (width // 2) + 1
 
@@ -33,7 +33,7 @@ def kernel_size(seconds: float) -> int:
 def blur(grid_map: GridMap, image: Image, size: int) -> None:
     """Blur an image with a kernel of `size` x `size` pixels, into the layer `elevation`."""
     blurred = cv2.GaussianBlur(image, (size, size), 0.0)
-    # Blurred cells of less opacity have no value.
+    # Blurred cells with lower opacity become NaN.
     add_layer_from_image(grid_map, blurred, "elevation", 0.0, HEIGHT, alpha_threshold=0.3)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts of several demos: a star with sharp edges, weighted means, and tables as text."""
+"""Helpers shared by demos: a star with sharp edges, weighted means, and tables as text."""
 
 import math
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ VERTICES = [
 
 
 def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridMap:
-    """Return a map of 1.2 m x 2 m in the frame `map`, with a star of 0.3 m height.
+    """Return a map of 1.2 m x 2 m in the frame `map`, with a star that is 0.3 m high.
 
     Args:
         layer: name of the layer of heights [m].
@@ -44,9 +44,9 @@ def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridM
 def weighted_means(
     layer: npt.NDArray[np.floating], radius: float, resolution: float
 ) -> npt.NDArray[np.float64]:
-    """Return the weighted mean of the finite values in the disc around each cell, else NaN.
+    """Return weighted means of the finite values in a disc around each cell; NaN without values.
 
-    The weight of a value at the distance d is (1 - d / radius)**2.
+    The weight of a value at a distance d is (1 - d / radius)**2.
     """
     reach = int(radius / resolution)
     steps = resolution * np.arange(-reach, reach + 1)
@@ -60,7 +60,7 @@ def weighted_means(
 
 
 def to_text(tables: Mapping[str, Mapping[Any, object]]) -> str:
-    """Return tables by their titles as text: a row has a name and a value."""
+    """Format tables as text, with their titles; each row is a name and a value."""
     sections = []
     for title, table in tables.items():
         width = max((len(str(name)) for name in table), default=0)

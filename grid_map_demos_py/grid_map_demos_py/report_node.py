@@ -41,20 +41,20 @@ from .parts import to_text
 DIAGNOSTICS = "/diagnostics"
 
 Tables = Mapping[str, Mapping[Any, object]]
-"""Tables by their titles: a row has a name and a value."""
+"""Tables by title; each row is a name and a value."""
 
 Pictures = Mapping[str, tuple[GridMap, str, Mapping[str, Any]]]
-"""Pictures by their names: a map, a layer, and options of `save_picture`."""
+"""Pictures by name: a map, a layer, and options of `save_picture`."""
 
 
 class ReportNode(Demo):
-    """Base class: ends with a report, or with an error after `give_up_after`."""
+    """Base class of report nodes, which end with a report or, after a timeout, with an error."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
         about = "folder of the pictures"
         self._directory = self.read_path("output_directory", "demo_output", about)
-        # Fail now instead of after a minute of collecting.
+        # Fail now rather than after a minute of collecting messages.
         with storage_errors(self._directory, "made a folder"):
             self._directory.mkdir(parents=True, exist_ok=True)
 
@@ -63,7 +63,7 @@ class ReportNode(Demo):
         raise NotImplementedError
 
     def give_up_after(self, seconds: float) -> None:
-        """End with an error after a time [s] without a report."""
+        """End the node with an error if it has not reported after `seconds`."""
 
         def give_up() -> None:
             silent = ", ".join(self.silent_topics())
@@ -85,7 +85,7 @@ class ReportNode(Demo):
 
 
 def size_of(size: tuple[int, int]) -> str:
-    """Return a size as text, with the number of cells."""
+    """Format a map size as text, with the number of cells."""
     return f"{size[0]} x {size[1]} = {size[0] * size[1]}"
 
 
@@ -102,7 +102,7 @@ COUNTED = {
     "/surface_normals": Marker,
     "/map_region": Marker,
 }
-"""Topics of which only the number of messages counts, and their types."""
+"""Topics whose messages are only counted, with the message types."""
 
 
 class DemoReportNode(ReportNode):
@@ -188,7 +188,7 @@ WRONG = 0.1
 
 
 class ElevationMappingReportNode(ReportNode):
-    """Collects maps for some time, then compares the last one with the true terrain."""
+    """Collects maps for some time, then compares the last map with the true terrain."""
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_report")
@@ -257,7 +257,7 @@ class ElevationMappingReportNode(ReportNode):
 
 
 def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
-    """Return a map with the layers `truth`, `estimate`, `error` and `deviation`, and its accuracy.
+    """Return a map with `truth`, `estimate`, `error` and `deviation`, and tables of the accuracy.
 
     Args:
         estimate: map with `elevation` and `variance`.
@@ -299,7 +299,7 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
 
 
 def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
-    """Return the times at which maps showed the person, in seconds since `begin` [ns]."""
+    """Return table rows: when the maps showed the person, in seconds since `begin` [ns]."""
     way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
     walk: list[float] = []
     shown: list[float] = []
@@ -325,7 +325,7 @@ def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -
 
 
 def time_span(times: list[float]) -> str:
-    """Return the first and the last of times [s] as text."""
+    """Format the first and the last of `times` [s] as text."""
     return f"{min(times):.1f} to {max(times):.1f} s" if times else "never"
 
 
@@ -338,7 +338,7 @@ WINDOW_NODE = "grid_map_window"
 MEMORY = "resident memory [MB]"
 
 THINNED = 64
-"""Side of a cell of the overview [cells of the map]."""
+"""Cell side of the overview map [cells of the full map]."""
 
 
 class LargeMapReportNode(ReportNode):

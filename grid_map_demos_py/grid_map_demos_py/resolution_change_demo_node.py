@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `resolution_change_demo`: changes the resolution of a map between 1 cm and 9 cm.
 
-OpenCV resizes the layers like images. Publishes `grid_map` with the layer `elevation`, a star.
+OpenCV resizes the layers as images. It publishes `grid_map` with the layer `elevation`, a star.
 """
 
 import math
@@ -24,7 +24,7 @@ INTERPOLATIONS = {
 
 
 def resolution_at(seconds: float) -> float:
-    """Return the side of a cell [m] at a time: from 0.01 to 0.09 and back in 2 pi s."""
+    """Return the resolution [m] at a time: from 0.01 to 0.09 and back within 2 pi seconds."""
     return 0.05 + 0.04 * math.sin(seconds)
 
 

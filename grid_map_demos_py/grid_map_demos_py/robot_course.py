@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A simulated robot that drives over a terrain with obstacles, and the drift of its odometry."""
+"""Simulated robot that drives over terrain with obstacles, and its drifting odometry."""
 
 import math
 from dataclasses import dataclass
@@ -18,34 +18,34 @@ Matrix = npt.NDArray[np.float64]
 
 RESOLUTION = 0.05
 RADII = (6.0, 4.5)
-"""Half axes of the ellipse that the robot follows [m]."""
+"""Semi-axes of the ellipse that the robot follows [m]."""
 
 HEIGHT = 0.35
-"""Height of the robot's frame above the ground [m]."""
+"""Height of the robot frame above the ground [m]."""
 
 DRIFT = np.array([0.003, -0.002, 0.01])
 """Drift of the odometry along x, y, z [m/s]."""
 
 WALK = 0.003
-"""Standard deviation that the odometry claims to gain along each axis in a second [m]."""
+"""Standard deviation that the odometry reports along each axis after one second [m]."""
 
 LIDAR = np.eye(4)
 LIDAR[2, 3] = 0.45
-"""Transform from the lidar, above the middle of the robot, to the frame of the robot."""
+"""Transform from the lidar, above the middle of the robot, to the robot frame."""
 
 TILT = 0.3
-"""Angle by which the camera looks down [rad]."""
+"""Downward tilt of the camera [rad]."""
 
 CAMERA = np.eye(4)
 CAMERA[:3, 0] = 0.0, -1.0, 0.0
 CAMERA[:3, 1] = -math.sin(TILT), 0.0, -math.cos(TILT)
 CAMERA[:3, 2] = math.cos(TILT), 0.0, -math.sin(TILT)
 CAMERA[:3, 3] = 0.3, 0.0, 0.3
-"""Transform from the camera, which looks ahead and down, to the frame of the robot."""
+"""Transform from the camera, which looks ahead and down, to the robot frame."""
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the terrain of the demos, larger and without holes, with objects along the path.
+    """Return the demo terrain, enlarged and without holes, with obstacles along the path.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.
@@ -71,8 +71,8 @@ class RobotCourse:
     speed: float
 
     def terrain_at(self, seconds: float) -> GridMap:
-        """Return the terrain with `person`, the height of a person above the ground [m] or NaN."""
-        # Once in a lap of 54.4 s at 0.6 m/s.
+        """Return the terrain; layer `person` is a person's height above the ground [m] or NaN."""
+        # The person appears once per lap (54.4 s at 0.6 m/s).
         walk, terrain = seconds % 54.4 - 4.5, self.ground
         if 0.0 <= walk <= 2.5:
             terrain = with_box(terrain, (4.2 - 1.2 * walk, 4.6 - 0.2 * walk), (0.4, 0.3), 1.7)
@@ -80,7 +80,7 @@ class RobotCourse:
         return terrain.with_layers({"person": np.where(height > 0.0, height, np.nan)})
 
     def pose_at(self, seconds: float) -> Matrix:
-        """Return the transform from the robot to the world; its z axis is normal to the ground."""
+        """Return the pose of the robot in the world; the z axis is normal to the ground."""
         angle = self.speed * seconds / math.sqrt(RADII[0] * RADII[1])
         x, y = RADII[0] * math.cos(angle), RADII[1] * math.sin(angle)
         way = np.array([-RADII[0] * math.sin(angle), RADII[1] * math.cos(angle)])
@@ -101,19 +101,19 @@ class RobotCourse:
 
 
 def drifted(pose: Matrix, seconds: float) -> Matrix:
-    """Return a pose as the odometry reports it."""
+    """Return a pose with the drift of the odometry after `seconds`."""
     reported = pose.copy()
     reported[:3, 3] += DRIFT * seconds
     return reported
 
 
 def covariance_at(seconds: float) -> Matrix:
-    """Return the covariance (6, 6) of the odometry; it grows with the time."""
+    """Return the covariance (6, 6) of the odometry, which grows with time."""
     return np.diag([WALK**2 * seconds] * 3 + [1e-6] * 3)
 
 
 def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -> GridMap:
-    """Return the terrain around a position (2,) in the frame of the odometry."""
+    """Return the true terrain around a position (2,), in the odometry frame after `seconds`."""
     block = ground.get_submap(position, (length, length))
     block.position = block.position + DRIFT[:2] * seconds
     block["elevation"] += np.float32(DRIFT[2] * seconds)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
-Subscribes to maps. The field of a map reaches from just below its lowest cell to just above its
-highest one. Its points have the distance to the surface as `intensity` [m]. Below the topic of the
-point clouds, `full_sdf` has all points, `free_space` those in the air and `occupied_space` those in
-the ground. Cells without a height get the lowest height.
+Subscribes to maps. The field extends from just below the lowest cell of a map to just above the
+highest cell. The `intensity` of each point is the distance to the surface [m]. Below the cloud
+topic, `full_sdf` contains all points, `free_space` points in the air, `occupied_space` points in
+the ground. Cells without a height are set to the lowest height.
 """
 
 import array
@@ -28,13 +28,13 @@ MARGIN = 0.1
 
 MOST_LEVELS = 10_000
 MOST_NODES = 20_000_000
-"""Limit of the points; larger fields take minutes and gigabytes."""
+"""Maximum number of points; larger fields require minutes and gigabytes."""
 
 Points = npt.NDArray[np.float32]
 
 
 def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
-    """Return the signed distance field of a layer of heights.
+    """Return the signed distance field of a height layer.
 
     Raises:
         GridMapError: the layer is missing or has no finite height, or the heights are so far apart
@@ -56,7 +56,7 @@ def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
 
 
 def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
-    """Return points (N, 4) with `FIELDS` as a message with frame and time of a map."""
+    """Convert points (N, 4) with `FIELDS` to a message with the frame and time of a map."""
     data = array.array("B", points.astype("<f4", copy=False).tobytes())
     message = write_points(FIELDS, data, to_header(grid_map))
     message.is_dense = True

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_simple_demo`: publishes a map with a moving wave.
 
-Publishes on `grid_map`, 30 times a second.
+The node publishes on `grid_map`, 30 times a second.
 """
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Terrain of the demos: a real elevation model with holes like those of sensor data."""
+"""Terrain of the demos: a real elevation model with holes as in sensor data."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ METRES_PER_POST = 84.0
 """Spacing of the elevation model: 3 arc seconds at 36.6 degrees of latitude, mean of x and y."""
 
 EXAGGERATION = 2.0
-"""Factor on the heights, which makes some slopes too steep for a robot."""
+"""Factor applied to the heights; it makes some slopes too steep for a robot."""
 
 
 def load_terrain(
@@ -26,11 +26,11 @@ def load_terrain(
             east) [m].
         resolution: side of a cell [m]; heights have the same scale, times `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.
-        holes: whether there are holes like those of sensor data.
+        holes: add holes as in sensor data.
 
     Returns:
-        A map of 403 x 344 cells with the layers `elevation` [m], above its lowest point, and
-        `color`; both NaN in round holes.
+        A map of 403 x 344 cells with the layers `elevation` [m], above the lowest point, and
+        `color`; both are NaN in round holes.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.

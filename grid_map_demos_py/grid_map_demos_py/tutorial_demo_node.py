@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_tutorial_demo`: a tour of the library in one loop.
 
-The demo adds noise and outliers to a wave, filters a part of the map by weighted means, and
+The demo adds noise and outliers to a wave, filters a part of the map with weighted means, and
 computes the error of the result. It publishes all layers on `grid_map`, 30 times a second, and logs
 the error once a second.
 """
@@ -49,7 +49,7 @@ def add_noise(grid_map: GridMap, largest: float, random: np.random.Generator) ->
 
 
 def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> None:
-    """Set `elevation_noisy` to infinity at random positions; some of them miss the map."""
+    """Set `elevation_noisy` to infinity at random positions; some are outside the map."""
     positions = random.uniform(-1.0, 1.0, (count, 2))
     cells, _ = grid_map.get_indices(positions[grid_map.is_inside(positions)])
     grid_map["elevation_noisy"][cells] = np.inf
@@ -57,7 +57,7 @@ def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> 
 
 def cells_to_filter(grid_map: GridMap) -> Cells:
     """Return the cells of a rectangle of 1.2 m x 0.8 m below its upper left corner (1, 0.4)."""
-    # The corner is outside of the map and is moved to its border.
+    # The corner is outside the map and is clamped to the border.
     corner = grid_map.get_closest_position_in_map((1.0, 0.4))
     rows, columns = int(1.2 / grid_map.resolution), int(0.8 / grid_map.resolution)
     return submap_cells(grid_map, grid_map.get_index(corner), (rows, columns))
@@ -67,10 +67,10 @@ def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
     """Set `elevation_filtered`, with means in the given cells, and `error`, the absolute error."""
     noisy = grid_map["elevation_noisy"]
     grid_map["elevation_filtered"] = noisy
-    # OpenCV takes a layer as an image, so that no loop over the cells is needed.
+    # OpenCV processes a layer as an image, so that no loop over the cells is needed.
     means = weighted_means(noisy, radius, grid_map.resolution)
     grid_map["elevation_filtered"][cells] = means[cells]
-    # Layers are arrays, so that all of NumPy works on them.
+    # Layers are NumPy arrays, so that all NumPy functions accept them.
     grid_map["error"] = np.abs(grid_map["elevation_filtered"] - grid_map["elevation"])
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grid maps on ROS 2: messages, bags and parts of nodes.
+"""Grid maps on ROS 2: messages, bags and building blocks of nodes.
 
-The package re-exports `messages` and `bags`; both are imported lazily. Bags and the decoding of
-messages need neither rclpy nor message packages. `nodes` has parts for your own nodes
-(subscriptions, parameters, `run`), and `testing` starts nodes for tests; both need rclpy.
+The package re-exports `messages` and `bags`; both are imported lazily. Using bags and decoding
+messages requires neither rclpy nor message packages. `nodes` contains building blocks for your own
+nodes (subscriptions, parameters, `run`), and `testing` starts nodes for tests; both require rclpy.
 """
 
 from importlib import import_module

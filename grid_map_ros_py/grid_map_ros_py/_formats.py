@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bags and octomaps in the table of formats of `grid_map_core_py.files`."""
+"""Definitions of the file formats bag and octomap for `grid_map_core_py.files`."""
 
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -17,7 +17,7 @@ from .messages import load_octomap
 def _describe_bag(
     path: str | PathLike[str], *, topic: str | None = None, index: int = -1, recover: bool = False
 ) -> dict[str, Any]:
-    """Return the topics of a bag, each topic of maps with the facts of one map."""
+    """Return the topics of a bag; a topic with maps includes the properties of one map."""
     chosen = [one for one in bag_topics(path, recover=recover) if topic in (None, one.name)]
     if topic is not None and not chosen:
         BagReader(path, topic, recover=recover)  # raises: the topic does not exist

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts of nodes that serve maps: requests for parts and files, maps of any size, a worker."""
+"""Helpers of nodes that serve maps: file requests, submaps, tiled maps and a worker thread."""
 
 import threading
 from collections import deque
@@ -28,12 +28,12 @@ T = TypeVar("T")
 
 @contextmanager
 def place_below(directory: str, path: str) -> Iterator[Path]:
-    """Yield the path of a bag below a directory; errors name the requested path.
+    """Resolve a requested bag path below a directory; errors name the requested path.
 
     Args:
-        directory: the directory; an empty name refuses all paths.
-        path: path from a request, absolute or relative to the directory. Links may not lead out of
-            the directory.
+        directory: root directory; an empty string rejects all requests.
+        path: requested path, absolute or relative to `directory`. Symbolic links must not lead out
+            of the directory.
     """
     if not directory:
         raise RequestError("files are refused: the parameter 'directory' is not set")
@@ -58,15 +58,15 @@ def part(
     length: Sequence[float],
     layers: Sequence[str] | None = None,
 ) -> GridMap:
-    """Return the cells of a map that overlap a rectangle.
+    """Return the submap whose cells overlap a rectangle.
 
     Args:
         grid_map: the map.
-        frame_id: frame of the position; empty means the frame of the map.
+        frame_id: frame of `position`; empty means the frame of the map.
         position: (2,) center of the rectangle [m].
         length: (2,) side lengths of the rectangle along x and y [m]; zeros select the whole map.
-        layers: names of the layers to read from a tiled map; None reads all layers. Parts of other
-            maps have all layers.
+        layers: names of the layers to read from a tiled map; None reads all layers. Submaps of a
+            `GridMap` always contain all layers.
     """
     if frame_id not in ("", grid_map.frame_id):
         raise RequestError(
@@ -79,7 +79,7 @@ def part(
 
 
 def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
-    """Return a function that opens the map in the parameter `source`; None without a source."""
+    """Return a function that opens the map of the parameter `source`, or None if it is empty."""
     kind: Any = str | list[str]
     about = "map of any size: a Zarr store, a GeoTIFF file or a list of them; empty means none"
     source = read_parameter(node, "source", kind, "", description=about)
@@ -98,13 +98,13 @@ def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
 def open_source(
     source: str | list[str], frame_id: str = "", origin: Sequence[float] = ()
 ) -> TiledMap:
-    """Open a map of any size; only its metadata is read.
+    """Open a tiled map; only the metadata is read.
 
     Args:
         source: path of a Zarr store or of a raster, or paths of rasters.
-        frame_id: frame of the map; empty means as stored.
-        origin: latitude and longitude [deg] of the origin of the frame; empty means that of the
-            reference system of the source.
+        frame_id: frame of the map; empty means the stored frame.
+        origin: latitude and longitude [deg] of the origin of the frame; empty means the origin of
+            the source's reference system.
     """
     tiled_map = open_map(source)
     if origin:
@@ -113,13 +113,13 @@ def open_source(
 
 
 def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequence[str]) -> GridMap:
-    """Return a part of a map with a constant size, centered as near to a position as possible.
+    """Return a window of constant size, centered as close to a position as possible.
 
-    Its cells are cells of the map; those off the map are NaN.
+    The window is aligned with the cells of the map; cells outside the map are NaN.
 
     Args:
         tiled_map: the map.
-        position: (2,) x, y [m], on the map or off it.
+        position: (2,) x, y [m], inside or outside the map.
         size: rows and columns of the window.
         layers: names of the layers to read.
     """
@@ -143,7 +143,7 @@ def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequenc
 
 
 class LatestOnly(Generic[T]):
-    """Calls a function in a thread with the newest waiting item; older ones are dropped.
+    """Worker thread that calls a function with the newest item; older waiting items are dropped.
 
     Args:
         function: called with one item at a time.
@@ -155,23 +155,23 @@ class LatestOnly(Generic[T]):
         self._waiting: T | None = None
         self._is_closed = False
         self._outcomes: deque[Exception | None] = deque(maxlen=100)
-        # A daemon, so that a disk that hangs cannot keep the program from ending.
+        # A daemon thread, so that a hanging disk cannot keep the process alive.
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def put(self, thing: T) -> None:
-        """Replace the waiting item."""
+        """Queue an item; it replaces an item that still waits."""
         with self._change:
             self._waiting = thing
             self._change.notify()
 
     def outcomes(self) -> Iterator[Exception | None]:
-        """Yield the error, or None, of each finished call."""
+        """Yield the error of each finished call, or None if the call succeeded."""
         while self._outcomes:
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item, and stop; return whether that took at most `timeout` [s]."""
+        """Process the waiting item and stop; return True if it finishes within `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()
@@ -187,7 +187,7 @@ class LatestOnly(Generic[T]):
                 return
             try:
                 self._function(thing)
-            except Exception as error:  # for the thread that asks for outcomes
+            except Exception as error:  # reported by `outcomes`
                 self._outcomes.append(error)
             else:
                 self._outcomes.append(None)

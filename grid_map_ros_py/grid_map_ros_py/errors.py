@@ -19,11 +19,11 @@ __all__ = [
 ]
 
 DROPPED = (GridMapError, MemoryError)
-"""Errors after which a node drops a message and goes on."""
+"""Errors after which a node drops the message and continues."""
 
 
 def reason(error: Exception) -> str:
-    """Return the text of an error; a MemoryError may have none."""
+    """Return the text of an error, or "out of memory" if the text is empty."""
     return str(error) or "out of memory"
 
 
@@ -59,8 +59,8 @@ class BagError(GridMapError):
 
 
 class NodeFailedError(GridMapError):
-    """Raised by callbacks whose node cannot continue; the executable ends with one message."""
+    """Raised by a callback if its node cannot continue; `run` logs the error and returns 1."""
 
 
 class RequestError(GridMapError):
-    """A request to a server is refused; the text gives the reason."""
+    """A service request is rejected; the text gives the reason."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tests of nodes: real processes, and a peer that talks to them over DDS.
+"""Test helpers for nodes: start real processes and exchange messages with them over DDS.
 
-All processes that one test process starts share a ROS domain with its peers only.
+The processes and peers of one test process share a ROS domain that no other test uses.
 """
 
 import atexit
@@ -39,16 +39,16 @@ __all__ = [
 ]
 
 DOMAINS = 100
-"""Domains from 1 to this number are safe on every system."""
+"""Largest ROS domain to use; domains from 1 to this number are safe on every system."""
 
 LOCK_PORTS = 32768
-"""A domain is reserved by the TCP port of this number plus its own."""
+"""Base port; a socket bound to TCP port `LOCK_PORTS + domain` reserves a ROS domain."""
 
 OTHER_WAS_FASTER = "open_and_lock_file failed"
-"""Fast DDS logs this if two processes take the same port, of any domain; one takes the next."""
+"""Harmless Fast DDS log text: two processes chose the same port, and one uses the next port."""
 
 TIMEOUT = 30.0
-"""Time to wait before a test fails [s]."""
+"""Default time to wait before a test fails [s]."""
 
 REFUSALS = """
 import json, sys
@@ -61,11 +61,11 @@ for main, words in starts:
     sys.argv[1:] = words
     print("exit code", resolve_name(main)(), flush=True)
 """
-"""Program that calls the `main` of nodes."""
+"""Program that calls the `main` functions of several nodes in one process."""
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
-    """Return a ROS domain other than the caller's, and a TCP port that reserves it while open."""
+    """Reserve a ROS domain other than the caller's; return it and the socket that reserves it."""
     for k in range(DOMAINS):
         # The number depends on the process id, so that a domain is not reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS
@@ -83,13 +83,13 @@ def reserve_domain() -> tuple[int, socket.socket]:
 
 
 reserved_domain = cache(reserve_domain)
-"""Return the ROS domain that this process has reserved for its tests, and its lock."""
+"""Return the ROS domain that this process has reserved for its tests, and the reserving socket."""
 
 
 def environment(domain: int | None = None) -> dict[str, str]:
-    """Return an environment for processes that see only each other.
+    """Return the environment variables of processes that discover only each other.
 
-    Other settings of ROS in the shell of the caller, such as its discovery server, are left out.
+    Other ROS settings of the caller's shell, such as a discovery server, are removed.
 
     Args:
         domain: a ROS domain; None means `reserved_domain`.
@@ -111,7 +111,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Call `step` until the condition holds; fail with `what` after `timeout` seconds."""
+    """Call `step` until `condition()` is true; fail and name `what` after `timeout` [s]."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -119,14 +119,14 @@ def wait_until(
 
 
 class Process(subprocess.Popen[str]):
-    """A process whose output is collected while it runs; it leads a process group of its own.
+    """Process in its own process group, whose output is collected while it runs.
 
     Args:
         command: the program and its arguments.
-        overrides: variables that differ from those of `environment`.
+        overrides: environment variables that override `environment`.
 
     Attributes:
-        lines: its output and errors so far, without lines that contain `OTHER_WAS_FASTER`.
+        lines: lines of stdout and stderr so far, except lines with `OTHER_WAS_FASTER`.
     """
 
     def __init__(self, command: Sequence[str], overrides: Mapping[str, str] | None = None) -> None:
@@ -136,7 +136,7 @@ class Process(subprocess.Popen[str]):
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            # Keep Ctrl-C for the tests away from the process.
+            # Ctrl-C in the terminal must interrupt only the tests.
             start_new_session=True,
             env={**environment(), **(overrides or {})},
         )
@@ -150,7 +150,7 @@ class Process(subprocess.Popen[str]):
 
     @property
     def is_running(self) -> bool:
-        """True until the process ends."""
+        """True while the process runs."""
         return self.poll() is None
 
     def wait(self, timeout: float | None = TIMEOUT) -> int:
@@ -160,7 +160,7 @@ class Process(subprocess.Popen[str]):
         return code
 
     def kill(self) -> None:
-        """Kill the process and its children if they still run."""
+        """Kill the process group if the process still runs."""
         if self.is_running:
             os.killpg(self.pid, signal.SIGKILL)
         self.wait()
@@ -174,7 +174,7 @@ class Process(subprocess.Popen[str]):
 
 
 def start_node(module: str, *arguments: str) -> Process:
-    """Start `python -m module arguments`."""
+    """Start `python -m module arguments` and return the process."""
     return Process([sys.executable, "-m", module, *arguments])
 
 
@@ -185,9 +185,9 @@ def running_node(module: str, *arguments: str) -> AbstractContextManager[Process
 
 @contextmanager
 def running(process: Process) -> Iterator[Process]:
-    """Run a node as a context manager.
+    """Run a node as a context manager, and check how it ends.
 
-    At the end the node must still run, and an interrupt must end it with exit code 0 and without a
+    On exit, the node must still run, and SIGINT must end the node with exit code 0 and without a
     traceback.
     """
     try:
@@ -203,13 +203,13 @@ def running(process: Process) -> Iterator[Process]:
 def refusals(
     starts: Sequence[tuple[str, Sequence[str]]], *, missing: Sequence[str] = ()
 ) -> list[str]:
-    """Return the messages of nodes that refuse to start, each with exit code 1 and one line.
+    """Start nodes that must fail with exit code 1; return their error messages, one line each.
 
-    All start in one process, one after another, which saves the start of Python.
+    All nodes run in one process, one after another, to save the startup time of Python.
 
     Args:
-        starts: the function of each node that returns its exit code, such as
-            "package.module:Class.main", and its arguments.
+        starts: the `main` function of each node, such as "package.module:Class.main", and its
+            arguments.
         missing: modules that cannot be imported.
     """
     given = json.dumps([starts, missing])
@@ -223,7 +223,7 @@ def refusals(
 
 
 class Peer:
-    """An rclpy node that publishes and subscribes; `received` holds messages by topic."""
+    """Test node that publishes and subscribes; `received` contains the messages by topic."""
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         self.node = node
@@ -239,7 +239,7 @@ class Peer:
         return self.node.create_subscription(message_type, topic, messages.append, qos or map_qos())
 
     def publish(self, topic: str, message: Any, qos: QoSProfile | int | None = None) -> None:
-        """Publish a message when the topic has a subscriber; `qos` None means `map_qos()`."""
+        """Wait for a subscriber, then publish a message; `qos` None means `map_qos()`."""
         if topic not in self._publishers:
             self._publishers[topic] = self.node.create_publisher(
                 type(message), topic, qos or map_qos()
@@ -249,7 +249,7 @@ class Peer:
         publisher.publish(message)
 
     def wait_until(self, condition: Callable[[], object], what: str) -> None:
-        """Spin until the condition holds; fail with `what` after `TIMEOUT` seconds."""
+        """Spin until `condition()` is true; after `TIMEOUT`, fail with a text that names `what`."""
         wait_until(condition, what, step=lambda: self._executor.spin_once(timeout_sec=0.05))
 
     def spin(self, seconds: float) -> None:
@@ -259,7 +259,7 @@ class Peer:
             self._executor.spin_once(timeout_sec=0.05)
 
     def expect(self, topic: str, count: int = 1) -> Any:
-        """Wait until a topic has received `count` messages; return the last one."""
+        """Wait for `count` messages on a topic; return the last message."""
         messages = self.received[topic]
         self.wait_until(lambda: len(messages) >= count, f"message {count} on {topic}")
         return messages[-1]
@@ -267,11 +267,11 @@ class Peer:
 
 @contextmanager
 def peer(domain: int | None = None) -> Iterator[Peer]:
-    """Make a `Peer` for the processes of the same `environment`, as a context manager."""
+    """Create a `Peer` in the ROS domain of `environment(domain)`, as a context manager."""
     context = Context()
     with patch.dict(os.environ, environment(domain), clear=True):
         rclpy.init(context=context)
-        # Only the first node reads all settings.
+        # Some settings are read only when the first node is created.
         node = Node("peer", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node of commands that listen or publish, and its view of other nodes."""
+"""ROS node of commands that subscribe or publish, and queries about the topics of other nodes."""
 
 import argparse
 import math
@@ -28,10 +28,10 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", r
 
 
 class Session:
-    """A node without parameters, as a context manager. A signal sets `ended`.
+    """ROS node without parameters, as a context manager. A signal sets `ended`.
 
     Raises:
-        CommandError: ROS refuses its settings, or its security keys are missing.
+        CommandError: ROS rejects the settings of the environment, or security keys are missing.
     """
 
     def __init__(self, command: str) -> None:
@@ -67,7 +67,7 @@ class Session:
             self._executor.spin_once(timeout_sec=min(left, 0.1))
 
     def topics(self) -> dict[str, list[str]]:
-        """Return the types of all topics, by name."""
+        """Return the message types of all topics, by topic name."""
         found = self.node.get_topic_names_and_types()
         return {name: sorted(types) for name, types in sorted(found)}
 
@@ -84,11 +84,11 @@ class Session:
 
 
 def message_class(types: Sequence[str]) -> Any:
-    """Return the message class of a topic, which must have one installed type."""
+    """Return the message class of a topic from its types: exactly one, which must be installed."""
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")
     found = None
-    # The name comes from a bag or from another machine: import nothing but packages of messages.
+    # The name comes from a bag or from another machine: import only message packages.
     if (match := _TYPE.fullmatch(types[0])) and has_resource("rosidl_interfaces", match["package"]):
         found = getattr(messages_of(match["package"], kind=match["kind"]), match["name"], None)
     if not hasattr(found, "get_fields_and_field_types"):
@@ -105,7 +105,7 @@ def quality(*, reliable: bool, latched: bool, depth: int) -> QoSProfile:
 
 
 def offers(endpoint: Any) -> dict[str, bool]:
-    """Return whether a publisher is reliable, and whether it serves late subscribers."""
+    """Return whether a publisher is reliable, and whether it serves late-joining subscribers."""
     qos = endpoint.qos_profile
     return {
         "reliable": qos.reliability == ReliabilityPolicy.RELIABLE,
@@ -114,7 +114,7 @@ def offers(endpoint: Any) -> dict[str, bool]:
 
 
 def check_positive(options: argparse.Namespace, *names: str) -> None:
-    """Raise a `UsageError` if one of these options is given and not a positive number."""
+    """Raise a `UsageError` if one of the named options is given but not a positive number."""
     for name in names:
         value = getattr(options, name)
         if value is not None and not 0 < value < math.inf:

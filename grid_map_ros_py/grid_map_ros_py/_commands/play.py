@@ -18,7 +18,7 @@ from ..bags._storage import Entry
 from ._session import Session, check_positive, message_class, quality
 
 _DEPTH = 10
-"""Messages that a publisher keeps for late or slow subscribers."""
+"""Number of messages that a publisher keeps for late-joining or slow subscribers."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Publish until the end of the bag or a signal."""
+    """Publish the messages until the bag ends or a signal arrives."""
     check_positive(options, "rate", "delay")
     with BagFiles(options.bag) as bag, Session("play") as session:
         publishers = _publishers(session, bag, options)
@@ -57,7 +57,7 @@ def _play(
     publishers: dict[str, Any],
     rate: float,
 ) -> int:
-    """Publish messages until the last one or a signal, and return their number."""
+    """Publish messages until the end or a signal; return the number of published messages."""
     begin = time.monotonic()
     for count, (entry, file, topic) in enumerate(entries):
         data = bag.read(file, entry)
@@ -70,7 +70,7 @@ def _play(
 
 
 def _publishers(session: Session, bag: BagFiles, options: argparse.Namespace) -> dict[str, Any]:
-    """Return a publisher for each wanted topic whose message type is installed."""
+    """Create a publisher for each requested topic whose message type is installed."""
     publishers = {}
     for topic in options.topics or sorted(bag.topics):
         if topic not in bag.topics:
@@ -81,7 +81,7 @@ def _publishers(session: Session, bag: BagFiles, options: argparse.Namespace) ->
             if kind.encoding != "cdr":
                 raise CommandError(f"expected messages encoded as 'cdr', got {kind.encoding!r}")
             message_type = message_class([kind.type])
-            # rosbag2 records names of policies, and before ROS 2 Jazzy their numbers in rmw.
+            # rosbag2 stores policy names; before ROS 2 Jazzy, it stored rmw policy numbers.
             profiles = parse_yaml(kind.qos, "quality of service") or [{}]
             if not (isinstance(profiles, list) and all(isinstance(one, dict) for one in profiles)):
                 raise CommandError(f"expected a list of QoS profiles, got {short(profiles)}")

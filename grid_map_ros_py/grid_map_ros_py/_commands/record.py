@@ -26,10 +26,10 @@ _REST = 0.2
 """Time to process messages that arrived before the end [s]."""
 
 _DEPTH = 100
-"""Messages of a topic that wait while the disk is busy."""
+"""Queue depth of a subscription, for messages that arrive while the disk is busy."""
 
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*/)?([A-Z]\w*)(\[[^]]*\])?\s+[a-z]", re.MULTILINE)
-"""A field with a message as its type; names of elementary types begin with a small letter."""
+"""Matches a field of message type; names of primitive types begin with a lowercase letter."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Record until a signal, a limit or a full disk; the bag is complete after each of them."""
+    """Record until a signal, a limit or a full disk; the bag is complete in all cases."""
     if options.all == bool(options.topics):
         raise UsageError("name the topics to record, or use --all")
     check_positive(options, "duration", "count")
@@ -68,13 +68,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 class _Recorder:
-    """Subscribes to topics as they appear, and writes their messages as they were sent.
+    """Subscribes to topics when they appear, and writes the serialized messages unchanged.
 
     Without `topics`, all topics are recorded.
 
     Attributes:
-        counts: numbers of recorded messages by topic, with zero for topics without messages.
-        size: bytes of all messages.
+        counts: number of recorded messages by topic, 0 for requested topics without messages.
+        size: total size of all recorded messages [bytes].
         failure: error that ended the recording, such as a full disk.
     """
 
@@ -93,7 +93,7 @@ class _Recorder:
         return sum(self.counts.values())
 
     def record(self, seconds: float, most: float) -> None:
-        """Record for a time [s] or a number of messages, until a signal or the disk is full."""
+        """Record for `seconds` [s] or `most` messages, unless a signal or a full disk ends it."""
         self._most = most
         end = time.monotonic() + seconds
         while not self._session.ended and (left := end - time.monotonic()) > 0:
@@ -105,7 +105,7 @@ class _Recorder:
         self._session.spin(_REST, until_ended=False)
 
     def _follow(self, topic: str, types: list[str]) -> None:
-        """Subscribe with the QoS that all publishers of a topic offer, and again if it weakens."""
+        """Subscribe with the QoS that all publishers offer; subscribe again if an offer weakens."""
         publishers = self._session.publishers(topic)
         if not publishers:
             return
@@ -153,7 +153,7 @@ class _Recorder:
 def _definition_of(type_name: str) -> str:
     """Return the definitions of a message type and of all nested types, as rosbag2 stores them.
 
-    The text is empty if a file is not installed.
+    The text is empty if a definition file is not installed.
     """
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the topics, their types, and who publishes and subscribes."""
+    """Print the topics with their types, publishers and subscribers."""
     check_positive(options, "wait")
     with Session("topics") as session:
         found: list[dict[str, Any]] = []

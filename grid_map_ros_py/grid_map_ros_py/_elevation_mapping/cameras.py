@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cameras: points of depth images, and the map cells that are visible in an image.
+"""Camera model: converts depth images to points, and finds the map cells visible in an image.
 
-The frame of a camera is optical (REP-103): x to the right, y down, z forward. A pixel (u, v) is
-column and row; its center has whole coordinates.
+Camera frames are optical frames (REP-103): x right, y down, z forward. A pixel (u, v) is a column
+and a row; pixel centers have integer coordinates.
 """
 
 import math
@@ -28,34 +28,34 @@ from ..nodes._scans import Cloud
 Floats = npt.NDArray[np.float64]
 
 DISTORTIONS = {"plumb_bob": 8, "rational_polynomial": 8, "equidistant": 4, "fisheye": 4}
-"""Numbers of coefficients of distortion models, by their names in `CameraInfo`."""
+"""Number of coefficients of each distortion model, by its name in `CameraInfo`."""
 
 MILLIMETERS = {"16UC1", "mono16"}
-"""Encodings of depths in millimeters (REP-118); other encodings are floats in meters."""
+"""Encodings with depths in millimeters (REP-118); other encodings are floats in meters."""
 
 ROUNDS = 30
-"""Iterations that remove the distortion of a lens."""
+"""Number of iterations that undistort a pixel."""
 
 _PIECE = 2**13
 """Number of pixels whose rays are computed at once."""
 
 LARGEST_RESIDUE = 0.1
-"""Distance [pixels] between a pixel and its ray, projected, above which the ray is unknown."""
+"""Largest reprojection error of an undistorted pixel [pixels]; above it, the ray is NaN."""
 
 OCCLUSION_TOLERANCE = 0.5
-"""Height above a line of sight up to which a cell does not occlude it [sides of a cell]."""
+"""Height by which a cell must exceed a line of sight to occlude it [cell sides]."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole camera with a distorting lens.
+    """Pinhole camera with lens distortion.
 
     Attributes:
-        size: height and width of its images [pixels].
+        size: height and width of the images [pixels].
         focal: (fx, fy) focal lengths [pixels].
-        center: (cx, cy) pixel on the optical axis.
+        center: (cx, cy) principal point [pixels].
         model: name of the distortion model, one of `DISTORTIONS`.
-        coefficients: coefficients of the distortion.
+        coefficients: distortion coefficients.
     """
 
     size: tuple[int, int]
@@ -65,7 +65,7 @@ class Camera:
     coefficients: tuple[float, ...] = ()
 
     def project(self, points: Floats) -> Floats:
-        """Return the pixels (N, 2) of points (N, 3) [m], camera frame; NaN if not shown."""
+        """Project points (N, 3) [m], camera frame, to pixels (N, 2); NaN outside the image."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             flat = points[:, :2] / points[:, 2:]
             pixels = self._distorted(flat) * self.focal + self.center
@@ -75,14 +75,14 @@ class Camera:
         return np.where(is_seen[:, None], pixels, np.nan)
 
     def rays(self, stride: int = 1) -> npt.NDArray[np.float32]:
-        """Return the points (rows, cols, 2) x, y at depth 1 that every `stride`-th pixel shows.
+        """Return the rays (rows, cols, 2) of every `stride`-th pixel, as x, y at depth 1.
 
-        NaN where the model of the distortion has no inverse.
+        A ray is NaN if its distortion cannot be inverted.
         """
         height, width = self.size
         u, v = np.arange(0.0, width, stride), np.arange(0.0, height, stride)
         rays = np.empty((len(v), len(u), 2), np.float32)
-        # A few rows at a time; their temporaries take many times the memory of the rays.
+        # Process a few rows at a time: temporaries need many times the memory of the rays.
         for part in slices(len(v), _PIECE // len(u)):
             pixels = np.stack(np.meshgrid(u, v[part]), axis=-1)
             with np.errstate(over="ignore"):
@@ -90,7 +90,7 @@ class Camera:
         return rays
 
     def _distorted(self, flat: Floats) -> Floats:
-        """Return points (N, 2) at depth 1 with the distortion of the lens."""
+        """Apply the lens distortion to points (N, 2) at depth 1."""
         if not any(self.coefficients):
             return flat
         count = DISTORTIONS[self.model]
@@ -109,8 +109,8 @@ class Camera:
         return np.stack([distorted, y * radial + p2 * xy + p1 * (r2 + 2 * y * y)], axis=1)
 
     def _flat(self, pixels: Floats) -> Floats:
-        """Return the points (N, 2) at depth 1 of pixels, from a fixed-point iteration."""
-        # Damaged messages may have focal lengths near zero.
+        """Undistort pixels (N, 2) to points at depth 1, with a fixed-point iteration."""
+        # Damaged messages may contain focal lengths near zero.
         with np.errstate(all="ignore"):
             wanted: Floats = (pixels - self.center) / self.focal
             if not any(self.coefficients):
@@ -124,7 +124,7 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest visible distance from the axis at depth 1; beyond it, distortions fold back."""
+        """Largest visible distance from the axis at depth 1; farther points may fold back."""
         height, width = self.size
         u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
         edges = [(u, np.full(50, y)) for y in (v[0], v[-1])]
@@ -135,7 +135,7 @@ class Camera:
 
 
 def from_camera_info(message: Any) -> Camera:
-    """Return the camera of a `CameraInfo`, for images with its binning and region."""
+    """Create a camera from a `CameraInfo`, including its binning and region of interest."""
     check_fields(message, "sensor_msgs/CameraInfo", "k", "distortion_model")
     matrix = np.asarray(message.k, np.float64).reshape(3, 3)
     fx, fy = matrix[0, 0], matrix[1, 1]
@@ -159,7 +159,7 @@ def from_camera_info(message: Any) -> Camera:
         if count < 1:
             raise MessageError(name, "at least one pixel", count)
     check_cells("camera_info", (size[0], size[1]))
-    # The center of a pixel is half a pixel inside, before and after binning.
+    # Pixel centers are half a pixel from the edge, before and after binning.
     cx = (matrix[0, 2] - roi.x_offset + 0.5) / binning[0] - 0.5
     cy = (matrix[1, 2] - roi.y_offset + 0.5) / binning[1] - 0.5
     return Camera(
@@ -173,7 +173,7 @@ def from_camera_info(message: Any) -> Camera:
 
 @dataclass(frozen=True)
 class Picture:
-    """An image of a camera.
+    """Image with the model of its camera.
 
     Attributes:
         frame_id: optical frame of the camera.
@@ -193,10 +193,10 @@ class Picture:
 
 @dataclass
 class CameraImages:
-    """Reads images of one camera, and points of its depth images.
+    """Decodes the images of one camera, and converts depth images to points.
 
     Attributes:
-        stride: rows and columns from one pixel of a depth image to the next that is used.
+        stride: step between the used rows and columns of depth images.
         camera: the camera; None until a `CameraInfo` arrives.
     """
 
@@ -209,7 +209,7 @@ class CameraImages:
         self.camera = from_camera_info(message)
 
     def read_picture(self, message: Any) -> Picture:
-        """Return the picture in an `Image` or its bytes."""
+        """Decode an `Image`, or its serialized bytes."""
         if isinstance(message, bytes):
             message = view(message, Image)
         pixels, order = to_pixels(message)
@@ -224,7 +224,7 @@ class CameraImages:
         return Picture(message.header.frame_id, stamp, pixels, self.camera)
 
     def read_depths(self, message: Any) -> Cloud:
-        """Return the points of a depth image or its bytes, for pixels with a finite depth."""
+        """Convert a depth image, or its bytes, to the points of pixels with a finite depth."""
         if isinstance(message, bytes):
             message = view(message, Image)
         picture = self.read_picture(message)
@@ -249,16 +249,16 @@ class CameraImages:
 def seen_cells(
     grid_map: GridMap, layer: str, camera: Camera, transform: Matrix
 ) -> tuple[Cells, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
-    """Return the cells of a map that a camera sees, and the pixels that show their centers.
+    """Return the map cells that a camera sees, and the pixels that show the cell centers.
 
-    A cell is hidden if another one rises above the line from its center to the camera. The line is
-    followed in steps of one cell, until it is above the whole map.
+    A cell is hidden if another cell rises above the line from its center to the camera. The line is
+    sampled in steps of one cell, until it is above the highest cell.
 
     Args:
         grid_map: the map; it may have moved.
-        layer: its layer of heights [m]; cells without a height are neither seen nor hide others.
+        layer: layer of heights [m]; cells without a height are not visible and hide no other cells.
         camera: the camera.
-        transform: (4, 4) from the frame of the camera to that of the map.
+        transform: (4, 4) transform from the camera frame to the map frame.
 
     Returns:
         cells: rows and columns of the map.
@@ -276,7 +276,7 @@ def seen_cells(
 
 
 def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt.NDArray[np.bool_]:
-    """Return a mask of the points (N, 3) that cells of a map hide from the eye (3,)."""
+    """Return a mask (N,) of points (N, 3) that map cells hide from the camera at `eye` (3,)."""
     hidden = np.zeros(len(points), bool)
     if not len(points):
         return hidden
@@ -295,6 +295,6 @@ def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt
         cells, inside = grid_map.get_indices(on_way[:, :2])
         blocks = inside & (heights[cells] > on_way[:, 2] + OCCLUSION_TOLERANCE * side)
         hidden[left[blocks]] = True
-        # A map is convex: a line that has left it does not reenter it.
+        # The map is convex: a line that has left the map does not reenter.
         left = left[inside & ~blocks]
     return hidden

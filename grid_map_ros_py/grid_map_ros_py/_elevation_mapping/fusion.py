@@ -33,7 +33,7 @@ IMAGE_FUSIONS = ("color", "latest", "exponential")
 """Fusion methods of image channels; colors keep the latest value."""
 
 FORGETTING = 0.05
-"""Weight of the last duration in a moving mean."""
+"""Weight of the latest duration in the moving mean."""
 
 MEAN = 0.5
 """Weight of a new pixel in the fusion `exponential`, as in elevation_mapping_cupy."""
@@ -41,19 +41,19 @@ MEAN = 0.5
 
 @dataclass
 class ElevationFusion:
-    """Fuses scans and pictures into the map of a mapper.
+    """Fuses scans and images into the map of an `ElevationMapper`.
 
     Attributes:
-        mapper: the mapper.
+        mapper: the mapper, which owns the map.
         follow: whether the map moves with the robot.
-        covariance_scale: factor of all covariances of poses.
-        clears_before_scan: whether each scan begins a new map.
+        covariance_scale: factor applied to all pose covariances.
+        clears_before_scan: clear the map before each scan.
         image_fusions: fusion methods of image channels, by name or regular expression.
-        report: the last report of the mapper; None before.
-        milliseconds: last durations [ms] by stage, and their moving means.
+        report: last report of the mapper; None before the first scan.
+        milliseconds: last duration and moving mean [ms] of each stage.
         version: number of changes of the map.
-        changed: time of the last change [s], on the steady clock; None before.
-        warnings: texts for the log; the owner clears them.
+        changed: time of the last change [s], on the steady clock; None before the first change.
+        warnings: texts for the log; the caller logs and clears them.
     """
 
     mapper: ElevationMapper
@@ -80,18 +80,18 @@ class ElevationFusion:
 
     @property
     def grid_map(self) -> GridMap:
-        """The map; scans replace it with a new one, but pictures change it in place."""
+        """The current map; each scan creates a new map, but images modify the map in place."""
         return self.mapper.grid_map
 
     @property
     def fused_map(self) -> GridMap:
-        """The map, with heights that allow for the horizontal uncertainty if that is kept."""
+        """The map; its heights account for horizontal variances if these are enabled."""
         if self.mapper.parameters.horizontal_variances:
             return self.mapper.fused_map()
         return self.mapper.grid_map
 
     def fuse(self, source: InputSource, cloud: Cloud, placement: Placement) -> None:
-        """Fuse a cloud; after an error the map is unchanged."""
+        """Fuse a cloud into the map; after an error, the map is unchanged."""
         begin = time.perf_counter()
         if cloud.stamp == 0:
             raise MessageError("header.stamp", "the time of the scan", "0")
@@ -122,10 +122,10 @@ class ElevationFusion:
         self._note({**self.report.milliseconds, "update": 1e3 * (time.perf_counter() - begin)})
 
     def paint(self, source: InputSource, picture: Picture, placement: Placement) -> None:
-        """Write the pixels of a picture to layers of the visible cells."""
+        """Write the channels of an image to layers, in the cells that the camera sees."""
         begin = time.perf_counter()
         count, names = picture.pixels.shape[2], tuple(source.settings.channels)
-        # Three channels without names are one color.
+        # Three unnamed channels form one color layer.
         layers = {COLOR_LAYER: picture.pixels}
         if count != 3 or names not in ((), ("rgb",)):
             names = names or ("gray",)
@@ -153,13 +153,13 @@ class ElevationFusion:
     def lay_patch(
         self, frame: Matrix, length: tuple[float, float], height_offset: float, variance: float
     ) -> None:
-        """Begin the map with a flat patch around a frame.
+        """Initialize the map with a flat patch around a frame.
 
         Args:
-            frame: (4, 4) transform from the frame to the frame of the map.
+            frame: (4, 4) transform from the frame to the map frame.
             length: (2,) side lengths of the patch along x and y [m].
-            height_offset: its height above the origin of the frame [m].
-            variance: variance of its heights [m^2].
+            height_offset: height of the patch above the origin of the frame [m].
+            variance: variance of the heights in the patch [m^2].
         """
         x, y, z = frame[:3, 3]
         if self.follow:
@@ -173,12 +173,12 @@ class ElevationFusion:
         self._note({})
 
     def replace(self, grid_map: GridMap, mask_layer: str) -> None:
-        """Replace layers where a map covers this one; see `ElevationMapper.masked_replace`."""
+        """Replace the cells that another map covers; see `ElevationMapper.masked_replace`."""
         self.mapper.masked_replace(grid_map, mask_layer)
         self._note({})
 
     def load(self, grid_map: GridMap) -> None:
-        """Load a saved map: its position, and the layers that both maps have."""
+        """Load the position of a saved map, and the layers that both maps contain."""
         kept = self.mapper.grid_map.copy()
         try:
             self.mapper.move(grid_map.position)
@@ -196,14 +196,14 @@ class ElevationFusion:
         self.milliseconds[stage] = last, mean + FORGETTING * (last - mean)
 
     def clear(self) -> None:
-        """Make all cells unknown."""
+        """Clear the map: all cells become unknown."""
         self.mapper.clear()
         self._note({})
 
     def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
-        """Return the parameters of the mapper, narrowed to the limits of a source."""
+        """Return the mapper parameters, restricted to the range and height limits of a source."""
         given, own, processor = self.mapper.parameters, source.settings, source.processor
-        # The limits are relative to the robot; the mapper's are relative to the sensor.
+        # Source limits are relative to the robot, but mapper limits are relative to the sensor.
         above, below = processor.above, processor.below
         if placement.robot is not None:
             offset = float(placement.robot[2, 3] - placement.transform[2, 3])

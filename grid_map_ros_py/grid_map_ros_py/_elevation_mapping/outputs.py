@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Published maps of elevation mapping, raw and filtered.
+"""Publishers of the raw and the filtered map of elevation mapping.
 
-Filter chains come from another package, through an entry point of the group
+Filter chains are loaded from another package through an entry point of the group
 `grid_map_ros_py.chains`.
 """
 
@@ -30,19 +30,19 @@ PACKAGE = "grid_map_filters_py"
 
 
 class Chain(Protocol):
-    """Filters that run one after the other, such as `FilterChain` of `grid_map_filters_py`."""
+    """Interface of a filter chain, such as `FilterChain` of `grid_map_filters_py`."""
 
     def without_copies(
         self, grid_map: GridMap, *, warnings: list[str] | None = None
     ) -> tuple[GridMap, Size]:
-        """Return the filtered map in map order, and the start index of the result.
+        """Filter a map; return the result in map order, and its start index.
 
         Warnings of the filters are appended to `warnings`.
         """
 
 
 def make_chain(config: Mapping[str, Any], threads: int = 1) -> Chain:
-    """Return the chain of a configuration."""
+    """Create a filter chain from its configuration."""
     found = next(iter(entry_points(group=GROUP)), None)
     if found is None:
         remedy = f"install {PACKAGE}, or source the workspace that has it"
@@ -55,9 +55,9 @@ class MapOutputs:
     """Publishers of the raw and the filtered map of a fusion.
 
     Args:
-        chain: filters of the filtered map; None without filters.
-        raw_rate, filtered_rate: rates at which changed maps are published [Hz]; a filtered map is
-            published on request at rate 0, and together with the raw map at rate infinity.
+        chain: filter chain of the filtered map; None publishes the map unfiltered.
+        raw_rate, filtered_rate: rates at which changed maps are published [Hz]; `filtered_rate` 0
+            publishes the filtered map only on request, and infinity together with the raw map.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class MapOutputs:
         self._raw.publish_version(self._fusion.version)
 
     def trigger(self) -> None:
-        """Publish the filtered map, changed or not."""
+        """Publish the filtered map, even if it has not changed."""
         self._filtered.publish()
 
     def filtered(self) -> tuple[GridMap, Size]:

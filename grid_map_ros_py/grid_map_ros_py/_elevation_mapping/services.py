@@ -19,7 +19,7 @@ from .sources import frame_name
 
 
 class MapServices:
-    """Actions of services; each fills a response, or raises a `GridMapError`."""
+    """Service callbacks; each fills the response, or raises a `GridMapError`."""
 
     def __init__(
         self,
@@ -92,7 +92,7 @@ def _part_of(grid_map: GridMap, request: Any) -> Any:
 
 
 def _topic_of(request: Any) -> str:
-    """Return the topic of the filtered map in a bag; that of the raw map ends with `_raw`."""
+    """Return the bag topic of the filtered map; the topic of the raw map ends with `_raw`."""
     name = request.topic_name or "elevation_map"
     if "/" in name:
         raise RequestError(f"topic_name: expected a name without slashes, got {name!r}")

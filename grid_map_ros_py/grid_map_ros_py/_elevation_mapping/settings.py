@@ -38,12 +38,12 @@ POSITIVE = (
     "init_submap_variance",
     "min_update_rate",
 )
-"""Parameters that are positive numbers."""
+"""Parameters that must be positive numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Parameters of the node other than those of sources and of the mapper.
+    """Parameters of the node, except the parameters of sources and of the mapper.
 
     Attributes:
         map_frame_id: frame of the map, usually that of the odometry; it must not jump.
@@ -121,12 +121,12 @@ class Settings:
 
     @property
     def track_point(self) -> tuple[float, float, float]:
-        """The point that the map follows [m], in its frame."""
+        """Point that the map follows [m], in the track point frame."""
         return self.track_point_x, self.track_point_y, self.track_point_z
 
 
 def read_sources(node: ConfiguredNode) -> list[InputSource]:
-    """Return the sources of scans and images."""
+    """Read the parameters of all input sources (scans and images) from `node`."""
     about = "default sensor model: `type` and its parameters"
     default = read_parameter_tree(node, "sensor_processor", description=about)
     names = names_below(node, "input_sources")
@@ -152,9 +152,9 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
 def read_mapper_parameters(
     node: ConfiguredNode, sources: Sequence[InputSource] = ()
 ) -> dict[str, Any]:
-    """Return the current parameters of the mapper; the first call declares them.
+    """Read the current parameters of the mapper; the first call declares them on the node.
 
-    The default of `max_variance` is the largest one of the sensor models.
+    The default of `max_variance` is the largest `max_variance` of the sensor models.
     """
     limits = [getattr(source.processor.model, "max_variance", 0.0) for source in sources]
     defaults = {"max_variance": max(limits, default=Parameters.max_variance)}
@@ -164,7 +164,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Return the fusion; the first call on a machine may compile for some seconds."""
+    """Create the fusion; the first call on a machine may compile for some seconds."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
@@ -193,7 +193,7 @@ def read_fusion(
 
 
 def read_chain(node: ConfiguredNode) -> Chain | None:
-    """Return the filters of the filtered map; None without filters."""
+    """Create the filter chain of the filtered map from parameters; None without filters."""
     about = "parameter that holds the filter chain of `~/elevation_map`"
     name = node.read("postprocessor_pipeline_name", "postprocessor_pipeline", about)
     about = "filters `filter1`, `filter2`, ... with `name`, `type` and `params`"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sources of scans, and the sensor models in their parameters.
+"""Parameters of input sources and of their sensor models.
 
-Names follow the ROS 1 package `elevation_mapping`, and for values in layers
+Parameter names follow the ROS 1 package `elevation_mapping`, and names for channels follow
 `elevation_mapping_cupy`.
 """
 
@@ -31,7 +31,7 @@ MODELS: Mapping[str, type[SensorModel]] = {
     "perfect": PerfectModel,
     "constant": ConstantModel,
 }
-"""Sensor models by the names of their `type`."""
+"""Sensor models by their parameter `type`."""
 
 _OLD_MODELS = {
     "Laser": "laser",
@@ -39,14 +39,14 @@ _OLD_MODELS = {
     "Stereo": "stereo",
     "Perfect": "perfect",
 }
-"""Names of models in files for C++ versions older than 0.7."""
+"""Model names in parameter files for C++ versions older than 0.7."""
 
 _UNUSED = {
     "apply_voxelgrid_filter": "all points are fused",
     "voxelgrid_filter_size": "all points are fused",
     **dict.fromkeys(("p_2", "p_3", "p_4", "p_5"), "the stereo model has no terms of pixels"),
 }
-"""Parameters of sensor processors of the C++ package that have no effect, and why."""
+"""Sensor processor parameters of the C++ package that have no effect, with the reasons."""
 
 UNUSED_PARAMETERS = {
     "increase_height_alpha": "`conflict_points` of one scan replace a height",
@@ -62,16 +62,16 @@ UNUSED_PARAMETERS = {
     "time_tolerance": "scans may be late by up to `max_time_jump`",
     "underlying_map_topic": "call `masked_replace` with the map",
 }
-"""Parameters of the C++ package that have no effect, and why."""
+"""Parameters of the C++ package that have no effect, with the reasons."""
 
 
 @dataclass(frozen=True)
 class SensorProcessor:
-    """Noise of a sensor, and limits of the heights of its points.
+    """Noise model of a sensor, and height limits of its points.
 
     Attributes:
         model: the sensor model.
-        above, below: points that are higher or lower, relative to the robot, are dropped [m].
+        above, below: largest and smallest height of used points [m], relative to the robot.
         unused: parameters without effect, each with the reason.
     """
 
@@ -82,7 +82,7 @@ class SensorProcessor:
 
 
 def sensor_processor(parameters: Mapping[str, Any]) -> SensorProcessor:
-    """Return the sensor processor for its parameters: `type` and those of the model."""
+    """Create a sensor processor from parameters: `type`, height limits, and model parameters."""
     left = dict(parameters)
     kind = cast("type", left.pop("type", "laser"), str)
     kind = _OLD_MODELS.get(kind, kind)
@@ -99,7 +99,7 @@ def sensor_processor(parameters: Mapping[str, Any]) -> SensorProcessor:
 
 
 def _stereo(parameters: dict[str, Any]) -> dict[str, Any]:
-    """Translate parameters of the C++ package to those of `StereoModel`.
+    """Translate parameters of the C++ package to parameters of `StereoModel`.
 
     In C++, if p_2 to p_5 are zero, the standard deviation of the depth z is
     sqrt(p_1) z^2 / depth_to_disparity_factor.
@@ -173,7 +173,7 @@ class InputSource:
 
     @property
     def camera_info_topic(self) -> str:
-        """Topic of the camera of images."""
+        """Topic of the `CameraInfo` messages."""
         beside = "".join([*self.settings.topic.rpartition("/")[:2], "camera_info"])
         return self.settings.camera_info_topic or beside
 
@@ -184,7 +184,7 @@ class InputSource:
 
 
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return fusions by pattern from nested parameters; `default` becomes the last pattern.
+    """Return fusion methods by name pattern from nested parameters; `default` is matched last.
 
     The parameters are nested because patterns such as `feat_.*` contain dots.
     """
@@ -198,5 +198,5 @@ def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def frame_name(name: str) -> str:
-    """Return the name of a frame without the leading slash that ROS 1 allowed and tf2 refuses."""
+    """Return a frame name without the leading slash, which ROS 1 allowed but tf2 rejects."""
     return name.removeprefix("/")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping`: fuses range sensors into a map of heights with variances.
 
-Topics: `~/elevation_map_raw`, and `~/elevation_map` after the filters of the pipeline.
+Topics: `~/elevation_map_raw`, and `~/elevation_map`, the result of the filter chain.
 
 Services:
     ~/get_submap, ~/get_raw_submap: `grid_map_msgs/GetGridMap`, a map or a part of it.
@@ -10,7 +10,7 @@ Services:
     ~/clear_map, ~/trigger_fusion, ~/disable_updates, ~/enable_updates: `std_srvs/Empty`.
     ~/reload_parameters: `std_srvs/Trigger`, applies parameters that were set.
 
-A request that fails is logged and changes nothing.
+A failed request is logged and leaves the map unchanged.
 """
 
 import math
@@ -55,11 +55,11 @@ from ..nodes._scans import ScanInputs, ScanQueue, read_cloud
 from ..nodes._topics import listen, offer_service
 
 LOG_PERIOD = 5.0
-"""Time between two similar texts in the log [s]."""
+"""Minimum time between two similar log texts [s]."""
 
 
 class ElevationMappingNode(ConfiguredNode):
-    """Wires sensors, poses, services and topics to an elevation map."""
+    """Connects sensors, poses, services and topics to an elevation map."""
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_loader`: publishes the last map of a bag, latched."""
+"""Node `grid_map_loader`: publishes the last map of a bag on a latched topic."""
 
 from rclpy.duration import Duration
 
@@ -10,7 +10,7 @@ from ..nodes import ConfiguredNode, map_qos, read_parameter
 
 
 class GridMapLoaderNode(ConfiguredNode):
-    """Loads a map and publishes it latched."""
+    """Loads the last map of a bag and publishes it on a latched topic."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_loader")

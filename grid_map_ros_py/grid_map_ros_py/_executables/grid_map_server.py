@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_server`: holds a map, publishes it latched and offers it by services.
+"""Node `grid_map_server`: stores a map, publishes it latched and serves it on request.
 
 Services:
     ~/get_grid_map: `grid_map_msgs/GetGridMap`, returns the map or a part of it.
-    ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, returns its size, resolution and position.
+    ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, returns map size, resolution and position.
     ~/set_grid_map: `grid_map_msgs/SetGridMap`, replaces the map.
     ~/load_map: `grid_map_msgs/ProcessFile`, loads the last map of a bag.
     ~/save_map: `grid_map_msgs/ProcessFile`, saves the map to a bag.
 
-The parameter `source` names a map of any size: each answer reads a part of it, nothing is
-published, and no request replaces it.
+With the parameter `source`, the node serves a map of any size: each response reads a part of the
+map, the map is not published, and requests cannot replace it.
 
-A request that fails is logged and changes nothing. The response is a map without layers and with a
+A failed request is logged and changes nothing. The response is a map without layers and with a
 resolution of 0, or `success: false`.
 """
 
@@ -40,7 +40,7 @@ from ..nodes._topics import offer_service
 
 
 class GridMapServerNode(ConfiguredNode):
-    """Wires services and topics to a map."""
+    """Connects services and topics to a map."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_server")
@@ -90,7 +90,7 @@ class GridMapServerNode(ConfiguredNode):
     def _take(self, grid_map: GridMap) -> None:
         if isinstance(self._map, TiledMap):
             raise RequestError("the map is fixed by the parameter 'source'")
-        # First: a map that cannot be published must not replace the last one.
+        # Publish first: a map that cannot be published must not replace the current map.
         self._publisher.publish(to_serialized_message(grid_map))
         self._map = grid_map
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_window`: publishes the part of a large map around a robot.
 
-The map is a Zarr store or a GeoTIFF file; only the window is read. With `write_back`, maps of
-another topic are merged into the store, so that it grows while the robot drives.
+The map is a Zarr store or a GeoTIFF file; only cells of the window are read. With `write_back`,
+maps from another topic are merged into the store while the robot drives.
 """
 
 import math
@@ -40,11 +40,11 @@ SILENCE = 3.0
 """Time without a pose after which the node warns [s]."""
 
 PATIENCE = 20.0
-"""Maximum time to write the last map while the node ends [s]."""
+"""Maximum time to write the last map when the node ends [s]."""
 
 
 class GridMapWindowNode(ConfiguredNode):
-    """Wires poses, a map of any size and the topic of its window."""
+    """Publishes the window of a tiled map around the latest robot pose."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_window")
@@ -101,7 +101,7 @@ class GridMapWindowNode(ConfiguredNode):
             )
             self._writer = LatestOnly(self._merge)
             self._subscription = MapSubscription(self, write_topic, self._writer.put)
-        # More often than needed, because a pose just after a check waits for the next one.
+        # Check more often than `rate`, because a pose may arrive just after a check.
         steady_timer(self, 0.25 * self._period, self._work)
         rows, columns = self._whole.size
         self.get_logger().info(
@@ -152,7 +152,7 @@ class GridMapWindowNode(ConfiguredNode):
     # --- maps to merge ----------------------------------------------------------------------------
 
     def _merge(self, received: ReceivedMap) -> None:
-        """Merge the layers that the store has, in the thread of the writer."""
+        """Write the layers that the store contains; runs in the thread of the writer."""
         known = [name for name in received.layers if name in self._whole.layers]
         if not known:
             raise MessageError("layers", f"one of {list(self._whole.layers)}", received.layers)

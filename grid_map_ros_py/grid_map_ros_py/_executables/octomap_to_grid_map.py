@@ -20,7 +20,7 @@ NAME = "octomap_to_grid_map"
 
 
 class OctomapToGridMapNode(ConfiguredNode):
-    """Converts every octomap of a topic or a service."""
+    """Converts every octomap from a topic or a service to a map."""
 
     def __init__(self) -> None:
         super().__init__(NAME)
@@ -38,12 +38,12 @@ class OctomapToGridMapNode(ConfiguredNode):
         )
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
-        """Return the bounds at one end of the three axes; NaN means no bound."""
+        """Read the bounds (3,) at one end of the axes, `min` or `max`; NaN means no bound."""
         about = f"leave out voxels with {beyond} {{}} [m]; `.nan` means no bound"
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
     def _listen(self) -> str:
-        """Subscribe, or call the service periodically; return the name of topic or service."""
+        """Subscribe, or call the service periodically; return the name of the topic or service."""
         about = "topic of the octomaps, binary or full"
         topic = self.read_topic("octomap_topic", "/octomap_binary", about)
         about = "service `octomap_msgs/GetOctomap` to call instead; empty uses the topic"

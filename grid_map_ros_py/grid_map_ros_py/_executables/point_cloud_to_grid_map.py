@@ -114,7 +114,7 @@ class RollingSettings:
 
 
 class PointCloudToGridMapNode(ConfiguredNode):
-    """Wires clouds, poses and the fused map."""
+    """Subscribes to clouds and poses, and publishes the fused map."""
 
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts of ROS nodes: map subscriptions, quality of service, parameters, process life, logs.
+"""Building blocks of ROS nodes: map topics, quality of service, parameters and life cycle.
 
-A complete node, which receives maps from all reliable publishers and publishes scaled maps:
+The following node receives maps from all reliable publishers and publishes scaled maps:
 
     from rclpy.node import Node
     from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -23,8 +23,8 @@ A complete node, which receives maps from all reliable publishers and publishes 
     if __name__ == "__main__":
         raise SystemExit(run(Scaler))
 
-`run` ends the node on Ctrl-C and returns the exit code. Names are loaded on first use, since
-rclpy is slow to import.
+`run` ends the node on Ctrl-C and returns the exit code. Names are imported lazily, because rclpy is
+slow to import.
 """
 
 import importlib
@@ -62,14 +62,14 @@ __all__ = sorted(["quiet_start", *_MODULE_OF])
 
 
 def quiet_start() -> None:
-    """Let Ctrl-C end an executable at once, without a traceback, until `run` handles it.
+    """Let Ctrl-C end an executable at once and without a traceback, until `run` handles signals.
 
-    Call it at the top of a package of executables, before rclpy is imported, which takes most of
-    the start. It does nothing in a program that imports the package.
+    Call it at the top of a package of executables, before the import of rclpy, which takes most of
+    the startup time. It has no effect if another program imports the package.
     """
-    # Executables are started with Ctrl-C blocked, because Python itself would print a traceback.
+    # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    # While `python -m` imports the package of the module that it runs.
+    # `python -m` sets this value while it imports the package of the module to run.
     is_executable |= sys.argv[0] == "-m"
     if is_executable:
         signal.signal(signal.SIGINT, signal.SIG_DFL)

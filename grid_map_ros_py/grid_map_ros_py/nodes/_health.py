@@ -22,7 +22,7 @@ PERIOD = 1.0
 """Time between two reports of a node [s]."""
 
 PATIENCE = 1.0
-"""Time for a publisher to find its subscribers, and for them to acknowledge [s]."""
+"""Maximum time to discover subscribers, and to wait for their acknowledgments [s]."""
 
 
 @dataclass
@@ -30,11 +30,11 @@ class Health:
     """State of a node: counts of its inputs, and the last error.
 
     Attributes:
-        inputs: name of the inputs, such as "maps".
+        inputs: noun for the inputs, such as "maps".
         received, used, dropped: number of received, processed and unusable inputs.
         last_error: reason for the last dropped input; empty if there is none.
         problem: the last problem that did not cause a drop; empty if there is none.
-        details: returns further values by name.
+        details: returns additional values of the report, by name.
     """
 
     inputs: str = "maps"
@@ -51,7 +51,7 @@ class Health:
 
     @contextmanager
     def counted(self) -> Iterator[None]:
-        """Count an input: as dropped if the context raises an error, else as used."""
+        """Count an input as dropped if the context raises an error, and as used otherwise."""
         self.receive()
         try:
             yield
@@ -71,7 +71,7 @@ class Health:
         self._last_was_dropped = False
 
     def drop(self, why: str) -> None:
-        """Count an input that cannot be used."""
+        """Count an input that cannot be used, with the reason."""
         self.dropped += 1
         self._last_was_dropped, self.last_error = True, why
 
@@ -81,12 +81,12 @@ class Health:
         self.drop(why)
 
     def offer(self, node: Node) -> None:
-        """Create the publisher of the reports."""
+        """Create the publisher on `/diagnostics`."""
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, 10)
         self._discovered = time.monotonic() + PATIENCE
 
     def report(self, node: Node) -> None:
-        """Publish the state if there are subscribers."""
+        """Publish the state of the node if there are subscribers."""
         if self._publisher.get_subscription_count():
             is_impaired = self._last_was_dropped or self.problem
             level = DiagnosticStatus.WARN if is_impaired else DiagnosticStatus.OK
@@ -94,8 +94,8 @@ class Health:
             self._publish(node, level, f"{text}; {self.problem}" if self.problem else text)
 
     def report_failure(self, node: Node, reason: str) -> None:
-        """Publish why the node ends, and wait up to 2 s for the subscribers."""
-        # The caller must still report the reason for the end.
+        """Publish the error that ends the node; wait up to 2 s for subscribers to receive it."""
+        # A failure here must not hide the error that ends the node.
         with suppress(Exception):
             if self._publisher is None:
                 self.offer(node)
@@ -126,22 +126,22 @@ class Health:
 
 
 def health_of(node: Node) -> Health:
-    """Return the state of a node."""
+    """Return the `Health` of a node; the first call creates it."""
     health: Health = vars(node).setdefault("_grid_map_health", Health())
     return health
 
 
 class LogThrottle:
-    """Logs similar texts at most once per period, with the number of suppressed ones.
+    """Logs similar texts at most once per period, with the number of suppressed texts.
 
-    Texts are similar if they are equal up to their second colon, such as "get_grid_map: frame_id:
+    Texts are similar if they are equal up to the second colon, such as "get_grid_map: frame_id:
     expected ...". At most `LIMIT` different texts are logged per period. (rclpy throttles per line
-    of code, and so drops the second of two problems that one line logs.)
+    of code, and therefore drops the second of two problems logged there.)
 
     Args:
         logger: logger of the node.
         period: time between two similar texts [s].
-        clock: returns the time [s]; the default runs on while a simulation is paused.
+        clock: returns the time [s]; the default clock continues while a simulation is paused.
     """
 
     LIMIT = 20
@@ -153,22 +153,22 @@ class LogThrottle:
         self._recent: dict[tuple[str, ...], tuple[float, int]] = {}
 
     def error(self, text: str) -> None:
-        """Log an error, unless a similar one was logged recently."""
+        """Log an error, unless a similar text was logged recently."""
         if line := self._line(text, "error"):
             self._logger.error(line)
 
     def warning(self, text: str) -> None:
-        """Log a warning, unless a similar one was logged recently."""
+        """Log a warning, unless a similar text was logged recently."""
         if line := self._line(text, "warning"):
             self._logger.warning(line)
 
     def info(self, text: str) -> None:
-        """Log a change, unless a similar one was logged recently."""
+        """Log an info text, unless a similar text was logged recently."""
         if line := self._line(text, "info"):
             self._logger.info(line)
 
     def _line(self, text: str, level: str) -> str:
-        """Return the line to log now, or an empty text; count suppressed texts."""
+        """Return the line to log, or "" if the text is suppressed; count suppressed texts."""
         text, now = cut(text), self._clock()
         key = level, *text.split(": ")[:2]
         logged, held_back = self._recent.get(key, (-math.inf, 0))
@@ -184,7 +184,7 @@ class LogThrottle:
 
 @contextmanager
 def dropping(log: LogThrottle, what: str) -> Iterator[None]:
-    """Log a `GridMapError` or `MemoryError` of the context as `what`, and continue.
+    """Suppress a `GridMapError` or `MemoryError` of the context, and log it with the prefix `what`.
 
     A `NodeFailedError` and all other exceptions propagate.
     """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Typed parameters of a node, from the ordinary ROS parameter file.
+"""Typed parameters of a node, read from ROS parameter files.
 
-All parameters that are read here are declared on the node, so that `ros2 param list` shows them,
-and are read-only by default: nodes configure themselves once, when they start.
+Reading a parameter declares it on the node, so that `ros2 param list` shows it. Parameters are
+read-only by default, because nodes read their configuration only at startup.
 """
 
 import array
@@ -45,22 +45,22 @@ def read_parameter(
     description: str = "",
     read_only: bool = True,
 ) -> T:
-    """Return one parameter, declared on the node.
+    """Declare a parameter on the node and return its value.
 
-    An integer given for a float, and a whole number such as 3.0 given for an integer, are
-    converted. An empty list in a file arrives without a type: it is the empty list for list kinds
-    and counts as not given for others.
+    Integers are converted to floats, and whole numbers such as 3.0 to integers, as `kind` requires.
+    An empty list in a file has no type: it is read as an empty list if `kind` is a list, and as not
+    given otherwise.
 
     Args:
         node: the node.
         name: full name, such as `elevation.params.layer`.
         kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
-        default: the value if none is given; None makes the parameter required.
+        default: value if the parameter is not given; None makes the parameter required.
         description: text that `ros2 param describe` shows.
-        read_only: False lets the parameter be set later, to a value of any type.
+        read_only: False allows setting the parameter later, to a value of any type.
 
     Raises:
-        ConfigError: the parameter is required but not given, or has another type.
+        ConfigError: the parameter is required but not given, or has the wrong type.
     """
     given = _given(node)
     value = given.get(name)
@@ -81,17 +81,17 @@ def read_fields(
     defaults: Mapping[str, object] | None = None,
     read_only: bool = True,
 ) -> T:
-    """Return a dataclass whose fields are parameters, described below `Attributes:` in its docs.
+    """Read a dataclass from parameters named like its fields and described under `Attributes:`.
 
     Args:
         node: the node.
         cls: the dataclass; all its fields have defaults.
-        prefix: prefix of the names, such as `input_sources.front.`.
-        defaults: defaults by field in place of those of the dataclass.
+        prefix: prefix of the parameter names, such as `input_sources.front.`.
+        defaults: defaults by field name, which override the defaults of the dataclass.
         read_only: see `read_parameter`.
 
     Raises:
-        ConfigError: a parameter has another type, or the dataclass refuses it.
+        ConfigError: a parameter has the wrong type, or the dataclass rejects its value.
     """
     kinds, texts, values = get_type_hints(cls), descriptions(cls), dict[str, Any]()
     for field in fields(cls):  # type: ignore[arg-type]
@@ -111,7 +111,7 @@ def read_fields(
 
 
 def names_below(node: "Node", prefix: str) -> list[str]:
-    """Return the names of the parameters directly below a prefix, sorted."""
+    """Return the sorted parameter names one level below a prefix."""
     value = _given(node).get(prefix)
     check(not value, prefix, "parameters below it", value)
     below = (name for name in node._parameter_overrides if name.startswith(f"{prefix}."))
@@ -121,7 +121,7 @@ def names_below(node: "Node", prefix: str) -> list[str]:
 def read_limits(node: "Node") -> None:
     """Set the limits of maps (`grid_map_core_py.limits`) from the parameters of the same names.
 
-    Limits hold for the process. Call this before the node makes or receives a map.
+    The limits apply to the whole process. Call this before the node creates or receives a map.
     """
     abouts = {
         "max_cells": "largest number of cells of a map",
@@ -144,27 +144,27 @@ def read_parameter_tree(
     description: str = "",
     describe: Callable[[dict[str, Any]], Mapping[str, str]] | None = None,
 ) -> dict[str, Any]:
-    """Return all parameters below a prefix as nested dictionaries, declared on the node.
+    """Declare all parameters below a prefix and return them as nested dictionaries.
 
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
-    `{"filter1": {"params": {"radius": 1}}}`. Names may hold any character but the separating dot,
-    so `min/value` stays one name. Values keep the type that they have in the file; arrays become
-    lists. An empty list, an empty mapping and null all arrive without a type, as None.
+    `{"filter1": {"params": {"radius": 1}}}`. Names may contain any character except the separating
+    dot, so `min/value` is a single name. Values keep their types from the file; arrays become
+    lists. Empty lists, empty mappings and null have no type in ROS and become None.
 
     Args:
         node: the node.
-        prefix: name of the tree.
-        read_only: False lets the parameters be set later, to values of any type: `radius: 1` is an
-            integer that may become 1.5.
-        description: text that `ros2 param describe` shows for each of them.
-        describe: maps the dictionaries to other descriptions by name, without the prefix.
+        prefix: root of the tree.
+        read_only: False allows setting the parameters later, to values of any type; for example,
+            the integer of `radius: 1` may become 1.5.
+        description: text that `ros2 param describe` shows for each parameter.
+        describe: returns other descriptions by name, without the prefix, for the dictionaries.
 
     Raises:
         ConfigError: a name is given both a value and parameters below it.
     """
     given = _given(node)
     below = {name: value for name, value in given.items() if f"{name}.".startswith(f"{prefix}.")}
-    # ROS 1 files may have slashes in place of the dots.
+    # ROS 1 files may contain slashes instead of dots.
     old = {name: value for name, value in given.items() if name.startswith(f"{prefix}/")}
     tree: Any = nested(below | {name.replace("/", "."): value for name, value in old.items()})
     for part in prefix.split("."):
@@ -178,7 +178,7 @@ def read_parameter_tree(
 
 
 def check_topic(node: "Node", name: str, topic: str) -> str:
-    """Return `topic`, the value of the parameter `name`; a `ConfigError` if it is no valid name."""
+    """Return `topic`, the value of the parameter `name`; raise a `ConfigError` if it is invalid."""
     try:
         node.resolve_topic_name(topic)
     except rclpy_implementation.RCLError as error:
@@ -187,8 +187,8 @@ def check_topic(node: "Node", name: str, topic: str) -> str:
 
 
 def _given(node: "Node") -> dict[str, Any]:
-    # Declaring all overrides automatically is the public way to see names that are not known
-    # beforehand, but a node made so cannot start when its file holds an empty list.
+    # The public way to find unknown names is to declare all overrides automatically, but such a
+    # node fails to start if its file contains an empty list.
     given = {**node._parameter_overrides, **node.get_parameters_by_prefix("")}
     return {
         name: list(entry.value) if isinstance(entry.value, array.array) else entry.value
@@ -205,12 +205,12 @@ def _declare(
             read_only=read_only,
             dynamic_typing=value is None or not read_only,
         )
-        # The value is the override, converted: the file's own may be an int for a float.
+        # The value is the converted override; the file may contain an int for a float.
         node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 
 def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning about parameter files without a section for a node, or ""."""
+    """Return a warning about parameter files that have no section for a node, or ""."""
     name, texts = node.get_fully_qualified_name(), []
     # In sections, `*` stands for one name and `**` for any number of names.
     wildcards = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
@@ -226,9 +226,9 @@ def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
 
 
 def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning about given parameters that a node has not declared, or "".
+    """Return a warning about parameters that are given but not declared, or "".
 
-    A section for several nodes, such as `/**`, may have parameters of the others.
+    Sections with wildcards, such as `/**`, may contain parameters of other nodes and are ignored.
     """
     shared = {
         f"{key}."
@@ -244,7 +244,7 @@ def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
         if name in declared or is_shared or name.startswith("qos_overrides."):
             continue
         root = name.partition(".")[0]
-        # A whole tree that the node does not read is named once.
+        # An unknown tree is reported once, not for each of its parameters.
         wrong, known = (name, declared) if root in declared.values() else (root, declared.values())
         similar = hint(wrong, known).removeprefix("; ")
         texts[wrong] = f"{wrong!r} ({similar})" if similar else repr(wrong)
@@ -252,9 +252,9 @@ def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
 
 
 def _files(arguments: Sequence[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the parameter files of a command line, each with its sections."""
+    """Yield the name and the sections of each parameter file on a command line."""
     for option, file in pairwise(arguments):
         if option == "--params-file":
-            # ROS has read the file before, but its parser differs in details.
+            # ROS has already read the file, but with a parser that differs in details.
             with suppress(GridMapError):
                 yield file, dict(node_sections(load_yaml(file) or {}))

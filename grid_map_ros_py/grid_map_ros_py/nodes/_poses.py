@@ -31,16 +31,16 @@ POSE_TYPES = {
     "pose": PoseStamped,
     "pose_with_covariance": PoseWithCovarianceStamped,
 }
-"""Types of messages with poses of a robot, by their names in parameters."""
+"""Message types of robot poses, by the names used in parameters."""
 
 POSE_QUEUE = 100
-"""Depth of subscriptions to poses, which arrive faster than scans are fused."""
+"""Queue depth of pose subscriptions; poses arrive faster than scans are fused."""
 
 Covariance = npt.NDArray[np.float64]
 """(6, 6) covariance of x, y, z [m] and of the rotations about the axes x, y, z [rad]."""
 
 LONGEST_JITTER = NANOSECONDS
-"""Largest step back in time of scans or poses that is no reset [ns]."""
+"""Largest backward step in time that does not count as a time reset [ns]."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class Placement:
     """Pose of a scan and of the robot.
 
     Attributes:
-        transform: from the frame of the scan to the frame of the map.
-        robot: from the frame of the robot to the frame of the map; None if unknown.
-        center: (2,) x, y that the map follows [m], map frame; None if unknown.
-        covariance: of the pose `transform`, map frame; None if unknown.
+        transform: (4, 4) transform from the frame of the scan to the map frame.
+        robot: (4, 4) transform from the robot frame to the map frame; None if unknown.
+        center: (2,) position that the map follows [m], map frame; None if unknown.
+        covariance: covariance of `transform`, map frame; None if unknown.
     """
 
     transform: Matrix
@@ -61,10 +61,10 @@ class Placement:
 
 
 class Poses:
-    """Source of poses for scans that are in the map frame already, and base of other sources.
+    """Base class of pose sources; itself, it accepts only scans that are already in the map frame.
 
     Attributes:
-        waits_for: the missing pose or transform after `place` has returned None.
+        waits_for: description of the missing pose or transform after `place` has returned None.
     """
 
     waits_for = ""
@@ -73,7 +73,7 @@ class Poses:
         self._map_frame = map_frame
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:  # noqa: ARG002
-        """Return the placement of a scan, or None if it is not known yet.
+        """Return the placement of a scan, or None if the pose is not known yet.
 
         Args:
             frame_id: frame of the scan.
@@ -85,23 +85,23 @@ class Poses:
         return Placement(np.eye(4))
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the transform from a frame of the robot to the map; see `place`."""
+        """Return the transform from a robot frame to the map frame; arguments as for `place`."""
         placement = self.place(frame_id, stamp)
         return None if placement is None else placement.transform
 
     def go_back(self, stamp: int) -> None:
-        """Forget poses after `stamp` [ns], to which time was reset."""
+        """Discard outdated poses after a time reset to `stamp` [ns]."""
 
 
 class PoseHistory(Poses):
-    """Poses of a robot over time, interpolated between two poses.
+    """Robot poses over time, with interpolation between poses.
 
     Args:
         map_frame: frame of the poses.
-        sensor: transform from the frame of the scans to the frame of the robot.
-        limit: maximum number of poses that are kept.
-        track_point: (3,) point that the map follows [m], frame of the robot.
-        with_covariances: whether placements get the covariances of the poses.
+        sensor: (4, 4) transform from the frame of the scans to the robot frame.
+        limit: maximum number of stored poses.
+        track_point: (3,) point that the map follows [m], robot frame.
+        with_covariances: add the covariances of the poses to placements.
     """
 
     def __init__(
@@ -128,16 +128,16 @@ class PoseHistory(Poses):
         return f"a later pose than that of {_seconds(self._stamps[-1])}"
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
-        """Return a source for another sensor that shares these poses, later ones included."""
+        """Return a pose source for another sensor that shares the current and all future poses."""
         other = copy.copy(self)
         other._sensor = sensor
         return other
 
     def add(self, message: Any) -> None:
-        """Add an `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
+        """Add the pose of an `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        If it is more than `LONGEST_JITTER` earlier than the last pose, time was reset, and all
-        earlier poses are forgotten.
+        A pose more than `LONGEST_JITTER` earlier than the last pose indicates a time reset; all
+        stored poses are then discarded.
         """
         if message.header.frame_id.removeprefix("/") != self._map_frame:
             expected = f"{self._map_frame!r}, that of the map"
@@ -157,7 +157,7 @@ class PoseHistory(Poses):
             del values[: -self._limit]
 
     def go_back(self, stamp: int) -> None:
-        # The poses may have gone back before the scans.
+        # The first pose after a reset may arrive before the first scan.
         if self._stamps and stamp < self._stamps[-1] - LONGEST_JITTER:
             for values in (self._stamps, self._poses, self._covariances):
                 values.clear()
@@ -180,7 +180,7 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the pose at a time [ns], 0 for the latest; None if the time is in the future."""
+        """Return the robot pose at a time [ns] (0: the latest); None if no later pose is known."""
         if not self._stamps or stamp > self._stamps[-1]:
             return None
         if stamp and stamp < self._stamps[0]:
@@ -191,9 +191,9 @@ class PoseHistory(Poses):
         return end if before == after else between(begin, end, share)
 
     def covariance_at(self, stamp: int) -> Covariance | None:
-        """Return the covariance of the pose at a time [ns], 0 for the latest; None if unknown.
+        """Return the covariance of the robot pose at a time [ns] (0: the latest); None if unknown.
 
-        It is interpolated between two poses, and constant before the first and after the last.
+        The covariance is interpolated between poses, and constant before and after all poses.
         """
         if not self._stamps:
             return None
@@ -204,7 +204,7 @@ class PoseHistory(Poses):
         return (1 - share) * begin + share * end
 
     def _around(self, stamp: int) -> tuple[int, int, float]:
-        """Return the numbers of the poses before and after a time, and the share of the second."""
+        """Return the indices of the poses before and after a time, and the weight of the second."""
         last = len(self._stamps) - 1
         after = min(bisect_left(self._stamps, stamp), last) if stamp else last
         if after == 0 or stamp == 0 or stamp >= self._stamps[after]:
@@ -214,9 +214,9 @@ class PoseHistory(Poses):
 
 
 def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance | None:
-    """Return the covariance of a sensor's pose from that of the robot's.
+    """Propagate the covariance of the robot pose to the pose of a sensor.
 
-    The sensor is at `lever` (3,) from the robot [m], in the axes of the map. Its position also
+    `lever` (3,) is the vector from the robot to the sensor [m], map frame. The sensor position also
     varies with the rotation of the robot: `d = dp + dtheta x lever`.
     """
     if covariance is None:
@@ -224,19 +224,19 @@ def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance |
     x, y, z = np.asarray(lever, np.float64)
     jacobian = np.eye(6)
     jacobian[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-    # The mapper refuses a result that is not finite.
+    # The mapper rejects a result that is not finite.
     with np.errstate(over="ignore", invalid="ignore"):
         result = jacobian @ covariance @ jacobian.T
         return 0.5 * (result + result.T)
 
 
 def from_xyz_rpy(xyz: npt.ArrayLike, rpy: npt.ArrayLike) -> Matrix:
-    """Return the transform of x, y, z [m] and roll, pitch, yaw [rad] as in URDF (fixed axes)."""
+    """Return the transform for x, y, z [m] and roll, pitch, yaw [rad], as in URDF (fixed axes)."""
     return as_matrix(Rotation.from_euler("xyz", np.asarray(rpy, np.float64)), xyz)
 
 
 def between(begin: Matrix, end: Matrix, share: float) -> Matrix:
-    """Return the pose interpolated between two others: linear in position, slerp in rotation."""
+    """Interpolate between two poses: linearly in position, with slerp in rotation."""
     turn = Slerp([0.0, 1.0], Rotation.from_matrix([begin[:3, :3], end[:3, :3]]))
     return as_matrix(turn(share), (1 - share) * begin[:3, 3] + share * end[:3, 3])
 
@@ -251,7 +251,7 @@ def has_tf() -> bool:
 
 
 def chosen_source(name: str, without_tf: str) -> str:
-    """Return the source of poses; `auto` selects tf, or `without_tf` if tf2 is missing."""
+    """Resolve a pose source: `auto` means `tf`, or `without_tf` if tf2 is not installed."""
     if name == "auto":
         return "tf" if has_tf() else without_tf
     return name
@@ -266,7 +266,7 @@ def subscribe_to_poses(
     log: LogThrottle,
     depth: int = 1,
 ) -> None:
-    """Add the poses of a topic to a history, and call `then` after each of them."""
+    """Subscribe to a pose topic; add each pose to a history, then call `then`."""
 
     def add(message: Any) -> None:
         history.add(message)
@@ -276,15 +276,15 @@ def subscribe_to_poses(
 
 
 class TfPoses(Poses):
-    """Poses from tf2.
+    """Pose source that looks up transforms in tf2.
 
     Args:
         node: node that subscribes to `/tf` and `/tf_static`.
         map_frame: frame of the map.
-        robot_frame: frame of the robot; empty for the frame of the scan.
-        track_frame: frame of the track point; empty for that of the robot.
-        track_point: (3,) point that the map follows [m], in that frame.
-        covariances: poses of the robot whose covariances are used; None for none.
+        robot_frame: frame of the robot; empty means the frame of the scan.
+        track_frame: frame of `track_point`; empty means the robot frame.
+        track_point: (3,) point that the map follows [m], in `track_frame`.
+        covariances: robot poses whose covariances are used; None means no covariances.
     """
 
     def __init__(
@@ -332,7 +332,7 @@ class TfPoses(Poses):
         return None if found is None else from_transform(found)
 
     def latest(self) -> tuple[Matrix, int] | None:
-        """Return the latest pose of the robot and its time [ns], 0 if it is static."""
+        """Return the latest robot pose and its time [ns], which is 0 for a static transform."""
         found = self._look_up(self._robot_frame, 0)
         return None if found is None else (from_transform(found), from_stamp(found.header.stamp))
 
@@ -346,5 +346,5 @@ class TfPoses(Poses):
             return None
 
     def go_back(self, _stamp: int) -> None:
-        # tf2 ignores older transforms until it is cleared; those of `/tf_static` stay.
+        # tf2 ignores older transforms until its buffer is cleared; static transforms stay.
         self._buffer.clear()

@@ -12,18 +12,18 @@ CHOICES = (
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
 )
-"""Environment variables that select other settings."""
+"""Environment variables with which the user overrides the profile."""
 
 SHARED_MEMORY = 2**28
 """Free shared memory that the profile requires [bytes]; a container has 64 MB by default."""
 
 
 def use_profile() -> None:
-    """Let Fast DDS use the profile for large maps, unless the user selects other settings.
+    """Select the Fast DDS profile for large maps, unless the user selects other settings.
 
     Call it before `rclpy.init`, in processes that publish.
     """
-    # The folder exists only on Linux.
+    # `/dev/shm` exists only on Linux.
     with suppress(OSError):
         is_free = shutil.disk_usage("/dev/shm").free >= SHARED_MEMORY
         if is_free and not any(map(os.environ.get, CHOICES)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Queues of scans, each of which is fused as soon as its pose is known."""
+"""Queues of sensor scans, which are fused as soon as their poses are known."""
 
 import math
 import time
@@ -30,12 +30,12 @@ WAIT_PERIOD = 0.05
 """Time between two attempts to find the poses of waiting scans [s]."""
 
 SILENCE = 3.0
-"""Time without messages after which the log names a silent sensor [s]."""
+"""Time without messages after which a sensor is reported as silent [s]."""
 
 
 @dataclass
 class Statistics:
-    """Numbers of fused and dropped scans, points and time [s] of the fused ones."""
+    """Numbers of fused and dropped scans; points and processing time [s] of the fused scans."""
 
     fused: int = 0
     dropped: int = 0
@@ -52,13 +52,13 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Cloud:
-    """Scan of a sensor as points.
+    """Point cloud of one scan.
 
     Attributes:
         frame_id: frame of the points.
         stamp: time of the scan [ns].
         points: (N, 3) x, y, z [m].
-        columns: (N,) values of further layers.
+        columns: (N,) additional values of the points, by layer.
     """
 
     frame_id: str
@@ -74,19 +74,19 @@ class Cloud:
 class ScanQueue:
     """Scans of one sensor that wait for their poses.
 
-    If a scan is more than `LONGEST_JITTER` earlier than the one before, time was reset, as when a
-    bag starts again: later poses and scans are forgotten.
+    A scan more than `LONGEST_JITTER` earlier than the previous scan indicates a time reset, for
+    example when a bag restarts. Waiting scans and outdated poses are then discarded.
 
     Attributes:
         poses: source of the poses.
-        read: returns the scan in a message, such as a `Cloud`: any object with `frame_id`, `stamp`
+        read: converts a message to a scan, such as a `Cloud`: any object with `frame_id`, `stamp`
             and a length; raises `GridMapError` if the message is invalid.
         fuse: called with a scan and its placement; raises `GridMapError` if the scan is invalid.
         report: called with a text when a scan is dropped.
-        what: name of a message in these texts.
+        what: noun for a message in these texts.
         timeout: maximum time a scan waits for its pose [s].
-        queue_size: maximum number of waiting scans; a further one replaces the oldest.
-        clock: returns the time [s]; the default runs on while a simulation is paused.
+        queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
+        clock: returns the time [s]; the default clock continues while a simulation is paused.
         statistics: counts of scans.
     """
 
@@ -107,7 +107,7 @@ class ScanQueue:
         check(self.queue_size > 0, "queue_size", "at least 1", self.queue_size)
 
     def add(self, message: Any) -> int:
-        """Add a message; return the number of scans that were fused."""
+        """Queue the scan of a message; return the number of scans fused in this call."""
         try:
             scan = self.read(message)
         except DROPPED as error:
@@ -128,9 +128,9 @@ class ScanQueue:
         return self.work()
 
     def work(self) -> int:
-        """Fuse the scans whose poses are known; return their number.
+        """Fuse the scans whose poses are known; return the number of fused scans.
 
-        Call it when a pose arrives, and periodically to drop scans that have waited too long.
+        Call it when a pose arrives, and periodically, to drop scans that have waited too long.
         """
         fused = self.statistics.fused
         # A waiting scan does not delay scans of other frames.
@@ -138,7 +138,7 @@ class ScanQueue:
         return self.statistics.fused - fused
 
     def _finish(self, scan: Any, received: float) -> bool:
-        """Fuse or drop a scan; return False if it has to wait longer."""
+        """Fuse or drop a scan; return False if the scan must keep waiting."""
         begin = time.perf_counter()
         try:
             placement = self.poses.place(scan.frame_id, scan.stamp)
@@ -161,7 +161,7 @@ class ScanQueue:
 
 
 def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
-    """Return the cloud in a `PointCloud2` or its bytes, with some of its fields as columns."""
+    """Decode a `PointCloud2`, or its serialized bytes, with the given fields as columns."""
     if isinstance(message, bytes):
         message = view(message, PointCloud2)
     stamp = from_stamp(message.header.stamp)
@@ -169,15 +169,15 @@ def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
 
 
 class ScanInputs:
-    """Subscriptions of a node to scans.
+    """Subscribes to scan topics and passes the scans to their queues.
 
     Args:
         node: the node.
-        log: log of dropped messages and silent sensors.
+        log: logs dropped messages and silent sensors.
         prepare: called before waiting scans are fused.
 
     Attributes:
-        is_enabled: whether new scans are taken.
+        is_enabled: False ignores new scans.
     """
 
     def __init__(
@@ -199,9 +199,9 @@ class ScanInputs:
         name: str = "a sensor",
         is_reliable: bool = False,
     ) -> str:
-        """Put the messages of a topic into a queue, and call `on_fused` after scans were fused.
+        """Subscribe to a topic, add its messages to a queue, and call `on_fused` after each fusion.
 
-        Returns the full name of the topic. `name` is the name of the sensor in the log.
+        Returns the full name of the topic. `name` identifies the sensor in the log.
         """
         queue.report = self._drop
         sensor = _Sensor(name, topic, queue, on_fused, time.monotonic())
@@ -220,7 +220,7 @@ class ScanInputs:
         return str(subscription.topic_name)
 
     def work(self) -> None:
-        """Fuse the scans whose poses are known, and warn of silent sensors."""
+        """Fuse the scans whose poses are known, and warn about silent sensors."""
         if self._prepare:
             self._prepare()
         now = time.monotonic()
@@ -248,7 +248,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """A sensor, and the time of its last message [s]: infinite once it is known to be silent."""
+    """A sensor; `heard` is the time of its last message [s], infinite once silence was reported."""
 
     name: str
     topic: str

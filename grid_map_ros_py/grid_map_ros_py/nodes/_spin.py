@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Nodes as executables, from their arguments to the exit code; timers of nodes."""
+"""Life cycle of node executables, from arguments to exit code; base class and timers of nodes."""
 
 import gc
 import signal
@@ -47,7 +47,7 @@ T = TypeVar("T")
 N = TypeVar("N", int, float)
 
 EXTREMES = (1e-9, 1e9)
-"""Smallest and largest positive parameter: the period of such a rate still fits a ROS timer."""
+"""Limits of positive parameters; with these limits, the period of a rate fits a ROS timer."""
 
 _WAKE_PERIOD = 0.1
 """Time between two checks for signals while a node waits for messages [s]."""
@@ -56,21 +56,21 @@ _WAKE_PERIOD = 0.1
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
-    Call it in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect between two
-    callbacks, a second one interrupts the callback. (The handlers of rclpy shut ROS down in the
-    middle of a callback, and a spinning executor may miss that.) A SIGHUP that is ignored, as under
-    `nohup`, stays ignored. The node reports its state on `/diagnostics`, see `Health`.
+    Call it in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
+    callback; a second signal interrupts the callback. (The rclpy handlers shut ROS down during a
+    callback, and a spinning executor may miss the shutdown.) An ignored SIGHUP, as under `nohup`,
+    stays ignored. The node reports its state on `/diagnostics`; see `Health`.
 
     Args:
-        create_node: class of the node, or a function that makes it. A `GridMapError` that it
-            raises, or an error of ROS (a name, missing keys), means a wrong configuration and is
-            logged as one message, as is a `NodeFailedError` of a callback. Other exceptions pass
-            through. Given parameters that the node has not declared cause a warning.
-        args: command line arguments; None means those of the process.
+        create_node: class of the node, or a function that returns the node. If it raises a
+            `GridMapError` or a ROS error (invalid name, missing keys), the configuration is wrong,
+            and the error is logged as one message, as is a `NodeFailedError` of a callback. Other
+            exceptions propagate. Undeclared parameters cause a warning.
+        args: command line arguments; None means `sys.argv`.
 
     Returns:
         0 after an interrupt or a shutdown; 1 if the arguments or the configuration are wrong or the
-        node gave up.
+        node failed.
     """
     life = _Life(sys.argv if args is None else list(args))
     try:
@@ -87,7 +87,7 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:
-    """Call `callback` every `period` [s], even while the clock of the node is paused."""
+    """Create a timer that calls `callback` every `period` [s], even if simulated time is paused."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
@@ -107,17 +107,17 @@ class ConfiguredNode(Node):
         return run(cls)
 
     def read(self, name: str, default: T, description: str) -> T:
-        """Return a parameter that has the type of its default."""
+        """Read a parameter with the type of its default value."""
         return read_parameter(self, name, type(default), default, description=description)
 
     def read_number(self, name: str, default: N, low: float, high: float, description: str) -> N:
-        """Return a parameter that is a number from `low` to `high`."""
+        """Read a numeric parameter in the range from `low` to `high`."""
         value = self.read(name, default, description)
         check(low <= value <= high, name, f"a number from {low:g} to {high:g}", value)
         return value
 
     def read_positive(self, name: str, default: float, description: str) -> float:
-        """Return a parameter that is a positive number, such as a rate or a time."""
+        """Read a positive numeric parameter, such as a rate or a duration."""
         value, (low, high) = self.read(name, default, description), EXTREMES
         check(low <= value <= high, name, f"a positive number from {low:g} to {high:g}", value)
         return value
@@ -125,19 +125,19 @@ class ConfiguredNode(Node):
     def read_choice(
         self, name: str, choices: Collection[str], default: str, description: str
     ) -> str:
-        """Return a parameter that is one of the choices."""
+        """Read a parameter whose value must be one of `choices`."""
         value = self.read(name, default, description)
         check(value in choices, name, f"one of {', '.join(choices)}", value)
         return value
 
     def read_topic(self, name: str, default: str, description: str) -> str:
-        """Return a parameter that names a topic or a service; empty only if its default is."""
+        """Read a topic or service name, which may be empty only if the default is empty."""
         topic = self.read(name, default, description)
         return check_topic(self, name, topic) if topic or default else ""
 
 
 class _Life:
-    """Life cycle of a node, and the signals that end it."""
+    """Life cycle of a node, including signal handling."""
 
     def __init__(self, args: list[str]) -> None:
         self._args = args
@@ -161,7 +161,7 @@ class _Life:
             raise NodeFailedError(f"{error}{hint}") from error
         try:
             if isinstance(create_node, type):
-                # The node has a log and reports even if its own constructor fails.
+                # Allocate the node first, so that it can log errors of its constructor.
                 self._node = object.__new__(create_node)
                 self._node.__init__()
             else:
@@ -169,7 +169,7 @@ class _Life:
         except (GridMapError, NameValidationException, rclpy_implementation.RCLError) as error:
             text = str(error)
             if isinstance(error, NameValidationException):
-                # The last line is only a caret below the line before.
+                # The last line is only a caret that marks the invalid character.
                 text = text.rpartition("\n")[0]
             if not isinstance(error, GridMapError):
                 text = " ".join(text.split())
@@ -195,11 +195,11 @@ class _Life:
             pass
         finally:
             on_end(signal.SIG_IGN)
-            # The garbage collector could destroy its parts first, which prints a traceback.
+            # Otherwise the garbage collector could destroy its parts first and cause a traceback.
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:
-        """Log an expected error, publish every error on `/diagnostics`, and raise other errors."""
+        """Log a `NodeFailedError`, and raise other errors; publish both on `/diagnostics`."""
         on_end(signal.SIG_IGN)
         if isinstance(error, NodeFailedError):
             name = Path(sys.argv[0]).stem or "grid_map"
@@ -216,7 +216,7 @@ class _Life:
         if self._is_up:
             self._node.destroy_node()
         try_shutdown()
-        # Python's last garbage collections would take half a second with numba.
+        # Skip the final garbage collection of Python, which takes half a second with numba.
         gc.freeze()
 
     def _is_made(self) -> bool:

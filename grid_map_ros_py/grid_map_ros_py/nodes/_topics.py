@@ -20,23 +20,23 @@ WEAKER: dict[QoSPolicyKind, Any] = {
     QoSPolicyKind.DURABILITY: DurabilityPolicy.VOLATILE,
     QoSPolicyKind.RELIABILITY: ReliabilityPolicy.BEST_EFFORT,
 }
-"""Policies that a subscription can relax, and their weaker values."""
+"""QoS policies that a subscription can relax, and the weaker value of each policy."""
 
 
 def map_qos(*, transient_local: bool = True) -> QoSProfile:
     """Return the quality of service of map topics: reliable, latched, depth 1.
 
     Args:
-        transient_local: whether the publisher keeps the last map for late subscribers (a latched
-            topic), and a subscriber requests it. Publishers of maps always do. A subscriber with
-            False also receives from volatile publishers, but no earlier map.
+        transient_local: True for a latched topic: the publisher keeps the last map for late-joining
+            subscribers, and a subscriber requests it. Map publishers always use True. With False, a
+            subscriber also receives from volatile publishers, but misses earlier maps.
     """
     durability = DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
 def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
-    """Return a callback that logs the first message lost by a subscription."""
+    """Return a callback that logs a warning when a subscription loses its first message."""
     log = LogThrottle(node.get_logger(), period=math.inf)
     text = (
         f"messages of {node.resolve_topic_name(topic)} get lost: they come faster than this node "
@@ -55,9 +55,9 @@ def listen(
     what: str,
     depth: int = 1,
 ) -> None:
-    """Subscribe best effort; drop and log messages that the callback refuses.
+    """Subscribe to a topic with best effort; drop and log messages that the callback rejects.
 
-    Unlike a `LatchedSubscription`, it does not count its messages in the `Health` of the node.
+    Unlike `LatchedSubscription`, it does not count the messages in the `Health` of the node.
     """
 
     def receive(message: Any) -> None:
@@ -69,11 +69,11 @@ def listen(
 
 
 class LatchedSubscription:
-    """Calls back with the last message of a topic and all later messages.
+    """Subscription that receives the last message of a latched topic and all later messages.
 
-    A transient local subscription gets the message that was published before it, but does not
-    connect to volatile publishers. The subscription is transient local first, and becomes volatile
-    when it meets a volatile publisher.
+    A transient-local subscription receives the last earlier message, but does not connect to
+    volatile publishers. The subscription starts as transient local and becomes volatile when it
+    meets a volatile publisher.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged; a `NodeFailedError` ends the node.
@@ -82,12 +82,12 @@ class LatchedSubscription:
         node: the node that subscribes.
         message_type: class of the messages.
         topic: name of the topic.
-        callback: called with every message.
-        qos: fixed quality of service; None selects the behavior above.
-        raw: whether the callback gets the bytes of the message.
-        hears_best_effort: whether the subscription also becomes best effort when it meets a
-            best-effort publisher; otherwise it only logs that publisher.
-        depth: number of messages that wait for the callback, if `qos` is None.
+        callback: called with each message.
+        qos: fixed quality of service; None adapts the quality of service as described above.
+        raw: pass serialized messages (bytes) to the callback.
+        hears_best_effort: also become best effort when a best-effort publisher appears; if False,
+            only log the publisher.
+        depth: queue depth if `qos` is None.
 
     Attributes:
         topic_name: full name of the topic.
@@ -166,7 +166,7 @@ class LatchedSubscription:
 class MapSubscription(LatchedSubscription):
     """A `LatchedSubscription` to `grid_map_msgs/GridMap`.
 
-    The callback gets a `ReceivedMap` and decodes the layers that it needs. Keep a reference to the
+    The callback receives a `ReceivedMap` and decodes the required layers. Keep a reference to the
     subscription.
 
     Example:
@@ -189,15 +189,15 @@ class MapSubscription(LatchedSubscription):
 
 
 class MapPublisher:
-    """Publishes maps, latched, while there are subscribers.
+    """Latched publisher that serializes maps only while there are subscribers.
 
-    A new subscriber gets the current map, since the one that the middleware keeps may be old.
+    A new subscriber triggers a publication, because the map kept by the middleware may be outdated.
 
     Args:
         node: the node that publishes.
-        topic: the topic.
-        serialized: returns the current map as bytes; None if there is none yet.
-        log: log of maps that cannot be published.
+        topic: topic of the maps.
+        serialized: returns the current map as bytes, or None if there is no map yet.
+        log: logs the errors of maps that cannot be published.
 
     Attributes:
         count: number of published messages.
@@ -216,7 +216,7 @@ class MapPublisher:
         self.topic_name: str = self._publisher.topic_name
 
     def publish(self) -> None:
-        """Publish the current map if there is a subscriber; log a map that cannot be published."""
+        """Publish the current map if there are subscribers; log an error if that fails."""
         if not self._publisher.get_subscription_count():
             return
         with dropping(self._log, f"dropped a map for {self.topic_name}"):
@@ -226,7 +226,7 @@ class MapPublisher:
                 self.count += 1
 
     def publish_version(self, version: int) -> None:
-        """Publish the current map if its version is not the last one."""
+        """Publish the current map if `version` differs from the last published version."""
         if version != self._version:
             self._version = version
             self.publish()
@@ -239,15 +239,15 @@ class MapPublisher:
 def offer_service(
     node: Node, kind: type, name: str, action: Callable[[Any, Any], None], log: LogThrottle
 ) -> None:
-    """Offer the service `~/name`.
+    """Create the service `~/name`.
 
     Args:
         node: the node.
         kind: class of the service.
-        name: name of the service, below that of the node.
-        action: called with the request and an empty response, which it fills. If it raises a
+        name: name of the service, relative to the node.
+        action: fills the empty response for a request. If it raises a
             `GridMapError`, the error is logged and an empty response is sent.
-        log: log of errors.
+        log: logs the errors.
     """
 
     def respond(request: Any, response: Any) -> Any:
