@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grid maps as messages that RViz shows, and as pictures.
+"""Convert grid maps to messages for RViz, and draw pictures of grid maps.
 
-A visualization is a frozen dataclass that turns a map into a message: a surface, a point cloud, an
-image, an occupancy grid or a marker. `create` makes one from its YAML parameters, and
-`VISUALIZATIONS` finds its class by the YAML type name.
+A visualization is a frozen dataclass that converts a map to a message: a surface, a point cloud, an
+image, an occupancy grid or a marker. `create` creates a visualization from YAML parameters, and
+`VISUALIZATIONS` maps YAML type names to visualization classes.
 
-Pictures need no ROS: `pictures` draws maps with Matplotlib, `colors` turns values into colors, and
-`surface` turns heights into triangles.
+Pictures need no ROS: `pictures` draws maps with Matplotlib, `colors` converts values to colors, and
+`surface` converts heights to triangles.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ __all__ = ["VISUALIZATIONS", "Visualization", "create"]
 
 
 def __getattr__(name: str) -> Any:
-    # Loaded on first use, because the built-in visualizations import message packages.
+    # Imported lazily, because the built-in visualizations import message packages.
     if name in __all__:
         from . import _registry
 

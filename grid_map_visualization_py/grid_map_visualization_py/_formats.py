@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Recordings of Rerun as a file format of `grid_map_core_py`.
+"""Registers Rerun recordings as a file format of `grid_map_core_py`.
 
-The table of formats imports this module whenever it is used, so the module imports what is slow
-when it writes.
+Each use of the format table imports this module; slow imports are therefore deferred until a file
+is written.
 """
 
 from collections.abc import Iterable

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Meaning of layers, as their names tell it."""
+"""Derive the meaning of layers, such as heights, from the layer names."""
 
 import re
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ _NO_HEIGHTS = re.compile(r"color|count|curvature|deviation|error|normal|slope|st
 
 
 def usual_layer(site: "GridMap | TiledMap") -> str:
-    """Return the layer that is drawn unless the user names one: elevation, or the first.
+    """Return the layer to draw by default: `elevation`, or else the first layer.
 
     Raises:
         ConfigError: the map has no layers.
@@ -27,20 +27,20 @@ def usual_layer(site: "GridMap | TiledMap") -> str:
 
 
 def is_heights(layer: str) -> bool:
-    """Return whether the name of a layer says that it holds heights."""
+    """Return True if the name of a layer indicates that the layer contains heights."""
     return bool(_HEIGHTS.match(layer)) and not _NO_HEIGHTS.search(layer)
 
 
 def titled(layer: str) -> str:
-    """Return the name of a layer, with the unit if it holds heights."""
+    """Return the name of a layer, followed by the unit if the layer contains heights."""
     return f"{layer} [m]" if is_heights(layer) else layer
 
 
 def lit_heights(site: "GridMap | TiledMap", layer: str, hillshade: bool | str | None) -> str:
-    """Return the layer of heights that the light falls on; empty for no light.
+    """Return the height layer for hillshading of `layer`; empty for no hillshading.
 
     Raises:
-        ConfigError: `hillshade` is true, and the map has no layer of heights.
+        ConfigError: `hillshade` is true, but the map has no height layer.
     """
     if isinstance(hillshade, str):
         return hillshade

@@ -21,14 +21,14 @@ from .colors import check_color
 
 @dataclass(frozen=True, kw_only=True)
 class LineMarker:
-    """Base of the visualizations that draw lines of one color.
+    """Base class of visualizations that draw lines of one color.
 
     Attributes:
         color: 0xRRGGBB.
         line_width: width of the lines [m].
 
     Raises:
-        ConfigError: the color is out of range, or the width not positive.
+        ConfigError: the color is out of range, or the width is not positive.
     """
 
     message_type: ClassVar[type] = Marker
@@ -48,9 +48,9 @@ class LineMarker:
 
         Args:
             grid_map: the map.
-            points: (N, 3) x, y, z [m]. `kind` says which of them are connected.
+            points: (N, 3) x, y, z [m]. `kind` determines which points are connected.
             kind: `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
-            namespace: the marker's `ns`.
+            namespace: namespace (`ns`) of the marker.
         """
         marker = Marker(header=to_header(grid_map), ns=namespace, type=kind, action=Marker.ADD)
         marker.scale.x = self.line_width

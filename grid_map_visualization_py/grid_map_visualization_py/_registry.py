@@ -2,7 +2,7 @@
 """Registry of visualizations by their YAML type names.
 
 Other packages add types through the entry-point group `grid_map_visualization_py.visualizations`.
-The name of an entry point is the type, its object a class that follows `Visualization`.
+The name of an entry point is the type name; its object is a class that implements `Visualization`.
 """
 
 from collections.abc import Mapping
@@ -17,16 +17,16 @@ from . import _builtin
 
 
 class Visualization(Protocol):
-    """A frozen dataclass whose fields are its YAML parameters, called with a map.
+    """Frozen dataclass that converts maps to messages; its fields are the YAML parameters.
 
     Attributes:
-        message_type: class of the messages that it makes.
+        message_type: class of the returned messages.
     """
 
     message_type: ClassVar[type]
 
     def __call__(self, grid_map: GridMap) -> Any:
-        """Return a message of `message_type`, or its CDR bytes: publishers accept both.
+        """Convert a map to a message of `message_type`, or to its CDR bytes for a publisher.
 
         Raises:
             LayerNotFoundError: the map lacks a layer.
@@ -37,16 +37,16 @@ BUILT_IN: Mapping[str, type[Visualization]] = {
     cls.__module__.rpartition("._")[2]: cls
     for cls in (getattr(_builtin, name) for name in _builtin.__all__)
 }
-"""The built-in visualizations, by the names of their modules."""
+"""Built-in visualization classes, by module name, which is the YAML type name."""
 
 VISUALIZATIONS: Registry[Visualization] = Registry(
     BUILT_IN, "grid_map_visualization_py.visualizations"
 )
-"""All visualizations: `VISUALIZATIONS["vectors"]`, `VISUALIZATIONS.types`."""
+"""All visualizations, by type name: `VISUALIZATIONS["vectors"]`, `VISUALIZATIONS.types`."""
 
 
 def describe_parameters(config: Mapping[str, object]) -> dict[str, str]:
-    """Return descriptions of the parameters of a visualization: `type`, `params.layer`, ..."""
+    """Return a description of each YAML parameter (`type`, `params.layer`, ...), by name."""
     try:
         meanings = descriptions(VISUALIZATIONS[str(config.get("type"))])
     except ConfigError:
@@ -56,18 +56,18 @@ def describe_parameters(config: Mapping[str, object]) -> dict[str, str]:
 
 
 def create(name: str, config: Mapping[str, object]) -> Visualization:
-    """Return the visualization that a parameter file describes.
+    """Create a visualization from its YAML parameters.
 
     Args:
-        name: name that the user gave it, for error messages.
-        config: `type`, a name in the registry, and `params`, its parameters by name.
+        name: name of the visualization in the parameter file, for error messages.
+        config: `type`, a type name in the registry, and `params`, the parameters by name.
 
     Raises:
-        ConfigError: the type is missing or unknown, a parameter is unknown, missing or wrong, or a
-            package is not installed. The message names the visualization, its type and the cause.
+        ConfigError: the type is missing or unknown; a parameter is unknown, missing or invalid; or
+            a package is not installed. The message names the visualization, its type and the cause.
     """
     type_name: Any = config.get("type")
-    # ROS passes an empty mapping as a parameter without type.
+    # ROS passes an empty mapping as an unset parameter, which is None here.
     parameters: Any = {} if config.get("params") is None else config["params"]
     try:
         unknown = sorted({*config} - {"type", "params"})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Addresses of the pages of both viewers, and which requests they answer."""
+"""URLs of the pages of both viewers, and checks of the requests to the pages."""
 
 import ipaddress
 import socket
@@ -16,7 +16,7 @@ class PageError(GridMapError):
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """Return a socket that listens at an address, or raise `PageError`."""
+    """Return a socket that listens at an address; raise `PageError` on failure."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         return socket.create_server((host, port), family=family)
@@ -33,24 +33,24 @@ def is_loopback(host: str) -> bool:
 
 
 def url_of(host: str, port: int) -> str:
-    """Return the URL of a page; for wildcard addresses, with the name of this machine."""
+    """Return the URL of a page; wildcard addresses are replaced by the name of this machine."""
     name = socket.gethostname() if host in {"", "0.0.0.0", "::"} else host
     return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
 
 
 def names_of(host: str, allowed_hosts: Sequence[str]) -> set[str]:
-    """Return the names under which browsers may open a page that is served at `host`."""
+    """Return the host names under which browsers may open a page that is served at `host`."""
     machine = socket.gethostname()
     names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
     return {name.lower() for name in names}
 
 
 def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) -> bool:
-    """Return True if a browser may send a request with these headers to the page.
+    """Return True if the page may answer a request with these headers.
 
-    The host must be an IP address or one of the names: a foreign name that points to this machine
-    (DNS rebinding) is refused. The origin must be the page itself. Programs that are no browsers
-    send no origin and are answered.
+    The host must be an IP address or one of `names`, which excludes foreign names that resolve to
+    this machine (DNS rebinding). The origin must be the page itself. Requests without an origin,
+    which programs other than browsers send, are allowed.
     """
     host = headers.get("Host", "").lower()
     origin = headers.get("Origin", f"http://{host}")

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Colors of cells, from the values of a layer.
+"""Convert the values of a layer to colors.
 
-A color map is a named sequence of colors, such as viridis. The names are those of Matplotlib
-(https://matplotlib.org/stable/gallery/color/colormap_reference.html), so that a map has the same
-colors in RViz, in the browser and in a picture. Colors are red, green, blue in [0, 255].
-
-Layers that hold colors, packed into one float32 per cell, are written and read by
-`grid_map_core_py.conversions`. Matplotlib is imported when the first color map is needed.
+A color map is a named sequence of colors, such as viridis. All outputs (RViz, browser, pictures)
+use the color maps of Matplotlib (see
+https://matplotlib.org/stable/gallery/color/colormap_reference.html), which is imported on first
+use. Colors are red, green, blue in [0, 255]. `grid_map_core_py.conversions` packs colors into
+layers, one float32 per cell, and unpacks such layers.
 """
 
 from dataclasses import dataclass
@@ -27,10 +26,10 @@ __all__ = [
 ]
 
 Colors: TypeAlias = npt.NDArray[np.uint8]
-"""(..., 3) red, green, blue."""
+"""Colors (..., 3): red, green, blue in [0, 255]."""
 
 MISSING = 128
-"""Red, green and blue of cells without a value, which are gray."""
+"""Red, green and blue of the gray for cells without a value."""
 
 DEFAULT_COLOR_MAP = "viridis"
 
@@ -53,7 +52,7 @@ def color_map_names() -> list[str]:
 
 
 def check_color(color: int) -> None:
-    """Raise `ConfigError` unless `color` is of the form 0xRRGGBB."""
+    """Raise `ConfigError` unless `color` is in the range 0 to 0xFFFFFF (0xRRGGBB)."""
     check(0 <= color <= 0xFFFFFF, "color", f"0 to {0xFFFFFF} (0xRRGGBB)", color)
 
 
@@ -62,17 +61,17 @@ class Coloring:
     """Source of the colors of cells: a color map, packed colors or one color.
 
     Attributes:
-        mode: "intensity" maps the values of `layer` by the color map, "color" unpacks the colors in
-            `layer`, and "flat" gives `color` to all cells.
+        mode: "intensity" maps the values of `layer` to colors of `color_map`, "color" unpacks the
+            colors in `layer`, and "flat" uses `color` for all cells.
         layer: name of the layer.
         color_map: name of the color map.
-        lower, upper: values at its ends. Values beyond them get the colors of the ends. None stands
-            for the smallest and the largest finite value.
-        invert: swap the ends.
-        color: 0xRRGGBB, the color of the mode "flat".
+        lower, upper: values at the ends of the color map; None means the smallest and the largest
+            finite value. Values outside this range get the nearest end color.
+        invert: swap the ends of the color map.
+        color: color of the mode "flat", 0xRRGGBB.
 
     Raises:
-        ConfigError: there is no such color map, or the bounds are not finite and in order.
+        ConfigError: the color map is unknown, or the bounds are not finite with lower < upper.
         MissingPackageError: Matplotlib is not installed.
     """
 
@@ -93,10 +92,10 @@ class Coloring:
             check(self.lower < self.upper, "upper", expected, self.upper)
 
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
-        """Return the values at the ends of the color map for these values.
+        """Return the lower and upper end of the color map for an array of layer values.
 
-        A bound that is None is the smallest or the largest finite value, but never on the wrong
-        side of the given one. Both are 0 if no bound is given and no value is finite.
+        A bound that is None is the smallest or the largest finite value, limited by the other bound
+        so that lower <= upper. Both are 0 if no bound is given and no value is finite.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper
@@ -109,9 +108,9 @@ class Coloring:
         return lower, max(lower, upper)
 
     def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
-        """Return the colors (..., 3) of cells in which `layer` has the values (...); NaN is gray.
+        """Return the colors (..., 3) for an array (...) of layer values; NaN is gray.
 
-        The range of a color map is divided into 256 equal steps, one per color.
+        The range of a color map is divided into 256 equal steps with one color each.
         """
         if self.mode == "flat":
             one = np.stack(color_value_to_bytes(np.array(self.color)))
@@ -124,7 +123,7 @@ class Coloring:
             factor = _STEPS / (upper - lower) if upper > lower else 0.0
             with np.errstate(over="ignore", invalid="ignore"):
                 steps = (values - np.float32(lower)) * np.float32(factor)
-            # Unlike np.minimum and np.maximum, these two replace NaN by the bound.
+            # Unlike np.minimum and np.maximum, np.fmin and np.fmax replace NaN with the bound.
             steps = np.fmin(np.fmax(steps, 0), _STEPS - 1)
             table = _table(self.color_map)[:: -1 if self.invert else 1]
             colors = np.take(table, steps.astype(np.uint8), axis=0)

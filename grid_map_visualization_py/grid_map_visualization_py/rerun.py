@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps and bags in Rerun: in notebooks, in files, and in recordings of your own.
+"""Show maps and bags in Rerun: in notebooks, in files, and in existing recordings.
 
 - `show` shows a map or a bag in a notebook.
-- `recorded` writes a file (`.rrd`) map by map; `grid_map_core_py.save` writes one map.
-- `Scene` writes maps and messages to any recording, `Style` says how, and `log_bag` takes them from
-  a bag.
+- `recorded` writes several maps to a file (`.rrd`); `grid_map_core_py.save` writes one map.
+- `Scene` writes maps and messages to any recording in a given `Style`.
+- `log_bag` writes the messages of a bag to a scene.
 """
 
 import os
@@ -25,18 +25,18 @@ def show(
     width: int | None = None,
     height: int | None = None,
 ) -> None:
-    """Show a map, or all messages of a bag, in Rerun in the output of a cell of a notebook.
+    """Show a map, or all messages of a bag, in a Rerun viewer below a notebook cell.
 
     Args:
-        source: the map, or the bag.
-        style: how maps are drawn.
+        source: a map, or the path of a bag.
+        style: style of the maps.
         width, height: size of the viewer [pixels].
 
     Raises:
         MissingPackageError: Rerun is not installed.
         GridMapError: the bag cannot be read.
     """
-    # Otherwise the notebook loads the viewer from a server of Rerun.
+    # By default, the notebook would load the viewer from rerun.io.
     os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "serve-local")
     rr = rerun()
     recording = rr.RecordingStream("grid_map")

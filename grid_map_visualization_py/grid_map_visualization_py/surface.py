@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Triangulation of a layer of heights, for markers and meshes.
+"""Triangulate a height layer for markers and meshes.
 
-The corners of the triangles are cell centers. Four neighboring cells in a square are two triangles
-if all have a height, one triangle if three have one, and a hole otherwise. Two triangles meet at
-that diagonal of the square whose ends differ less in height, the higher one if both differ alike,
-so that edges and ridges are straight.
+The corners of the triangles are cell centers. A square of four neighboring cells becomes two
+triangles if all four heights are finite, one triangle if three are finite, and a hole otherwise.
+The square is split along the diagonal with the smaller height difference (the higher diagonal if
+the differences are equal), so that edges and ridges are straight.
 
-Maps with more than `max_drawn_cells` cells are thinned out: every n-th row and column stay, and
-the first and the last ones, so that the surface covers the map. The remaining cells keep their
-values; no means are taken. Rows and columns are chosen by their position in the map frame, so that
-the surface of a moving map does not flicker.
+If a map has more than `max_drawn_cells` cells, only every n-th row and column is kept, and the
+first and last ones, so that the surface covers the map. Values are not averaged. Rows and columns
+are chosen by position in the map frame, so that the surface of a moving map does not flicker.
 """
 
 from collections.abc import Iterator
@@ -34,8 +33,8 @@ __all__ = [
 
 
 def check_max_drawn_cells(max_drawn_cells: int) -> None:
-    """Raise `ConfigError` unless the limit is 0 (none) or large enough to thin out maps."""
-    # The smallest limit is the first, one inner and the last row and column.
+    """Raise `ConfigError` unless `max_drawn_cells` is 0 (no limit) or at least 9."""
+    # Thinned-out maps contain at least the first, one inner, and the last row and column.
     is_limit = max_drawn_cells == 0 or max_drawn_cells >= 9
     check(is_limit, "max_drawn_cells", "0 (never thin out) or at least 9", max_drawn_cells)
 
@@ -47,8 +46,8 @@ class Mesh:
     Attributes:
         origin: (3,) origin of the vertices: the center of the map at height zero [m], map frame.
         vertices: (N, 3) float32 x, y, z relative to `origin` [m], all finite.
-        faces: (M, 3) uint32 indices of vertices; counter-clockwise, seen from above.
-        colors: (N, 3) uint8 red, green, blue of the vertices.
+        faces: (M, 3) uint32 vertex indices; counter-clockwise, seen from above.
+        colors: (N, 3) uint8 red, green, blue of each vertex.
     """
 
     origin: Positions
@@ -59,16 +58,16 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Cells of a map that a surface shows, and the triangles between them.
+    """Surface of a map: the shown cells and the triangles between cell centers.
 
-    Arrays are transposed layers in map order, so that they are contiguous. The index of a cell
-    counts column after column.
+    Arrays are transposed layers in map order, which are contiguous. Cells are numbered in
+    column-major order.
 
     Args:
         grid_map: the map.
-        height_layer: heights [m]; cells without a finite one are holes.
+        height_layer: layer of heights [m]; cells without a finite height are holes.
         flat: draw the surface at height zero, with the same holes.
-        max_drawn_cells: limit of the cells, at least 9; 0 for no limit.
+        max_drawn_cells: maximum number of cells, at least 9; 0 means no limit.
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
@@ -84,7 +83,7 @@ class Surface:
         check_max_drawn_cells(self.max_drawn_cells)
 
     def values(self, layer: str) -> Layer:
-        """Return a layer (columns, rows) of the cells that are shown.
+        """Return the values (columns, rows) of a layer in the shown cells.
 
         Raises:
             LayerNotFoundError: the map lacks the layer.
@@ -97,12 +96,12 @@ class Surface:
 
     @cached_property
     def valid(self) -> Mask:
-        """Mask (columns, rows) of the cells with a finite height."""
+        """Mask (columns, rows) of the shown cells with a finite height."""
         return np.isfinite(self.values(self.height_layer))
 
     @cached_property
     def triangles(self) -> npt.NDArray[np.int64]:
-        """Indices (T, 3) of the corner cells; counter-clockwise, seen from above."""
+        """Corner cells (T, 3) of each triangle; counter-clockwise, seen from above."""
         columns, rows = self.valid.shape
         if rows < 2 or columns < 2:
             return np.empty((0, 3), np.int64)
@@ -118,7 +117,7 @@ class Surface:
     def points(
         self, origin: npt.ArrayLike = (0.0, 0.0), dtype: npt.DTypeLike = np.float64
     ) -> npt.NDArray[Any]:
-        """Return x, y, z (columns * rows, 3) of all cells [m], relative to `origin`."""
+        """Return x, y, z [m] of all shown cells (columns * rows, 3), relative to `origin`."""
         (x, y), (x0, y0) = self.grid_map.geometry.axes_in_map_order(), np.asarray(origin)
         if self._step > 1:
             rows, columns = self._kept
@@ -131,12 +130,12 @@ class Surface:
         return points.reshape(-1, 3)
 
     def colors(self, coloring: Coloring) -> Colors:
-        """Return red, green, blue (columns * rows, 3) of all cells.
+        """Return red, green, blue (columns * rows, 3) of all shown cells.
 
-        A coloring without a layer uses the heights.
+        If the coloring has no layer, the heights are colored.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer.
+            LayerNotFoundError: the map lacks the layer of the colors.
         """
         layer = "" if coloring.mode == "flat" else coloring.layer
         if coloring.mode == "intensity" and self._step > 1:
@@ -146,22 +145,22 @@ class Surface:
         return coloring(self.values(layer or self.height_layer)).reshape(-1, 3)
 
     def bounds(self, coloring: Coloring) -> tuple[float, float]:
-        """Return the values at the ends of the color map: those of the whole map, not thinned out.
+        """Return the values at the ends of the color map, computed from all cells of the map.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer.
+            LayerNotFoundError: the map lacks the layer of the colors.
         """
         return coloring.bounds(self.grid_map[coloring.layer or self.height_layer])
 
     def mesh(self, coloring: Coloring) -> Mesh:
-        """Return the surface as a mesh.
+        """Return the surface as a colored triangle mesh.
 
         Raises:
             LayerNotFoundError: the map lacks the layer of the colors.
         """
         origin = self.grid_map.position
         valid = self.valid.ravel()
-        # Graphics libraries fail on vertices that are not finite.
+        # Omit vertices that are not finite, because graphics libraries reject them.
         numbers = np.cumsum(valid, dtype=np.uint32) - np.uint32(1)
         return Mesh(
             np.append(origin, 0.0),
@@ -177,17 +176,17 @@ class Surface:
             return 1
 
         def lines(cells: int, step: int) -> int:
-            # Every n-th line stays, and up to two border lines.
+            # Every n-th line is kept, and up to two border lines.
             return min(cells, -(-cells // step) + 2)
 
         return next(n for n in count(2) if lines(rows, n) * lines(columns, n) <= most)
 
     @cached_property
     def _kept(self) -> list[npt.NDArray[np.int64]]:
-        """Indices of the rows and columns that are shown, in map order."""
+        """Indices of the shown rows and columns, in map order."""
         kept = []
         for axis in self.grid_map.geometry.axes_in_map_order():
-            # Centers usually lie at whole or half cells; the offset of a quarter avoids rounding.
+            # Centers usually lie at whole or half cells; an offset of 1/4 avoids rounding errors.
             first = int(np.floor(axis[0] / self.grid_map.resolution + 0.25))
             stays = (first - np.arange(len(axis))) % self._step == 0
             stays[[0, -1]] = True
@@ -196,11 +195,11 @@ class Surface:
 
 
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
-    """Yield, for each kind of triangle, a mask of the squares and the offsets of its corners."""
+    """Yield a mask of the squares and the corner offsets for each of the four triangle types."""
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)
     is_first[:, -1] = False
-    # Cells of a square: the first, the next row (-x), the next column (-y), and both.
+    # Cells of a square: first cell, next row (-x), next column (-y), next row and column.
     offsets = (0, 1, rows, rows + 1)
     squares = valid.size - offsets[-1]
     inside = is_first.ravel()[:squares]
@@ -219,7 +218,7 @@ def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, i
     kept = inside & row & column & ~turned
     yield kept & first, (0, 1, rows)
     yield kept & both, (1, rows + 1, rows)
-    # Triangles along the other diagonal, also where one corner of the usual one is missing.
+    # Triangles along the other diagonal, also if a corner on the usual diagonal is missing.
     crossed = inside & first & both
     yield crossed & column & (turned | ~row), (0, rows + 1, rows)
     yield crossed & row & (turned | ~column), (0, 1, rows + 1)

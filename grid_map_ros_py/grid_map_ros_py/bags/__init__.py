@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps in bags of rosbag2, read and written without ROS: MCAP and sqlite3 files.
+"""Read and write maps in rosbag2 bags (MCAP and sqlite3) without ROS.
 
-New bags are folders with `metadata.yaml` and one file, as `ros2 bag record` of ROS 2 Jazzy writes
-them. Bags of either format are read, split or not, and single files. All functions raise `BagError`
-for a bag that cannot be read or written, and `MissingPackageError` if the package `mcap` is needed
-and not installed.
+New bags are folders with `metadata.yaml` and one storage file, the layout that `ros2 bag record` of
+ROS 2 Jazzy writes. Readers accept bags of both formats, split or not, and single storage files. All
+functions raise `BagError` if a bag cannot be read or written, and `MissingPackageError` if the
+package `mcap` is needed but not installed.
 """
 
 from ._bag import (

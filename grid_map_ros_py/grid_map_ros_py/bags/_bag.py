@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reader and writer of bags, and the functions that use them."""
+"""Bag reader and writer, and functions that load and save maps with the reader and writer."""
 
 import bisect
 import os
@@ -27,16 +27,17 @@ from ._sqlite import SqliteFile, SqliteWriter
 from ._storage import GRID_MAP_TYPE, MAPS, Entry, Topic, bag_errors
 
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
-"""Formats of the file in a new bag, with the endings of its name."""
+"""File name extension of each storage format of new bags."""
 
 _Storage: TypeAlias = McapFile | SqliteFile
-"""The methods may raise any exception for a damaged file: call them within `bag_errors`."""
+"""Open storage file. Its methods may raise any exception if the file is damaged; call the methods
+within `bag_errors`."""
 
 _TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _ROS1_MAGIC = b"#ROSBAG"
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _BAG_ENDINGS = {".mcap", ".db3", ".db3-wal", ".db3-shm", ".zstd"}
-"""Endings of the files in the folder of a bag, besides its metadata."""
+"""Extensions of the storage files in a bag folder."""
 
 
 # --- writing --------------------------------------------------------------------------------------
@@ -54,14 +55,14 @@ def save_to_bag(
 ) -> None:
     """Write maps to a new bag.
 
-    An interrupted save leaves the old bag, if there was one.
+    If saving is interrupted, an existing bag stays unchanged.
 
     Args:
-        maps: one map, or several; each is written before the next one is taken.
+        maps: one map or an iterable of maps; each map is written before the next one is requested.
         path: folder of the bag.
         layers: names of the layers to write; None means all.
         overwrite: replace an existing bag. Other files and folders are never replaced.
-        storage: "mcap", or "sqlite3", which `loadFromBag` of the C++ library reads.
+        storage: "mcap", or "sqlite3", which the C++ function `loadFromBag` can read.
         compression: "none", "lz4" or "zstd" for MCAP; "none" for sqlite3.
     """
     names = _once(layers)
@@ -72,14 +73,14 @@ def save_to_bag(
 
 
 class BagWriter:
-    """Context manager that writes a bag map by map.
+    """Context manager that writes maps to a bag, one at a time.
 
-    The bag replaces the target when the context ends; an exception leaves the target unchanged.
-    Other arguments: see `save_to_bag`.
+    The new bag replaces an existing bag when the context ends; after an exception, the existing bag
+    stays unchanged. Other arguments: see `save_to_bag`.
 
     Args:
-        in_place: for long recordings to MCAP: write directly to `path`. The bag can be finished
-            even if the disk is full, and `recover=True` reads the bag of a killed process.
+        in_place: write directly to `path`, for long MCAP recordings. The bag can be completed even
+            if the disk is full, and can be read with `recover=True` if the process is killed.
     """
 
     def __init__(
@@ -137,7 +138,7 @@ class BagWriter:
             bag_storage.save(self._folder, document)
 
     def check(self, topic: str) -> None:
-        """Raise the error that writing to a topic would raise now, without writing anything."""
+        """Raise `BagError` if a map cannot be written to `topic`; write nothing."""
         self._check_topic(topic)
         with bag_errors(self._path, "written"):
             parent = self._path.resolve().parent
@@ -158,8 +159,9 @@ class BagWriter:
         """Append a map.
 
         Args:
-            topic, grid_map: the map, and its topic in the bag.
-            time: time of the message [ns]; None means the time of the map.
+            topic: topic of the map in the bag.
+            grid_map: the map to append.
+            time: time of the message [ns]; None means the timestamp of the map.
             layers: names of the layers to write; None means all.
         """
         self._check_topic(topic)
@@ -170,14 +172,14 @@ class BagWriter:
         self.write_serialized(topic, MAPS, stamp, to_serialized_message(grid_map, layers))
 
     def write_serialized(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
-        """Append a message of any type as it was sent, with its time [ns]."""
+        """Append a serialized message of any type, recorded at `time` [ns]."""
         with bag_errors(self._path, "written"):
             self._writer.write(topic, self._topics.setdefault(topic, kind), time, data)
         self._times.setdefault(topic, []).append(time)
 
     @contextmanager
     def _new_folder(self) -> Iterator[Path]:
-        """Yield the folder to write to, which replaces the old one at the end unless in place."""
+        """Yield the folder to write to: a temporary folder, or the bag itself if `in_place`."""
         if not self._in_place:
             with new_folder(self._path, self._check_old) as folder:
                 yield folder
@@ -197,7 +199,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_old(self, target: Path) -> None:
-        """Refuse to replace anything but a bag or an empty folder."""
+        """Raise `BagError` unless `target` is a bag or an empty folder."""
         if not target.is_dir():
             raise BagError(self._path, "is a file, and a bag is a folder")
         names = sorted(path.name for path in target.iterdir())
@@ -224,17 +226,17 @@ def load_from_bag(
     unwrap: bool = True,
     recover: bool = False,
 ) -> GridMap:
-    """Return a map from a bag: by default the last one on the topic.
+    """Load one map from a bag, by default the last map on the topic.
 
     Args:
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
-        topic: topic of the maps; None means the only topic with maps.
+        topic: topic to read; None means the only topic with maps.
         layers: names of the layers to read; None means all.
         index: index of the map in time order: 0 is the first, -1 the last.
-        time: take the last map that is not later than this [ns], whatever `index` is.
+        time: load the last map recorded at or before this time [ns] and ignore `index`.
         unwrap: as for `from_message`.
-        recover: read a damaged MCAP file, such as that of a recorder that was killed, up to the
-            last whole chunk, with a warning.
+        recover: read a damaged MCAP file, for example of a killed recorder, up to the last complete
+            chunk, with a warning.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -248,7 +250,7 @@ def bag_maps(
     *,
     recover: bool = False,
 ) -> Iterator[GridMap]:
-    """Yield the maps on a topic in time order, each read when requested; see `load_from_bag`."""
+    """Yield the maps on a topic in time order, reading lazily; arguments: see `load_from_bag`."""
     names = _once(layers)
     with BagReader(path, topic, recover=recover) as bag:
         for record in bag:
@@ -261,9 +263,9 @@ class BagTopic:
 
     Attributes:
         name: name of the topic.
-        type: type of its messages, such as `grid_map_msgs/msg/GridMap`.
+        type: message type, such as `grid_map_msgs/msg/GridMap`.
         count: number of messages.
-        first, last: earliest and latest time [ns]; None without messages.
+        first, last: earliest and latest message time [ns]; None if there are no messages.
     """
 
     name: str
@@ -274,12 +276,12 @@ class BagTopic:
 
     @property
     def holds_maps(self) -> bool:
-        """True if the topic has maps."""
+        """True if the topic contains at least one map."""
         return self.type == GRID_MAP_TYPE and self.count > 0
 
 
 def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagTopic]:
-    """Return the topics of a bag in the order of their names; arguments: see `load_from_bag`."""
+    """Return the topics of a bag, sorted by name; arguments: see `load_from_bag`."""
     with BagFiles(path, recover=recover) as files:
         times: dict[str, list[int]] = {name: [] for name in sorted(files.topics)}
         for entry, _, name in files.entries(times):
@@ -291,7 +293,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """A recorded message in CDR, with the time of the recording [ns] and its name in errors."""
+    """A recorded message (CDR) with its recording time [ns] and the name used in error texts."""
 
     topic: str
     type: str
@@ -300,7 +302,7 @@ class BagMessage(NamedTuple):
     place: str
 
     def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
-        """Return the map in a message of maps; arguments: see `from_message`."""
+        """Decode the map from a map message; arguments: see `from_message`."""
         try:
             return from_serialized_message(self.data, layers, unwrap=unwrap)
         except MessageError as error:
@@ -310,11 +312,13 @@ class BagMessage(NamedTuple):
 
 
 class BagFiles:
-    """Messages of any type in the files of a bag. Close it, or use it as a context manager.
+    """Reads messages of any type from the files of a bag.
+
+    Close the reader after use, or use it as a context manager.
 
     Attributes:
-        paths: the files.
-        topics: type, encoding and quality of service of every topic.
+        paths: storage files of the bag.
+        topics: type, encoding and quality of service of each topic, by topic name.
     """
 
     def __init__(self, path: str | PathLike[str], *, recover: bool = False) -> None:
@@ -338,13 +342,13 @@ class BagFiles:
         self.close()
 
     def close(self) -> None:
-        """Close the file that is open."""
+        """Close the currently open storage file."""
         if self._open is not None:
             self._open[1].close()
             self._open = None
 
     def entries(self, topics: Iterable[str]) -> list[tuple[Entry, int, str]]:
-        """Return the messages on topics in time order, with the numbers of their files."""
+        """Return (entry, file number, topic) of each message on `topics`, in time order."""
         found, wanted = list[tuple[Entry, int, str]](), {*topics}
         for number, path in enumerate(self.paths):
             with bag_errors(path):
@@ -354,19 +358,19 @@ class BagFiles:
         return sorted(found, key=lambda one: one[0].time)
 
     def read(self, file: int, entry: Entry) -> bytes:
-        """Return a message as it was sent."""
+        """Return the serialized message of an entry in a file, decompressed."""
         path = self.paths[file]
         with bag_errors(path):
             data = self._storage(file).read(entry)
             if data.startswith(_ZSTD_MAGIC):
-                # rosbag2 compressed this message on its own.
+                # The bag uses the per-message compression of rosbag2.
                 zstandard = package("zstandard", path)
                 check_bytes(f"{path}: a message", zstandard.frame_content_size(data), len(data))
                 data = zstandard.decompress(data)
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Open a file and close the last one: a bag may have more files than a process may open."""
+        """Return an open file; only one is open, as bags may exceed the limit of open files."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)
@@ -376,11 +380,11 @@ class BagFiles:
 def bag_messages(
     path: str | PathLike[str], types: Iterable[str] | None = None, *, recover: bool = False
 ) -> Iterator[BagMessage]:
-    """Yield the messages of a bag in time order, each read when it is asked for.
+    """Yield the messages of a bag in time order, reading lazily.
 
     Args:
         path, recover: as for `load_from_bag`.
-        types: types of messages to read; None means all. Topics that are not in CDR are left out.
+        types: message types to read; None means all. Topics not encoded in CDR are skipped.
     """
     wanted = None if types is None else {*types}
     with BagFiles(path, recover=recover) as files:
@@ -399,8 +403,8 @@ def bag_messages(
 class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
-    Each message is read when it is accessed, and not decoded. Close the reader, or use it as a
-    context manager. Arguments: see `load_from_bag`.
+    A message is read from the bag on access and is not decoded. Close the reader after use, or use
+    it as a context manager. Arguments: see `load_from_bag`.
     """
 
     def __init__(
@@ -429,7 +433,7 @@ class BagReader(BagFiles):
             yield self[index]
 
     def at(self, time: int) -> BagMessage:
-        """Return the last message that is not later than `time` [ns]."""
+        """Return the last message recorded at or before `time` [ns]."""
         before = bisect.bisect_right(self._entries, time, key=lambda found: found[0].time)
         if not before:
             first = f"; the first is of {self._entries[0][0].time}" if self._entries else ""
@@ -437,7 +441,7 @@ class BagReader(BagFiles):
         return self[before - 1]
 
     def _chosen(self, topic: str | None) -> str:
-        """Return the topic, or the only topic with maps for None, after checking its type."""
+        """Check and return `topic`; None means the only topic with maps."""
         with_maps = [name for name, kind in self.topics.items() if kind.type == GRID_MAP_TYPE]
         if topic is None:
             if len(with_maps) != 1:
@@ -462,7 +466,7 @@ class BagReader(BagFiles):
 
 
 def _open(path: Path, *, recover: bool) -> _Storage:
-    """Open a file in the format that its first bytes identify."""
+    """Open a storage file as MCAP or sqlite3, depending on its first bytes."""
     with path.open("rb") as file:
         magic = file.read(len(bag_sqlite.MAGIC))
     if magic.startswith(bag_mcap.MAGIC):
@@ -477,5 +481,5 @@ def _open(path: Path, *, recover: bool) -> _Storage:
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return names that can be iterated repeatedly, once for every map."""
+    """Return layer names as a tuple, which can be iterated once for each map."""
     return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)

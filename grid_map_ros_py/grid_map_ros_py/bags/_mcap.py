@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The MCAP files of bags, read and written with the package `mcap`."""
+"""Reader and writer of MCAP bag files, based on the package `mcap`."""
 
 import io
 import os
@@ -25,13 +25,13 @@ COMPRESSIONS = ("none", "lz4", "zstd")
 _HINT = "recover=True (--recover) reads up to the last whole chunk; 'mcap recover' repairs the file"
 
 _CHUNK_SIZE = 768 * 1024
-"""Size [bytes] at which a chunk is written, the same as in rosbag2."""
+"""Chunk size at which a chunk is written [bytes], equal to the default of rosbag2."""
 
 _RESERVE = 2**20
-"""Bytes allocated beyond the messages, for their types, the last chunk's head, and metadata."""
+"""Space reserved for message types, the header of the last chunk, and metadata [bytes]."""
 
 _RESERVE_PER_MESSAGE = 256
-"""Bytes of a message's head and its entries in the indexes."""
+"""Space reserved for the header and index entries of one message [bytes]."""
 
 _RECORD = struct.Struct("<BQ")
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(3, 8)
@@ -43,7 +43,7 @@ _INDEX_ENTRY = struct.Struct("<QQ")
 
 
 def package(module: str, path: Path) -> Any:
-    """Return a module of the package `mcap` or of those that it needs."""
+    """Import a module of the package `mcap` or of one of its dependencies."""
     return required(module, f"the bag {path}", "pip install mcap")
 
 
@@ -51,12 +51,14 @@ def package(module: str, path: Path) -> Any:
 
 
 class McapFile:
-    """An MCAP file that is open for reading.
+    """An MCAP file, open for reading.
 
-    Messages are found through the index of the file if there is one, else by a scan. The place of a
-    message is the offset of its chunk in the file (-1 without a chunk) and its offset in the chunk.
+    The reader finds messages through the file index, or scans the file if there is no index. The
+    `place` of a message is the offset of its chunk in the file (-1 if the message is not in a
+    chunk) and the offset of the message in the chunk.
 
-    `recover` ignores the index, and reads up to the first damage, with a warning.
+    If `recover` is true, the reader ignores the index and reads up to the first damaged record,
+    with a warning.
     """
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
@@ -91,7 +93,7 @@ class McapFile:
 
     @property
     def topics(self) -> dict[str, Topic]:
-        """Types and encodings by the names of the topics."""
+        """Type and encoding of each topic, by topic name."""
         topics = {}
         for channel in self._channels.values():
             schema = self._schemas.get(channel.schema_id)
@@ -103,7 +105,7 @@ class McapFile:
         return topics
 
     def entries(self, topics: Collection[str]) -> list[tuple[Entry, str]]:
-        """Return times and places of the messages on topics, in time order, with their topics."""
+        """Return (entry, topic) of each message on `topics`, in time order."""
         names = {
             key: channel.topic for key, channel in self._channels.items() if channel.topic in topics
         }
@@ -120,13 +122,13 @@ class McapFile:
                             found.append((channel, entry))
             counts = Counter(channel for channel, _ in found)
             if any(counts[key] != self._counts.get(key, 0) for key in names):
-                # The index is not complete.
+                # The index is incomplete.
                 found = self._scan()
-        # Messages with equal times keep the order of the file.
+        # Messages with equal times keep their order in the file.
         return sorted((entry, names[key]) for key, entry in found if key in names)
 
     def read(self, entry: Entry) -> bytes:
-        """Return a message as it was recorded."""
+        """Return the serialized message of an entry."""
         chunk, offset = entry.place
         stream = self._file if chunk < 0 else self._unpacked(chunk)
         length = self._seek(stream, offset, _MESSAGE)
@@ -139,11 +141,11 @@ class McapFile:
         self._file.close()
 
     def _scan(self, *, recover: bool = False) -> list[tuple[int, Entry]]:
-        """Find all messages without the index, and return each with its channel."""
+        """Scan the file for messages and return (channel, entry) of each."""
         self._scanned = []
         try:
             self._scan_records(self._file, len(MAGIC), self._size)
-        # On damaged data, the unpacking packages may raise any exception.
+        # The decompression packages may raise any exception if data is damaged.
         except Exception as error:
             if not recover or isinstance(error, LimitError):
                 raise
@@ -181,7 +183,7 @@ class McapFile:
             start = after
 
     def _seek(self, stream: BinaryIO, offset: int, code: int) -> int:
-        """Go to the content of the record at an offset, and return its length."""
+        """Move the stream to the content of the record at `offset`; return the content length."""
         stream.seek(offset)
         found, length = _RECORD.unpack(stream.read(_RECORD.size))
         if found != code:
@@ -189,7 +191,7 @@ class McapFile:
         return int(length)
 
     def _unpacked(self, offset: int) -> BinaryIO:
-        """Return the records in the chunk at an offset; the last chunk is cached."""
+        """Return a stream of the decompressed chunk at `offset`; the last chunk is cached."""
         if self._chunk is None or self._chunk[0] != offset:
             self._seek(self._file, offset, _CHUNK)
             size, checksum, length = _CHUNK_HEAD.unpack(self._file.read(_CHUNK_HEAD.size))
@@ -214,10 +216,10 @@ class McapFile:
 
 
 class McapWriter:
-    """Writes serialized messages to a new file.
+    """Writes serialized messages to a new MCAP file.
 
-    With `reserve`, space is allocated before each message, so that the file can still be finished
-    when the disk is full.
+    If `reserve` is true, the writer allocates disk space before each message, so that the file can
+    be completed even if the disk is full.
     """
 
     def __init__(self, path: Path, compression: str = "none", *, reserve: bool = False) -> None:
@@ -232,13 +234,13 @@ class McapWriter:
         self._channels: dict[str, int] = {}
 
     def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
-        """Append a message."""
+        """Append a serialized message with its time [ns]."""
         if self._reserves:
             written = self._file.tell()
             if written != self._written:
                 self._written, self._waiting = written, 0
             self._waiting += len(data) + _RESERVE_PER_MESSAGE
-            # The index of chunks takes less than a thousandth of them.
+            # The chunk index is smaller than 1/1024 of the chunks.
             needed = written + written // 1024 + self._waiting + _RESERVE
             if needed > self._reserved:
                 os.posix_fallocate(self._file.fileno(), self._reserved, needed - self._reserved)
@@ -255,13 +257,13 @@ class McapWriter:
         self._writer.add_message(self._channels[topic], time, data, time)
 
     def finish(self, information: object) -> None:
-        """Write the metadata of the bag and the index, and close the file."""
+        """Write the bag metadata and the index, then close the file."""
         self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(information)})
         self._writer.finish()
         self._file.truncate()
         self._file.close()
 
     def close(self) -> None:
-        """Close the file; without `finish`, it is not a valid bag."""
+        """Close the file; the file is valid only if `finish` was called before."""
         with suppress(OSError):
             self._file.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The sqlite3 files of bags."""
+"""Reader and writer of sqlite3 bag files."""
 
 import sqlite3
 from collections.abc import Collection
@@ -28,15 +28,15 @@ CREATE TABLE messages(
     data BLOB NOT NULL);
 CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 """
-"""Tables that rosbag2 creates in ROS 2 Jazzy."""
+"""Database schema of rosbag2 in ROS 2 Jazzy."""
 
 
 class SqliteWriter:
-    """Writes serialized messages to a new database at a path."""
+    """Writes serialized messages to a new rosbag2 database at `path`."""
 
     def __init__(self, path: Path) -> None:
         self._database = sqlite3.connect(path)
-        # The file is renamed into its place when it is complete; a journal would protect nothing.
+        # No journal is needed, because the file is moved to its final path only once complete.
         self._database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;")
         self._database.executescript(_SCHEMA)
         self._insert("schema", _SCHEMA_VERSION, ros_distro())
@@ -44,7 +44,7 @@ class SqliteWriter:
         self._topics: dict[str, int] = {}
 
     def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
-        """Append a message."""
+        """Append a serialized message with its time [ns]."""
         if kind.type not in self._types:
             self._types.add(kind.type)
             definition = ("ros2msg" if kind.definition else "", kind.definition, kind.type_hash)
@@ -55,13 +55,13 @@ class SqliteWriter:
         self._insert("messages", None, self._topics[topic], time, data)
 
     def finish(self, information: object) -> None:
-        """Write the metadata of the bag and close the file."""
+        """Write the bag metadata, then close the file."""
         self._insert("metadata", None, VERSION, dump(information))
         self._database.commit()
         self._database.close()
 
     def close(self) -> None:
-        """Close the file; without `finish`, it is not a valid bag."""
+        """Close the file; the file is valid only if `finish` was called before."""
         self._database.close()
 
     def _insert(self, table: str, *values: object) -> None:
@@ -70,14 +70,14 @@ class SqliteWriter:
 
 
 class SqliteFile:
-    """A database of rosbag2, of any version of its schema, open for reading only."""
+    """A rosbag2 database of any schema version, open for reading."""
 
     def __init__(self, path: Path) -> None:
-        # A killed or running recorder leaves messages in a log beside the database.
+        # If the recorder is running or was killed, the write-ahead log contains further messages.
         log = path.with_name(path.name + "-wal")
         mode = "mode=ro"
         if not log.exists() or not log.stat().st_size:
-            # sqlite3 reads missing pages at the end as zeros.
+            # sqlite3 reads missing pages at the end of a truncated file as zeros.
             with path.open("rb") as file:
                 head = file.read(32)
             size, count = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
@@ -88,7 +88,7 @@ class SqliteFile:
             mode += "&immutable=1"
         self._database = sqlite3.connect(f"file:{quote(str(path))}?{mode}", uri=True)
         try:
-            # The oldest bags have no quality of service.
+            # The oldest schema version does not store the quality of service.
             query = "SELECT name FROM pragma_table_info('topics')"
             has_qos = ("offered_qos_profiles",) in self._database.execute(query)
             qos = "offered_qos_profiles" if has_qos else "''"
@@ -102,7 +102,7 @@ class SqliteFile:
             raise
 
     def entries(self, topics: Collection[str]) -> list[tuple[Entry, str]]:
-        """Return times and places of the messages on topics, in time order, with their topics."""
+        """Return (entry, topic) of each message on `topics`, in time order."""
         keys = [key for key, name in self._names.items() if name in topics]
         marks = ", ".join("?" * len(keys))
         query = f"SELECT timestamp, id, topic_id FROM messages WHERE topic_id IN ({marks})"
@@ -110,7 +110,7 @@ class SqliteFile:
         return sorted((Entry(time, key), self._names[topic]) for time, key, topic in rows)
 
     def read(self, entry: Entry) -> bytes:
-        """Return a message as it was recorded."""
+        """Return the serialized message of an entry."""
         query = "SELECT data FROM messages WHERE id = ?"
         ((data,),) = self._database.execute(query, (entry.place,))
         return bytes(data)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Topics, entries, errors and metadata of bags, for MCAP and sqlite3 alike."""
+"""Topics, entries, errors and metadata of bags, shared by the MCAP and sqlite3 storages."""
 
 import json
 import os
@@ -25,10 +25,10 @@ class Topic(NamedTuple):
     """Type and encoding of the messages on a topic.
 
     Attributes:
-        type: name of the type, such as `grid_map_msgs/msg/GridMap`.
-        qos: quality of service of its publishers, a YAML list of profiles; may be empty.
-        definition: text of the message type with those of all nested types; may be empty.
-        type_hash: hash of the type (REP-2011); may be empty.
+        type: name of the message type, such as `grid_map_msgs/msg/GridMap`.
+        qos: quality-of-service profiles of the publishers, as a YAML list; may be empty.
+        definition: definition of the message type and all nested types; may be empty.
+        type_hash: type hash (REP-2011); may be empty.
     """
 
     type: str
@@ -39,7 +39,7 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Time of a message [ns] and its place in the file, in terms of the format."""
+    """Message time [ns] and format-specific position of the message in the storage file."""
 
     time: int
     place: Any
@@ -47,14 +47,14 @@ class Entry(NamedTuple):
 
 @contextmanager
 def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
-    """Convert every exception to a `BagError` that names the file."""
+    """Convert any exception raised in the context to a `BagError` that names the file."""
     try:
         yield
     except GridMapError:
         raise
     except OSError as error:
         raise BagError(path, f"cannot be {doing}: {error.strerror or error}") from error
-    # On damaged data, the reading packages may raise any exception.
+    # The packages that read bags may raise any exception if data is damaged.
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise BagError(path, f"cannot be {doing}: {text}") from error
@@ -64,7 +64,7 @@ def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
 
 FILE_NAME = "metadata.yaml"
 VERSION = 9
-"""Version of the metadata that ROS 2 Jazzy writes."""
+"""Version of the bag metadata written by ROS 2 Jazzy."""
 
 
 def ros_distro() -> str:
@@ -75,7 +75,7 @@ def ros_distro() -> str:
 def information(
     topics: Mapping[str, Topic], times: Mapping[str, list[int]], file: str, storage: str
 ) -> dict[str, Any]:
-    """Return the metadata of a bag with one file; `times` are [ns] by topic."""
+    """Return the metadata of a bag with one file; `times` are the message times [ns] by topic."""
     every = list(chain(*times.values()))
     time = {
         "duration": {"nanoseconds": max(every) - min(every)},
@@ -109,7 +109,7 @@ def information(
 
 
 def dump(document: object) -> str:
-    """Return a document as YAML without aliases, which other readers may not support."""
+    """Serialize a document to YAML without aliases, because some readers do not support aliases."""
     text: str = yaml.safe_dump(json.loads(json.dumps(document)), sort_keys=False)
     return text
 
@@ -118,7 +118,7 @@ _UNLIMITED = {"sec": 9223372036, "nsec": 854775807}
 
 
 def qos_profile(*, reliable: bool, latched: bool) -> dict[str, Any]:
-    """Return the quality of service of a publisher as rosbag2 records it."""
+    """Return the quality-of-service profile of a publisher in the form that rosbag2 records."""
     return {
         # rosbag2 does not record the history either.
         "history": "unknown",
@@ -136,34 +136,34 @@ def qos_profile(*, reliable: bool, latched: bool) -> dict[str, Any]:
 MAPS = Topic(
     GRID_MAP_TYPE, "cdr", dump([qos_profile(reliable=True, latched=True)]), DEFINITION, TYPE_HASH
 )
-"""A topic of maps in a new bag; `ros2 bag play` publishes it latched."""
+"""Topic of maps in new bags; `ros2 bag play` publishes the topic latched."""
 
 
 def save(folder: Path, document: object) -> None:
-    """Write `information` as the metadata of a bag."""
+    """Write the result of `information` to the metadata file of a bag folder."""
     text = dump({"rosbag2_bagfile_information": document})
     with (folder / FILE_NAME).open("x", encoding="utf-8") as file:
         file.write(text)
 
 
 def files_of(path: Path, *, recover: bool = False) -> list[Path]:
-    """Return the files with the messages of a bag, in the order in which they were recorded.
+    """Return the storage files of a bag in recording order.
 
-    `recover` accepts a folder without metadata, as an interrupted recorder leaves it.
+    If `recover` is true, the folder may lack the metadata file, as after an interrupted recording.
     """
     if path.is_file():
         return [path]
     if not path.is_dir():
         raise BagError(path, "a device or a pipe" if path.exists() else "no such file or folder")
     if (path / FILE_NAME).is_file():
-        # Old versions include the folder.
+        # In old metadata versions, file names include the folder name.
         files = [path / Path(name).name for name in _listed_files(path)]
         for file in files:
             if not file.is_file():
                 raise BagError(path, f"its file {file.name} is missing")
         return files
     files = [file for file in path.iterdir() if file.suffix in (".mcap", ".db3")]
-    # The names end in numbers without leading zeros.
+    # The file names end in numbers without leading zeros.
     files.sort(key=lambda file: (len(file.name), file.name))
     if recover:
         return [file for file in files if file.stat().st_size]

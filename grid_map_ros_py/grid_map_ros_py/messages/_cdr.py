@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Serialization of messages to CDR, the byte format of DDS and of bags, without rclpy.
+"""Serialization of messages to CDR, the byte format of DDS and rosbag2, without rclpy.
 
-Lengths in the bytes are checked against the bytes that remain. Damaged bytes raise one
-`MessageError` that names the field, and use no more memory than a small multiple of their size.
+The reader checks each length against the remaining bytes. Damaged data raises a `MessageError` that
+names the field, and memory use stays below a small multiple of the data size.
 """
 
 import array
@@ -24,14 +24,14 @@ from ._definition import FIELDS_BY_TYPE
 from ._packages import messages_of
 
 MessageType: TypeAlias = type | str
-"""Message class, or a name in `FIELDS_BY_TYPE`, which needs no message package."""
+"""Message class, or a type name in `FIELDS_BY_TYPE`, for which no message package is needed."""
 
 Buffer: TypeAlias = "bytes | bytearray | memoryview | array.array[Any]"
-"""Contiguous memory."""
+"""Contiguous bytes."""
 
 _HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian
 _ORDERS = {0: ">", 1: "<"}
-"""Byte order by the representation identifier of plain CDR (DDS-XTypes, 7.6.3.1.2)."""
+"""Byte order for each representation identifier of plain CDR (DDS-XTypes, 7.6.3.1.2)."""
 
 _CODES = {
     "boolean": "?",
@@ -53,7 +53,7 @@ _TYPE = re.compile(
     r"|string(<(?P<length>\d+)>)?"
     r"|(?P<package>\w+)/(?P<name>\w+)"
 )
-"""Types other than numbers, as `get_fields_and_field_types` of a message class writes them."""
+"""Pattern of non-numeric types, as returned by `get_fields_and_field_types` of message classes."""
 
 _NONE: Mapping[str, npt.NDArray[Any]] = {}
 
@@ -63,16 +63,16 @@ def serialize(
     arrays: Mapping[str, npt.NDArray[Any]] = _NONE,
     message_type: MessageType | None = None,
 ) -> bytes:
-    """Return the CDR bytes of a message, with some of its sequences taken from arrays.
+    """Serialize a message to CDR; `arrays` can supply the values of sequence fields.
 
-    Publishers accept bytes in place of a message, which saves one Python object per element.
+    Publishers accept the bytes in place of a message; no Python object per element is created.
 
     Args:
-        message: any ROS message, or an object with its attributes, such as `view` returns.
-        arrays: values in place of those of some fields: (N, k) for a sequence of N messages with k
-            numbers of one type, (N,) for a sequence of N numbers. The dtype must be that of the
-            message.
-        message_type: type of the message, as for `view`; None means its class.
+        message: any ROS message, or an object with the same attributes, such as a result of `view`.
+        arrays: values that replace sequence fields of the message, by field name: (N, k) for a
+            sequence of N messages with k numbers of one type, (N,) for a sequence of N numbers. The
+            dtype must equal the number type of the field.
+        message_type: type of the message, as for `view`; None means the class of `message`.
     """
     for name in arrays:
         getattr(message, name)
@@ -82,22 +82,22 @@ def serialize(
 
 
 def view(data: Buffer, message_type: MessageType) -> Any:
-    """Return an object with the attributes of a message, whose arrays share memory with the bytes.
+    """Deserialize a CDR message to an object with the attributes of the message, without copies.
 
-    Nested messages are such objects, too. Sequences and arrays of numbers are NumPy arrays; those
-    of little-endian bytes are not copied. Bytes after the message are ignored.
+    Nested messages are deserialized likewise. Sequences and arrays of numbers are NumPy arrays;
+    little-endian arrays share the memory of `data`. Bytes after the message are ignored.
 
     Args:
-        data: the bytes, little- or big-endian.
+        data: the serialized message, little- or big-endian.
         message_type: class of the message, or the name of a type that needs no message package,
-            such as "grid_map_msgs/GridMap" and those that `grid-map view` shows.
+            such as "grid_map_msgs/GridMap" or another type that `grid-map view` shows.
     """
     return _struct(message_type).read(_Reader(data))
 
 
 @dataclass(frozen=True)
 class Reordered:
-    """Values (N,) that are sent in another order; `write` fills an array (N,) in that order."""
+    """Values (N,) to send in another order; `write` fills an array (N,) in the order to send."""
 
     values: npt.NDArray[Any]
     write: Callable[[npt.NDArray[Any]], object]
@@ -107,7 +107,7 @@ class Reordered:
 
 
 class _Writer:
-    """Pieces of a message, each aligned to its own size as CDR demands."""
+    """Collects the pieces of a serialized message, aligned as CDR requires."""
 
     def __init__(self) -> None:
         self._pieces: list[bytes | memoryview] = [_HEADER]
@@ -117,7 +117,7 @@ class _Writer:
     def joined(self) -> bytes:
         if not self._reordered:
             return b"".join(self._pieces)
-        # `BytesIO` takes over the zeros and returns them as bytes, both without a copy.
+        # `BytesIO` neither copies the initial zeros nor the returned bytes.
         stream, begin = BytesIO(bytes(self._end)), 0
         with stream.getbuffer() as memory:
             for piece in self._pieces:
@@ -148,7 +148,7 @@ class _Writer:
 
 
 class _Reader:
-    """Bytes of a message after their header, and the position up to which they are read."""
+    """Reads the bytes of a serialized message after the CDR header."""
 
     def __init__(self, data: Buffer) -> None:
         try:
@@ -167,7 +167,7 @@ class _Reader:
         self._end = 0
 
     def step(self, size: int, alignment: int = 1, field: str = "") -> int:
-        """Step over `size` bytes and return where they begin."""
+        """Align the position, skip `size` bytes, and return the offset of the skipped bytes."""
         begin = self._end + -self._end % alignment
         if size > self._size - begin:
             raise MessageError(field, f"{size} bytes more", max(self._size - begin, 0))
@@ -179,7 +179,7 @@ class _Reader:
         return self.data[begin : begin + size]
 
     def count(self, bound: int, smallest: int) -> int:
-        """Return the length of a sequence, which must fit its bound and the bytes that remain."""
+        """Read a sequence length; raise `MessageError` if it exceeds `bound` or the data."""
         number: int = _COUNT.read(self)
         if number > bound:
             raise MessageError("", f"at most {bound} values", number)
@@ -190,11 +190,11 @@ class _Reader:
         return number
 
 
-# Each type has a codec. Its `smallest` is the number of bytes that every value takes at least.
+# Each type has a codec; `smallest` is the minimum number of bytes of a serialized value.
 
 
 class _Number:
-    """A number; `code` is its format character in `struct` and NumPy."""
+    """Codec of a number; `code` is the format character of the type in `struct` and NumPy."""
 
     def __init__(self, code: str) -> None:
         self.code = code
@@ -251,14 +251,14 @@ class _Text:
 
 
 class _Items:
-    """Values of one type: `count` of them, or at most `bound` after their number."""
+    """Codec of an array with `count` values, or of a sequence with at most `bound` values."""
 
     def __init__(self, item: "_Codec", *, count: int | None = None, bound: int = 0) -> None:
         self._item = item
         self._count = count
         self._bound = bound
         self.smallest: int = 4 if count is None else count * item.smallest
-        # Messages keep booleans and bytes in lists; sequences of all other numbers are arrays.
+        # Messages store booleans and bytes in lists, and all other numbers in arrays.
         self._numbers = item if isinstance(item, _Number) and item.code not in "?c" else None
 
     def read(self, reader: _Reader) -> Any:
@@ -291,7 +291,7 @@ class _Items:
 
 
 class _Struct:
-    """A message: names and codecs of its fields."""
+    """Codec of a message with named fields."""
 
     def __init__(self, message_type: Any) -> None:
         if isinstance(message_type, str):
@@ -299,7 +299,7 @@ class _Struct:
         else:
             self._name, types = message_type.__name__, message_type.get_fields_and_field_types()
         self._fields = {name: _codec(kind, f"{self._name}.{name}") for name, kind in types.items()}
-        # A message without fields still takes one byte.
+        # A message without fields is serialized as one byte.
         self.smallest: int = sum(codec.smallest for codec in self._fields.values()) or 1
 
     def read(self, reader: _Reader) -> Any:
@@ -351,6 +351,6 @@ def _codec(kind: str, field: str) -> _Codec:
 
 
 def _inside(name: str, error: MessageError) -> MessageError:
-    """Return the error of a field with the path of its message or sequence."""
+    """Return a copy of `error` with `name` prepended to the path of the field."""
     separator = "." if error.field and not error.field.startswith("[") else ""
     return MessageError(f"{name}{separator}{error.field}", error.expected, error.found)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`nav2_msgs/Costmap` and grid maps.
+"""Conversions between grid maps and `nav2_msgs/Costmap`.
 
-A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. A codec of
-`grid_map_core_py.conversions` defines its layer value. NaN is always 255, never free.
+A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. A codec from
+`grid_map_core_py.conversions` maps costs to layer values. NaN always becomes 255 (unknown).
 """
 
 import array
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from nav2_msgs.msg import Costmap
 
 COSTS = CostRange(FREE, LETHAL)
-"""The costs themselves, 0 to 254, and NaN where unknown."""
+"""Codec that keeps the costs 0 to 254 as layer values; unknown is NaN."""
 
 OCCUPANCIES = CostTable(free=0, inscribed=99, lethal=100, unknown=math.nan)
-"""Occupancies as nav2 publishes its costs, and as `from_occupancy_grid` returns them."""
+"""Codec for occupancies 0 to 100, as nav2 publishes them and `from_occupancy_grid` returns them."""
 
 
 def to_costmap(
@@ -48,13 +48,16 @@ def to_costmap(
     *,
     codec: CostCodec | None = None,
 ) -> "Costmap":
-    """Return a layer as costs; `nav2_simple_commander.costmap_2d.PyCostmap2D` takes the result.
+    """Convert a layer to a `nav2_msgs/Costmap` message.
+
+    `nav2_simple_commander.costmap_2d.PyCostmap2D` accepts the message.
 
     Args:
-        grid_map, layer: the map, and its layer that gives the values.
-        data_min, data_max: values of cost 0 (free) and cost 254 (lethal); must differ. Values
-            beyond them are clamped, NaN becomes 255.
-        codec: replaces the range from `data_min` to `data_max`, for example `OCCUPANCIES`.
+        grid_map: the map.
+        layer: name of the layer to convert.
+        data_min, data_max: layer values of cost 0 (free) and cost 254 (lethal); must differ. Values
+            outside this range are clamped; NaN becomes 255.
+        codec: used instead of `data_min` and `data_max`, for example `OCCUPANCIES`.
     """
     messages = messages_of("nav2_msgs", "to_costmap")
     costmap = costs.to_costs(grid_map, layer, codec or CostRange(data_min, data_max))
@@ -71,20 +74,21 @@ def to_costmap(
     message: Costmap = messages.Costmap(header=header, metadata=metadata)
     data = array.array("B")
     data.frombytes(costmap.costmap.data)
-    # The constructor would copy the data once more.
+    # The constructor would copy the data again.
     message.data = data
     return message
 
 
 def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
-    """Return a map with one layer from a costmap.
+    """Create a map with one layer from a costmap.
 
-    Its resolution is the float64 with the same shortest decimal form as that of the message.
+    The resolution of the map is the float64 with the shortest decimal form of the float32 in the
+    message.
 
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander.
         layer: name of the layer.
-        codec: turns costs into values; the default keeps them, with NaN where they are unknown.
+        codec: converts costs to layer values; the default keeps the costs, with NaN for unknown.
     """
     if hasattr(costmap, "metadata"):
         grid = costmap.metadata

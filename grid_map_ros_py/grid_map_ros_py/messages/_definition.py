@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Definitions of message types that are read and written without ROS."""
+"""Definitions of the message types that can be read and written without ROS."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -60,7 +60,7 @@ visualization_msgs/MarkerArray: Marker[] markers
 visualization_msgs/MeshFile: string filename; uint8[] data
 visualization_msgs/UVCoordinate: float32 u; float32 v
 """
-"""Fields of `grid_map_msgs/GridMap` and of the messages in it, then of those that viewers show."""
+"""Field definitions of `grid_map_msgs/GridMap`, its nested types, and the types viewers show."""
 
 _LINES = {
     name: [line.strip() for line in text.split(";")]
@@ -71,11 +71,11 @@ DEFINITION = f"\n{'=' * 80}\n".join(
     "\n".join((*([] if name == GRID_MAP else [f"MSG: {name}"]), *lines, ""))
     for name, lines in islice(_LINES.items(), 10)
 ).rstrip("\n")
-"""Definition of a map with all nested types (the schema `ros2msg` of MCAP), without comments."""
+"""Definition of `grid_map_msgs/msg/GridMap` and all nested types (MCAP schema `ros2msg`)."""
 
 
 def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
-    """Return the types of fields as `get_fields_and_field_types` of a message class does."""
+    """Return field types by field name, in the form of rclpy's `get_fields_and_field_types`."""
     fields = {}
     for line in lines:
         kind, name, *_ = line.split()
@@ -91,7 +91,7 @@ def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
 
 
 _NUMBERS = {"bool": "boolean", "byte": "octet", "float32": "float", "float64": "double"}
-"""Elementary types that have other names in message classes."""
+"""Names of primitive types in message classes, where they differ from the definition."""
 
 FIELDS_BY_TYPE = {name: _fields(name.partition("/")[0], lines) for name, lines in _LINES.items()}
-"""Names and types of the fields of the messages that need no message package."""
+"""Field types by field name, for each message type that needs no message package."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fields that many messages share: times, poses and their checks.
+"""Conversions and checks of common message fields: times, poses and grids.
 
-Each check raises one `MessageError` that names the field. For poses, `matrix @ (x, y, z, 1)`
+A failed check raises a `MessageError` that names the field. For poses, `matrix @ (x, y, z, 1)`
 transforms a point from the frame of the pose (the child frame of a transform) to the frame of the
 message.
 """
@@ -31,30 +31,30 @@ if TYPE_CHECKING:
     from std_msgs.msg import Header
 
 Matrix: TypeAlias = npt.NDArray[np.float64]
-"""(4, 4) rotation and translation [m]."""
+"""(4, 4) homogeneous transform: rotation and translation [m]."""
 
 NORM_TOLERANCE = 1e-2
-"""Largest deviation of a quaternion's norm from 1; rounding errors are much smaller."""
+"""Maximum deviation of a quaternion norm from 1; rounding errors are much smaller."""
 
 NANOSECONDS = 1_000_000_000
 LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
-"""The last nanosecond whose seconds fit the message's int32."""
+"""Latest time that a message can represent [ns]; its seconds are int32."""
 
 ROTATION_TOLERANCE = 1e-6
-"""Largest x, y or z of a quaternion, relative to w, that counts as no rotation."""
+"""Maximum x, y or z of a quaternion, relative to w, that is treated as no rotation."""
 
 
 # --- times ----------------------------------------------------------------------------------------
 
 
 def to_stamp(nanoseconds: int) -> "Time":
-    """Return nanoseconds since the epoch as a message."""
+    """Convert nanoseconds since the epoch to `builtin_interfaces/Time`."""
     seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
     return messages_of("builtin_interfaces").Time(sec=seconds, nanosec=rest)
 
 
 def check_nanoseconds(nanoseconds: int) -> int:
-    """Return nanoseconds since the epoch as an integer that a message can hold."""
+    """Return nanoseconds since the epoch as an int, after checking the range of messages."""
     try:
         exact = operator.index(nanoseconds)
     except TypeError:
@@ -74,7 +74,7 @@ def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
 
 
 def to_header(grid_map: GridMap) -> "Header":
-    """Return frame and time of a map as `std_msgs/Header`."""
+    """Return a `std_msgs/Header` with the frame and timestamp of a map."""
     return messages_of("std_msgs").Header(
         stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id
     )
@@ -84,7 +84,7 @@ def to_header(grid_map: GridMap) -> "Header":
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
-    """Raise unless an object is a message of a kind, with all `paths` and a valid frame."""
+    """Raise `MessageError` unless `message` has all attribute `paths` and a valid frame."""
     try:
         operator.attrgetter(*paths)(message)
     except AttributeError:
@@ -97,20 +97,20 @@ def check_fields(message: object, kind: str, *paths: str) -> None:
 
 
 def check_unique(field: str, names: Iterable[str]) -> None:
-    """Raise if a name occurs twice."""
+    """Raise `MessageError` if a name occurs more than once."""
     if repeated := sorted(name for name, times in Counter(names).items() if times > 1):
         raise MessageError(field, "every name once", repeated)
 
 
 def check_positive(field: str, value: float) -> float:
-    """Return `value` if it is positive, finite and not subnormal."""
+    """Return `value`; raise `MessageError` unless it is positive, finite and not subnormal."""
     if not sys.float_info.min <= value < math.inf:
         raise MessageError(field, "a positive finite number", value)
     return value
 
 
 def check_position(field: str, position: "Point") -> tuple[float, float]:
-    """Return x and y of a position whose coordinates are all finite."""
+    """Return x and y of a position; raise `MessageError` unless x, y and z are finite."""
     for axis in ("x", "y", "z"):
         if not math.isfinite(value := getattr(position, axis)):
             raise MessageError(f"{field}.{axis}", "a finite number", value)
@@ -123,7 +123,7 @@ def check_finite(
     expected: str = "finite coordinates",
     found: npt.NDArray[np.float64] | None = None,
 ) -> Any:
-    """Return (N, k) rows if all are finite; the error shows the row of `found`, else of `rows`."""
+    """Return `rows` (N, k) if all are finite; else raise an error with the row (of `found`)."""
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
@@ -133,9 +133,9 @@ def check_finite(
 
 
 def check_unrotated(field: str, orientation: "Quaternion") -> None:
-    """Raise if a grid is rotated; the rows of a map run along x.
+    """Raise `MessageError` if a grid is rotated, because the rows of a map run along x.
 
-    Zeros count as unrotated: publishers that never set the orientation send them.
+    A quaternion of zeros is accepted: publishers that do not set the orientation send zeros.
     """
     *axis, w = found = (orientation.x, orientation.y, orientation.z, orientation.w)
     rotated = max(map(abs, axis)) > ROTATION_TOLERANCE * abs(w)
@@ -144,13 +144,13 @@ def check_unrotated(field: str, orientation: "Quaternion") -> None:
 
 
 def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
-    """Return the grid of a message whose cells begin at the smallest x and y.
+    """Return the grid geometry of a message whose `origin` is the corner with the smallest x and y.
 
     Args:
         field: path of `info`.
-        info: description of the grid: numbers of cells, `resolution` and `origin`.
-        cells: names of the numbers of cells along x and y.
-        values: number of values in the message, which must be the number of cells.
+        info: grid description with the number of cells along each axis, `resolution` and `origin`.
+        cells: attribute names of the number of cells along x and along y.
+        values: number of values in the message; must equal the number of cells.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
     for name, count in zip(cells, size, strict=True):
@@ -172,7 +172,7 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
 
 
 def as_float32(field: str, value: float) -> float:
-    """Return a positive number rounded to float32, whose range it must fit."""
+    """Round a positive number to float32; raise `MessageError` if it is out of range."""
     with np.errstate(over="ignore"):
         held = float(np.float32(value))
     if not 0 < held < math.inf:
@@ -181,7 +181,7 @@ def as_float32(field: str, value: float) -> float:
 
 
 def as_written(value: float) -> float:
-    """Return the float64 with the same shortest decimal form as a float32, such as 0.1.
+    """Return the float64 whose shortest decimal form equals that of a float32, such as 0.1.
 
     Values outside the float32 range, which only unsent messages can hold, become 0 or infinity.
     """
@@ -193,43 +193,43 @@ def as_written(value: float) -> float:
 
 
 def from_pose(message: Any) -> Matrix:
-    """Return a pose as a (4, 4) matrix that transforms points [m] to the frame of the message.
+    """Convert a pose to a (4, 4) matrix that transforms points [m] to the frame of the message.
 
     Args:
-        message: a `Pose`, or a message with one as `pose`, such as `PoseStamped`,
-            `PoseWithCovarianceStamped` and `Odometry`.
+        message: a `Pose`, or a message with a field `pose`, such as `PoseStamped`,
+            `PoseWithCovarianceStamped` or `Odometry`.
 
     Raises:
-        MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
+        MessageError: a coordinate is not finite, or the norm of the quaternion is not 1.
     """
     kind = "geometry_msgs/Pose, or one with a pose"
     return _from(message, "pose", kind, "position", "orientation")
 
 
 def from_transform(message: Any) -> Matrix:
-    """Return a `Transform` or `TransformStamped` as a (4, 4) matrix.
+    """Convert a `Transform` or `TransformStamped` to a (4, 4) matrix.
 
-    It transforms points [m] from the child frame. Errors: see `from_pose`.
+    The matrix transforms points [m] from the child frame. Errors: see `from_pose`.
     """
     return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
 
 
 def to_pose(matrix: npt.ArrayLike) -> "Pose":
-    """Return a (4, 4) matrix as a pose.
+    """Convert a (4, 4) matrix to a `geometry_msgs/Pose`.
 
     Raises:
-        MessageError: it is not a rotation and a translation.
+        MessageError: the matrix is not a rotation and translation.
     """
     return _filled(messages_of("geometry_msgs").Pose(), "position", "orientation", matrix)
 
 
 def to_transform(matrix: npt.ArrayLike) -> "Transform":
-    """Return a (4, 4) matrix as a transform; errors: see `to_pose`."""
+    """Convert a (4, 4) matrix to a `geometry_msgs/Transform`; errors: see `to_pose`."""
     return _filled(messages_of("geometry_msgs").Transform(), "translation", "rotation", matrix)
 
 
 def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
-    """Return a rotation and a translation (3,) as a (4, 4) matrix."""
+    """Combine a rotation and a translation (3,) into a (4, 4) matrix."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.as_matrix()
     matrix[:3, 3] = translation
@@ -237,7 +237,7 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
 
 
 def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
-    """Return the matrix of a message, or of the message nested in it as `inner`."""
+    """Return the (4, 4) matrix of `message`, or of its field `inner` if there is one."""
     from scipy.spatial.transform import Rotation  # slow to import
 
     path = ""

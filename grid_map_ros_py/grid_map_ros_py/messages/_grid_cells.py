@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`nav_msgs/GridCells` and grid maps."""
+"""Conversions between grid maps and `nav_msgs/GridCells`."""
 
 import math
 from typing import TYPE_CHECKING
@@ -28,18 +28,19 @@ if TYPE_CHECKING:
     from nav_msgs.msg import GridCells
 
 BLOCK = 8192
-"""Number of cells in a piece of work."""
+"""Number of cells processed at once."""
 
 
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
-    """Return the cells whose value is finite and between two bounds.
+    """Convert the cells with a finite value between two bounds to `nav_msgs/GridCells`.
 
-    To publish a large map, `to_serialized_grid_cells` is faster: it makes no object per cell.
+    For large maps, `to_serialized_grid_cells` is faster, because it creates no object per cell.
 
     Args:
-        grid_map, layer: the map, and its layer that is compared.
-        lower, upper: bounds, both included and rounded to float32 like the layer; `-inf` and `inf`
-            select all finite cells.
+        grid_map: the map.
+        layer: layer whose values are compared with the bounds.
+        lower, upper: inclusive bounds, rounded to float32; `-inf` and `inf` select all finite
+            cells.
     """
     message = _without_cells(grid_map)
     centers = centers_between(grid_map, layer, lower, upper).tolist()
@@ -49,7 +50,7 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
 
 
 def to_serialized_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> bytes:
-    """Return the message of `to_grid_cells` in CDR; publishers accept it in its place."""
+    """Version of `to_grid_cells` that returns the serialized message (CDR) for a publisher."""
     cells = centers_between(grid_map, layer, lower, upper)
     return serialize(_without_cells(grid_map), {"cells": cells})
 
@@ -61,16 +62,16 @@ def from_grid_cells(
     *,
     geometry: GridGeometry | None = None,
 ) -> GridMap:
-    """Return a map with one layer that is 1.0 in the cells of a message and NaN elsewhere.
+    """Create a map with one layer that is 1.0 in the cells of a message and NaN elsewhere.
 
     Args:
         message: the cells; z is ignored.
         layer: name of the layer.
-        resolution: side of a cell [m]; None takes the width in the message, as the float64 with the
+        resolution: cell size [m]; None means the cell width in the message, as the float64 with the
             same shortest decimal form.
-        geometry: the grid of the map, such as `grid_map.geometry`; cells outside of it are left
-            out. None takes the smallest grid that covers all cells, with the same cells if their
-            centers lie on one lattice, as those of `to_grid_cells` do.
+        geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
+            None means the smallest grid that covers all cells. This grid has the same cells as the
+            message if the centers lie on a lattice, as in messages of `to_grid_cells`.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)
@@ -95,9 +96,9 @@ def from_grid_cells(
 def centers_between(
     grid_map: GridMap, layer: str, lower: float, upper: float
 ) -> npt.NDArray[np.float64]:
-    """Return (N, 3) centers x, y [m, map frame], z = 0 of the cells with values between two bounds.
+    """Return centers (N, 3) x, y [m, map frame], z = 0 of the cells with values between two bounds.
 
-    The order is column after column of the map's buffer. Arguments: see `to_grid_cells`.
+    Cells are in column-major order of the map buffer. Arguments: see `to_grid_cells`.
     """
     values = grid_map[layer].ravel("F")
     bounds = as_number(lower, "lower"), as_number(upper, "upper")
@@ -109,7 +110,7 @@ def centers_between(
     chosen &= np.isfinite(values)
     rows, columns = grid_map.size
     x, y = grid_map.axes()
-    # Work on a few columns at a time, which fit the cache. They share one table of x.
+    # Process a few columns at a time, which fit in the cache and share one array of x.
     width = max(1, min(BLOCK // rows, columns))
     x = np.tile(x, width)
     centers = np.zeros((np.count_nonzero(chosen), 3))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`grid_map_msgs/GridMap`, as a message or as its bytes (CDR), and `GridMap`."""
+"""Conversions between `GridMap` and `grid_map_msgs/GridMap`, as a message or serialized (CDR)."""
 
 import array
 from collections.abc import Iterable, Mapping
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from grid_map_msgs.msg import GridMap as GridMapMessage, GridMapInfo
 
 LARGEST_START_INDEX = 2**16 - 1
-"""The message holds the start index as uint16."""
+"""Largest start index of a message, which stores it as uint16."""
 
 _LABELS = ("column_index", "row_index")
-"""Labels of the dimensions of column-major layers; those of row-major layers are in reverse."""
+"""Dimension labels of column-major layers; row-major layers have the reverse order."""
 
 LARGEST_SIDE = 2**31
 """Maximum number of cells along a side."""
@@ -49,15 +49,15 @@ LARGEST_SIDE = 2**31
 
 
 def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridMapMessage":
-    """Return a map as a message.
+    """Convert a map to a `grid_map_msgs/GridMap` message.
 
-    Layers keep the order of the buffer, and the start index is part of the message. If the start
-    index exceeds uint16, layers are in map order with start index (0, 0).
+    The message stores the layers in buffer order, with the start index of the map. If the start
+    index exceeds uint16, the layers are in map order with start index (0, 0).
 
     Args:
         grid_map: the map; its data is copied.
-        layers: names of the layers to send, in this order; None means all. The message's
-            `basic_layers` holds only layers that are sent.
+        layers: names of the layers to send, in this order; None means all. Basic layers that are
+            not sent are also omitted from `basic_layers` of the message.
     """
     plain = _described(grid_map, layers, grid_map.start_index)
     messages, arrays = messages_of("std_msgs"), []
@@ -80,12 +80,12 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
 def to_serialized_message(
     grid_map: GridMap, layers: Iterable[str] | None = None, *, start_index: Size | None = None
 ) -> bytes:
-    """Return the message of `to_message` in CDR; publishers accept it in place of the message.
+    """Version of `to_message` that returns the serialized message (CDR) for a publisher.
 
     Args:
         grid_map, layers: as for `to_message`.
-        start_index: row and column of the message's buffer where cell (0, 0) of the map is stored;
-            None keeps the start index of the map.
+        start_index: row and column of the message buffer that store cell (0, 0) of the map; None
+            keeps the start index of the map.
     """
     if start_index is None:
         start_index = grid_map.start_index
@@ -95,20 +95,19 @@ def to_serialized_message(
 
 
 def to_info(geometry: GridGeometry) -> "GridMapInfo":
-    """Return resolution, lengths and place of a grid as a message."""
+    """Convert a grid geometry to `grid_map_msgs/GridMapInfo`."""
     return _filled(messages_of("grid_map_msgs").GridMapInfo(), _info(geometry))
 
 
 def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> SimpleNamespace:
-    """Return an object with the attributes of a map's message.
+    """Return an object with the attributes of the map message.
 
-    Its layers are in the order of a buffer with the start index `start`, or in map order if the
-    message cannot hold that.
+    Layers are stored with the start index `start`, or in map order if `start` exceeds uint16.
     """
     names = select_layers(grid_map.layers, layers)
     if max(start) > LARGEST_START_INDEX:
         start = (0, 0)
-    # The cell of the map's buffer that the message stores first.
+    # Cell of the map buffer that becomes the first cell in the message.
     row, column = (
         (stored - sent) % cells
         for stored, sent, cells in zip(grid_map.start_index, start, grid_map.size, strict=True)
@@ -155,7 +154,6 @@ def _info(geometry: GridGeometry) -> SimpleNamespace:
 
 
 def _filled(message: Any, plain: SimpleNamespace) -> Any:
-    """Copy the attributes of an object to a message."""
     for name, value in vars(plain).items():
         if isinstance(value, SimpleNamespace):
             _filled(getattr(message, name), value)
@@ -175,16 +173,16 @@ def from_message(
     unwrap: bool = True,
     copy: bool = True,
 ) -> GridMap:
-    """Return the map in a message; the z coordinate of its position is ignored.
+    """Create a map from a `grid_map_msgs/GridMap` message; z of the map position is ignored.
 
     Args:
-        message: layers may be column-major or row-major.
+        message: the message, with column-major or row-major layers.
         layers: names of the layers to decode, in this order; None means all.
         copy_basic_layers: keep the basic layers that are among the decoded layers.
-        unwrap: True brings the data into map order, with start index (0, 0). False keeps the order
-            of the sender's buffer and its start index.
-        copy: False makes read-only layers that share the memory of the message where possible: if
-            they are column-major and need no unwrapping.
+        unwrap: True rearranges the data to map order, with start index (0, 0). False keeps the
+            buffer order and the start index of the sender.
+        copy: if False, column-major layers that need no unwrapping share the memory of the message
+            and are read-only.
     """
     check_fields(message, "grid_map_msgs/GridMap", "info", "basic_layers")
     geometry = from_info(message.info)
@@ -213,10 +211,10 @@ def from_serialized_message(
     unwrap: bool = True,
     copy: bool = True,
 ) -> GridMap:
-    """Return the map in a serialized message, as `from_message` does.
+    """Create a map from a serialized message; other arguments and errors: see `from_message`.
 
     Args:
-        data: the message in CDR, as a raw subscription receives it and bags hold it.
+        data: the message in CDR, for example from a raw subscription or a bag.
     """
     message = view(data, GRID_MAP)
     return from_message(
@@ -227,10 +225,10 @@ def from_serialized_message(
 class ReceivedMap:
     """A serialized map message that decodes only the requested layers.
 
-    All attributes except `data` raise MessageError if the bytes are no valid message.
+    All attributes except `data` raise `MessageError` if `data` is not a valid message.
 
     Args:
-        data: the message in CDR, also an attribute; publishers accept it in place of the message.
+        data: the message in CDR. Publishers accept the attribute `data` in place of a message.
     """
 
     def __init__(self, data: Buffer) -> None:
@@ -249,12 +247,12 @@ class ReceivedMap:
 
     @property
     def geometry(self) -> GridGeometry:
-        """Size, resolution and place of the grid."""
+        """Size, resolution and position of the grid."""
         return from_info(self._message.info)
 
     @property
     def start_index(self) -> Size:
-        """(row, col) where the circular buffer begins."""
+        """Start index (row, col) of the circular buffer."""
         return _start_index(self._message, self.geometry.size)
 
     @property
@@ -275,7 +273,7 @@ class ReceivedMap:
         unwrap: bool = True,
         copy: bool = True,
     ) -> GridMap:
-        """Return the map, or some of its layers; arguments and errors: see `from_message`."""
+        """Decode the map or some of its layers; arguments and errors: see `from_message`."""
         return from_message(
             self._message, layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap, copy=copy
         )
@@ -286,7 +284,7 @@ class ReceivedMap:
 
 
 def from_info(info: "GridMapInfo") -> GridGeometry:
-    """Return the grid that a message describes; lengths are rounded to whole cells."""
+    """Convert `grid_map_msgs/GridMapInfo` to a geometry; lengths are rounded to whole cells."""
     resolution = check_positive("info.resolution", info.resolution)
     for name in ("length_x", "length_y"):
         length = check_positive(f"info.{name}", getattr(info, name))
@@ -303,7 +301,7 @@ def from_info(info: "GridMapInfo") -> GridGeometry:
 
 
 def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
-    """Return the layers in the message's memory, after checking their names, sizes and data."""
+    """Return views of the layers in the message, after checking names, sizes and data."""
     names = list(message.layers)
     if len(message.data) != len(names):
         expected = f"{len(names)} arrays, one for each of layers {names}"
@@ -320,11 +318,11 @@ def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
 
 
 def _from_multi_array(message: "Float32MultiArray", size: Size, field: str) -> Layer:
-    """Return the (rows, cols) values of a message, a view of its memory.
+    """Return the values (rows, cols) of a `Float32MultiArray` as a view of the message data.
 
-    Data is column-major (`column_index` first) or row-major (`row_index` first), begins after
-    `data_offset` values and ends with the array. Publishers leave strides unset or count them in
-    their own ways: all strides that occur without padding are accepted.
+    Data is column-major (`column_index` first) or row-major (`row_index` first) and starts after
+    `data_offset` values. Publishers leave strides unset or use different conventions; all
+    conventions are accepted if the data is not padded.
     """
     labels = tuple(dim.label for dim in message.layout.dim)
     if labels not in (_LABELS, _LABELS[::-1]):

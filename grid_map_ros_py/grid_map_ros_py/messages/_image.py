@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`sensor_msgs/Image` and grid maps.
+"""Conversions between grid maps and `sensor_msgs/Image`.
 
-Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
-is +x, left is +y.
+Pixel (row, column) of an image is cell (row, column) of a map in map order: up in the image is +x,
+left is +y.
 """
 
 import array
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Encoding(NamedTuple):
-    """Storage format of a pixel: type of a channel, number of channels, order of the colors."""
+    """Pixel format: data type of a channel, number of channels, and color order."""
 
     dtype: np.dtype[Any]
     channels: int
@@ -51,7 +51,7 @@ ENCODINGS = {
     for name, code in _TYPES.items()
     for channels in (1, 3, 4)
 }
-"""Every encoding by its name in messages."""
+"""Supported encodings by their names in `sensor_msgs/Image`."""
 
 
 # --- from layers to images ------------------------------------------------------------------------
@@ -64,12 +64,12 @@ def to_image(
     lower: float | None = None,
     upper: float | None = None,
 ) -> "Image":
-    """Return a layer as a gray image, with any encoding.
+    """Convert a layer to a gray image.
 
     Args:
         grid_map, layer, lower, upper: as in `grid_map_core_py.to_image`.
-        encoding: see `ENCODINGS`. With three or four channels the first three are equal; a fourth
-            one is alpha, 0 for NaN.
+        encoding: any name in `ENCODINGS`. If the encoding has color channels, all three are equal.
+            The alpha channel, if there is one, is 0 for NaN.
     """
     kind = _encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
@@ -77,11 +77,12 @@ def to_image(
 
 
 def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = "rgb8") -> "Image":
-    """Return a layer of packed colors as a color image.
+    """Convert a layer of packed colors to a color image.
 
     Args:
-        grid_map, layer: the map, and its layer with values of `color_vector_to_value`.
-        encoding: one with three channels, or with alpha as the fourth, which is 0 for NaN.
+        grid_map: the map.
+        layer: layer of packed colors, see `color_vector_to_value`.
+        encoding: encoding with three color channels and optionally alpha, which is 0 for NaN.
     """
     kind = _encoding_of(encoding)
     if kind.channels < 3:
@@ -103,9 +104,9 @@ def from_image(
     position: npt.ArrayLike = (0.0, 0.0),
     alpha_threshold: float = 0.5,
 ) -> GridMap:
-    """Return a map with one layer that holds the gray values of an image.
+    """Create a map with one layer from the gray values of an image.
 
-    Frame and time of the map are those of the message. Other arguments: see
+    The map has the frame and the timestamp of the message. Other arguments: see
     `grid_map_core_py.from_image`.
     """
     image, order = to_pixels(message)
@@ -134,7 +135,7 @@ def add_layer_from_image(
 ) -> None:
     """Set a layer of a map to the gray values of an image.
 
-    The map, which may have moved, must have the size of the image. Other arguments: see
+    The map must have the size of the image; its start index may be nonzero. Other arguments: see
     `from_image`.
     """
     image, order = to_pixels(message, grid_map.size)
@@ -148,7 +149,7 @@ def add_color_layer_from_image(
 ) -> None:
     """Set a layer of a map to the packed colors of an image.
 
-    Gray values become gray colors. Arguments: see `add_layer_from_image`.
+    Gray images become gray colors. Arguments: see `add_layer_from_image`.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_color_layer_from_image(
@@ -166,11 +167,10 @@ def _encoding_of(name: str) -> Encoding:
 
 
 def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[Any], Order]:
-    """Return the pixels (rows, cols, channels) of an image and the order of its colors.
+    """Return the pixels (rows, cols, channels) of an image and the color order.
 
-    The pixels are a view of the message's memory, in the byte order of the sender, unless padding
-    makes numbers unaligned.
-    `size`, if given, is the required (rows, cols).
+    The pixels are a view of the message data in the byte order of the sender, unless padding makes
+    the values unaligned. `size` is the required size (rows, cols); None accepts any size.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)
@@ -199,7 +199,7 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
 
 
 def from_pixels(pixels: npt.NDArray[Any], encoding: str, header: "Header") -> "Image":
-    """Return an image of pixels (rows, cols) or (rows, cols, channels) of the encoding's dtype."""
+    """Create an image from pixels (rows, cols[, channels]) with the dtype of the encoding."""
     data = array.array("B")
     little_endian = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
     data.frombytes(little_endian.data.cast("B"))

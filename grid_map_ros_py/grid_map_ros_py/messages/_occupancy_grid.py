@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`nav_msgs/OccupancyGrid` and grid maps."""
+"""Conversions between grid maps and `nav_msgs/OccupancyGrid`."""
 
 import array
 from typing import TYPE_CHECKING
@@ -25,23 +25,24 @@ PIECE = 1 << 15
 
 _VALUES = np.arange(256).astype(np.int8).astype(np.float32)
 _VALUES[UNKNOWN] = np.nan
-"""Value of each of the 256 bytes as int8; negative numbers come last."""
+"""Layer value of each int8 occupancy, indexed by its byte as uint8; -1 becomes NaN."""
 
 
 def to_occupancy_grid(
     grid_map: GridMap, layer: str, data_min: float, data_max: float
 ) -> "OccupancyGrid":
-    """Return a layer as occupancies.
+    """Convert a layer to a `nav_msgs/OccupancyGrid` message.
 
     Args:
-        grid_map, layer: the map, and its layer that gives the values.
-        data_min, data_max: values that become 0 (free) and 100 (occupied); must differ. Values
-            beyond them are clamped, NaN becomes -1 (unknown).
+        grid_map: the map.
+        layer: name of the layer to convert.
+        data_min, data_max: layer values of occupancy 0 (free) and 100 (occupied); must differ.
+            Values outside this range are clamped; NaN becomes -1 (unknown).
     """
     stored = occupancies(grid_map[layer], data_min, data_max)
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
     data = array.array("b")
-    # The grid begins at the smallest x and y, where a map ends.
+    # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
     data.frombytes(values.ravel("F")[::-1].tobytes())
     message = messages_of("nav_msgs").OccupancyGrid(header=to_header(grid_map))
     message.info.map_load_time = message.header.stamp
@@ -54,15 +55,15 @@ def to_occupancy_grid(
 
 
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
-    """Return a map with one layer that holds the values of an occupancy grid.
+    """Create a map with one layer from an occupancy grid.
 
     -1 becomes NaN; all other values are kept. The resolution of the map is the float64 with the
-    same shortest decimal form as that of the message.
+    shortest decimal form of the float32 in the message.
     """
     check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
     timestamp = from_stamp(message.header.stamp)
-    # The grid begins at the smallest x and y, where a map ends.
+    # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
     values = _VALUES.take(np.frombuffer(message.data, np.uint8)[::-1])
     return GridMap.from_geometry(
         geometry, frame_id=message.header.frame_id, timestamp=timestamp
@@ -72,7 +73,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
 
-    Computed in float32, so that every value equals that of the C++ library.
+    The computation uses float32, so that results equal those of the C++ library.
     """
     data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):
@@ -83,7 +84,7 @@ def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.
             raise MessageError("data_min, data_max", expected, (data_min, data_max))
         cells = np.asarray(values, dtype=np.float32)
         flat, found = cells.ravel("F"), np.empty(cells.size, np.int8)
-        # Work on pieces that fit into the cache.
+        # Process pieces that fit in the cache.
         for piece in slices(flat.size, PIECE):
             share = (flat[piece] - low) / extent
             scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)

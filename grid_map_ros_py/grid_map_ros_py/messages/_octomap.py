@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grid maps from `octomap_msgs/Octomap`, or any object with its fields, and from OctoMap files.
+"""Create grid maps from `octomap_msgs/Octomap` messages and from OctoMap files.
 
-Files are binary (.bt) or full (.ot). Some lines of text come first, then the same bytes as in a
-message:
+Files are binary (.bt) or full (.ot). A text header is followed by the same bytes as in a message:
 
     # Octomap OcTree binary file
     # comments
@@ -51,14 +50,14 @@ if TYPE_CHECKING:
     from octomap_msgs.msg import Octomap
 
 SMALLEST_VOXEL, LARGEST_VOXEL = 1e-30, 1e30
-"""Sides of voxels [m] beyond which float32 coordinates lose digits or become infinite."""
+"""Limits of the voxel size [m]; beyond them, float32 coordinates lose digits or are infinite."""
 
 Points = npt.NDArray[np.float64]
 
 ANYWHERE = (math.nan, math.nan, math.nan)
 
 BINARY, FULL = b"# Octomap OcTree binary file", b"# Octomap OcTree file"
-"""First lines of files."""
+"""First line of binary and of full OctoMap files."""
 
 
 def from_octomap(
@@ -69,19 +68,19 @@ def from_octomap(
     min_bound: npt.ArrayLike = ANYWHERE,
     max_bound: npt.ArrayLike = ANYWHERE,
 ) -> GridMap:
-    """Return a map with the height of the highest occupied voxel of every column.
+    """Create an elevation map from the highest occupied voxel of each column of an octree.
 
-    A cell is a column of voxels. Its height is the center of the highest occupied voxel within the
-    bounds, or NaN. The map covers the whole tree, free space included; along an axis with bounds it
-    reaches from one to the other.
+    Each cell is a column of voxels. Its height is the center of the highest occupied voxel within
+    the bounds, or NaN if there is none. The map covers the whole tree, including free space; along
+    an axis with bounds, it extends from the lower to the upper bound.
 
     Args:
-        message: the tree, binary or full, of the class OcTree, OcTreeStamped or ColorOcTree.
+        message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or
+            full, of class OcTree, OcTreeStamped or ColorOcTree.
         layer: name of the layer.
-        resolution: side of a cell [m], at least the side of a voxel; a cell has the height of the
-            highest column whose center is in it. None means the side of a voxel.
-        min_bound, max_bound: (3,) x, y, z [m]; voxels whose center is between them count. NaN
-            means no bound.
+        resolution: cell size [m], at least the voxel size, which is the default. A larger cell gets
+            the height of the highest column whose center is in the cell.
+        min_bound, max_bound: bounds (3,) x, y, z [m] of the voxel centers; NaN means no bound.
     """
     leaves = _leaves(message)
     timestamp = from_stamp(message.header.stamp)
@@ -92,7 +91,7 @@ def from_octomap(
     heights = _meters(highest.astype(np.float32), message.resolution)
     heights[highest < 0] = np.nan
     middle = _meters(0.5 * (first + last)[:2], message.resolution)
-    # The first cell of a map is at the largest x and y.
+    # The first cell of a map has the largest x and y.
     grid_map = GridMap.from_geometry(
         GridGeometry.from_size((rows, columns), message.resolution, middle),
         {layer: heights[::-1, ::-1]},
@@ -135,11 +134,11 @@ def load_octomap(
     max_bound: npt.ArrayLike = ANYWHERE,
     frame_id: str = "map",
 ) -> GridMap:
-    """Load a map from a `.bt` or `.ot` file.
+    """Load an elevation map from an OctoMap file (`.bt` or `.ot`).
 
     Args:
-        layers: None, or the name of the layer.
-        height_layer: name of the layer.
+        layers: None, or the value of `height_layer`, which is the only layer.
+        height_layer: name of the layer with the heights [m].
         resolution, min_bound, max_bound: as in `from_octomap`.
     """
     bounds: dict[str, Any] = {"min_bound": min_bound, "max_bound": max_bound}
@@ -180,7 +179,7 @@ def _leaves(message: "Octomap") -> Leaves:
 def _box(
     leaves: Leaves, resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
 ) -> tuple[Voxel, Voxel]:
-    """Return the first and the last voxel (3,) between bounds that may be NaN."""
+    """Return the first and last voxel (3,) within the bounds; NaN means no bound."""
     bounds = np.empty((2, 3))
     for row, name, bound in ((0, "min_bound", min_bound), (1, "max_bound", max_bound)):
         values = as_array(bound, np.float64, name)
@@ -203,5 +202,5 @@ def _box(
 
 
 def _meters(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
-    """Return the coordinates of the centers of voxels, in the type of the keys."""
+    """Convert voxel keys to the coordinates of the voxel centers [m]."""
     return np.asarray((keys - (VOXELS // 2 - 0.5)) * resolution)

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reader of the octrees in OctoMap's messages and files.
+"""Reader of the octrees in OctoMap messages and files.
 
-Nodes are stored in preorder, every node before its children. In the binary form a node has 16 bits,
-two per child: 0 unknown, 1 free, 2 occupied, 3 inner node; leaves are not stored. In the full form
-a node has its log-odds as a float32, three bytes of color in trees with colors, and a byte with one
-bit per child. Both are little-endian. The root is a cube of 65536 voxels a side around the origin,
-and a voxel is a node of depth 16. Bits 0, 1 and 2 of a child's number tell whether it is the one
-with larger x, y and z.
+Nodes are stored in preorder: each node precedes its children. In the binary form, a node has 16
+bits, two per child: 0 unknown, 1 free, 2 occupied, 3 inner node; leaves are not stored. In the full
+form, a node stores the log-odds as a float32, three color bytes (in trees with colors), and a byte
+with one bit per child. Both forms are little-endian. The root is a cube around the origin with
+65536 voxels per side, and a voxel is a node of depth 16. Bits 0, 1 and 2 of a child number are set
+if the child is in the half with larger x, y and z.
 
-Every tree is checked first, and then read depth by depth rather than node by node.
+The reader first checks the whole tree, then reads all nodes of one depth at a time.
 """
 
 from collections.abc import Iterator
@@ -22,26 +22,26 @@ from grid_map_core_py.limits import check_cells
 from ..errors import MessageError
 
 Keys = npt.NDArray[np.int32]
-"""(3, N) x, y, z of nodes, counted in nodes of their depth from the corner of the root."""
+"""Node indices (3, N) along x, y, z from the corner of the root, in node sizes at their depth."""
 
 Voxel = npt.NDArray[np.int32]
-"""(3,) x, y, z of a voxel, counted from the corner of the root."""
+"""Voxel indices (3,) along x, y, z from the corner of the root."""
 
 Leaves = dict[int, tuple[Keys, npt.NDArray[np.bool_]]]
-"""Keys (3, N) of leaves, and (N,) whether they are occupied or free, by depth; 0 is the root."""
+"""Keys (3, N) of the leaves and a mask (N,) of occupied leaves, by depth (0 is the root)."""
 
 DEPTH = 16
 """Depth of a voxel."""
 
 VOXELS = 2**DEPTH
-"""Voxels along a side of the root."""
+"""Number of voxels along each side of the root."""
 
 NODE_TYPES = {
     "OcTree": np.dtype([("value", "<f4"), ("children", "u1")]),
     "OcTreeStamped": np.dtype([("value", "<f4"), ("children", "u1")]),
     "ColorOcTree": np.dtype([("value", "<f4"), ("color", "u1", 3), ("children", "u1")]),
 }
-"""Data type of nodes in the full form, by class of tree."""
+"""Data type of a node in the full form, by tree class."""
 
 _CHILDREN = np.arange(8)
 _OFFSETS = ((_CHILDREN >> np.arange(3)[:, None]) & 1).astype(np.int32)
@@ -52,7 +52,7 @@ _FREE, _OCCUPIED, _INNER = 1, 2, 3
 
 
 def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
-    """Return the leaves of a tree in the binary form, depth by depth; none for no bytes."""
+    """Read the leaves of a tree in binary form, by depth; empty data contains no leaves."""
     words = _records(data, np.dtype("<u2"))
     labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
     if not labels.any(axis=1).all():
@@ -67,9 +67,9 @@ def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
 
 
 def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
-    """Return the leaves of a tree in the full form, depth by depth; none for no bytes.
+    """Read the leaves of a tree in full form, by depth; empty data contains no leaves.
 
-    Leaves with a probability of at least one half (log-odds of at least 0) are occupied.
+    Leaves with an occupancy probability of at least 0.5 (log-odds of at least 0) are occupied.
     """
     records = _records(data, node_type)
     if np.isnan(records["value"]).any():
@@ -92,16 +92,16 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield depth, numbers (M,) and keys (3, M) of the nodes of every depth.
+    """Yield depth, node numbers (M,) and keys (3, M) for each depth.
 
-    `children` (N, 8) tells which children of a node are stored after it.
+    `children` (N, 8) is True for the children that are stored as nodes.
     """
     if not len(children):
         return
     depths = _depths(children.sum(axis=1), node_size)
     if depths.max() > deepest:
         raise MessageError("data", f"nodes of at most depth {deepest}", int(depths.max()))
-    # Preorder keeps the nodes of one depth in the order of their parents and child numbers.
+    # In preorder, nodes of equal depth are sorted by parent and child number.
     by_depth = np.argsort(depths, kind="stable")
     ends = np.cumsum(np.bincount(depths))
     keys = np.zeros((3, 1), np.int32)
@@ -111,7 +111,7 @@ def _levels(
 
 
 def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp]:
-    """Return the depths (N,) of nodes in preorder with `counts` children each."""
+    """Return the depth (N,) of each node in preorder; `counts` (N,) are the numbers of children."""
     # Number of nodes that must still follow each node to complete the tree.
     open_ends = np.append(0, np.cumsum(counts - 1)) + 1
     closed = np.flatnonzero(open_ends == 0)
@@ -120,20 +120,20 @@ def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp
     if closed[0] != len(counts):
         found = f"{len(counts) * node_size} bytes"
         raise MessageError("data", f"{closed[0] * node_size} bytes, where the tree ends", found)
-    # The subtree of a node ends where, for the first time after it, one node fewer must follow.
-    # Sorting by (nodes to follow, number) makes that place a binary search.
+    # The subtree of a node ends at the first later position where one node fewer must follow.
+    # Sorting by (nodes to follow, number) allows a binary search for that position.
     numbers, count = np.arange(len(open_ends)), len(open_ends)
     by_open_ends = np.sort(open_ends * count + numbers)
     one_less = (open_ends[:-1] - 1) * count + numbers[:-1]
     ends = by_open_ends[np.searchsorted(by_open_ends, one_less)] % count
-    # The nodes before a node are its ancestors, except those whose subtree has ended.
+    # The ancestors of a node are the preceding nodes whose subtree has not ended.
     ended = np.cumsum(np.bincount(ends, minlength=len(numbers)))
     depths: npt.NDArray[np.intp] = (numbers - ended)[:-1]
     return depths
 
 
 def _child_keys(keys: Keys, children: npt.NDArray[np.bool_]) -> Keys:
-    """Return the keys of those children (N, 8) of nodes (3, N), node after node."""
+    """Return the keys of the children marked in `children` (N, 8), grouped by parent."""
     numbers = np.flatnonzero(children)
     child_keys: Keys = keys.take(numbers >> 3, axis=1)
     child_keys *= 2
@@ -149,7 +149,7 @@ def side_of(depth: int) -> int:
 
 
 def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
-    """Return the first and the last voxel (3,) of the box around all leaves."""
+    """Return the first and last voxel (3,) of the bounding box of all leaves."""
     filled = [(keys, side_of(depth)) for depth, (keys, _) in leaves.items() if keys.size]
     if not filled:
         raise MessageError("data", "a tree with leaves", "none")
@@ -159,13 +159,13 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 
 
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
-    """Return z of the highest occupied voxel of every column of a box, -1 where there is none.
+    """Return z of the highest occupied voxel of each column in a box, -1 if there is none.
 
-    The array is (x, y), counted from `first`; `first` and `last` are (3,) voxels at the corners.
+    The array (x, y) is indexed from `first`; `first` and `last` (3,) are opposite corners.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):
-        # Split each column of the depth above into four, except those beyond the box.
+        # Split each column of the previous depth into four and drop columns outside the box.
         above, begin = begin, first[:2] >> (DEPTH - depth)
         shape = (last[:2] >> (DEPTH - depth)) + 1 - begin
         row, column = begin - 2 * above
@@ -186,16 +186,16 @@ def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.
 
 
 def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
-    """Return the occupied voxels (3, N) of a box, at most half of `max_cells`."""
+    """Return the occupied voxels (3, N) in a box; raise an error for more than `max_cells / 2`."""
     count = 0
     for depth, (keys, occupied) in leaves.items():
         side = np.int32(side_of(depth))
         start = keys.compress(occupied, axis=1) * side
         end = np.minimum(start + side, last[:, None] + 1)
         overlap = np.maximum(end - np.maximum(start, first[:, None]), 0)
-        # In floats, where no product overflows.
+        # Compute in float64, because the product could overflow int32.
         count += int(overlap.prod(axis=0, dtype=np.float64).sum())
-    # A voxel takes the memory of two cells.
+    # A voxel uses as much memory as two cells.
     check_cells("data: 2 cells per voxel", (2, count))
     keys = np.empty((3, 0), np.int32)
     for depth in range(DEPTH + 1):

@@ -9,9 +9,9 @@ from grid_map_core_py.errors import required
 
 
 def messages_of(package: str, needed_by: str = "this message", kind: str = "msg") -> Any:
-    """Return the module with the message classes of a package, such as `nav_msgs.msg`.
+    """Import the module with the message classes of a package, such as `nav_msgs.msg`.
 
-    The error of a missing package names `needed_by`. `kind` is "msg", or "srv" for services.
+    `kind` is "msg", or "srv" for services. If the package is missing, the error names `needed_by`.
     """
     name = f"{package}.{kind}"
     remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"
@@ -19,9 +19,9 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
 
 
 def set_array(message: Any, values: "array.array[Any]") -> None:
-    """Set the `data` of a message to an array without a copy.
+    """Set the field `data` of a message to an array without copying.
 
-    The constructor and the setter that rosidl generates copy it. The array must have the type of
-    the field.
+    The generated constructor and setter would copy the array. The array must have the type of the
+    field.
     """
     message._data = values

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`sensor_msgs/PointCloud2` and grid maps, and clouds as arrays.
+"""Conversions between `sensor_msgs/PointCloud2`, grid maps and arrays.
 
-Fields of clouds may have any of the eight number types and gaps between them, and rows may be
-padded. Big-endian clouds are refused.
+Fields of a cloud may have any of the eight number types; gaps between fields and padded rows are
+supported. Big-endian clouds raise `MessageError`.
 """
 
 import array
@@ -38,10 +38,10 @@ FLAT_LAYER = "flat"
 FLOAT = np.dtype("<f4")
 BLOCK = 8192
 COLOR_SIZE = 4
-"""Bytes of a packed color."""
+"""Size of a packed color [bytes]."""
 
 TYPES = dict(enumerate(map(np.dtype, ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")), 1))
-"""Types of numbers by their `PointField.datatype`: INT8, UINT8, ... FLOAT64."""
+"""Data type for each `PointField.datatype`: INT8, UINT8, ... FLOAT64."""
 
 _NONE: Mapping[str, str] = MappingProxyType({})
 
@@ -52,17 +52,18 @@ _NONE: Mapping[str, str] = MappingProxyType({})
 def to_point_cloud(
     grid_map: GridMap, point_layer: str, layers: Iterable[str] | None = None
 ) -> "PointCloud2":
-    """Return one point for every cell where the point layer and all basic layers are finite.
+    """Convert a map to a point cloud with one point per valid cell.
 
-    The points come column after column of the map's buffer. All fields are float32 in the order of
-    the layers: x, y, z [m] in place of the point layer, `color` under the name `rgb` that viewers
-    know (unless a layer has that name), all others under their own names.
+    A cell is valid if the point layer and all basic layers are finite. Points are in column-major
+    order of the map buffer. All fields are float32, in the order of the layers: x, y, z [m] replace
+    the point layer; `color` is sent as `rgb` for viewers, unless a layer `rgb` exists; all other
+    fields are named after their layers.
 
     Args:
         grid_map: the map.
-        point_layer: the layer that gives z.
-        layers: names of the layers to send; None means all. x, y, z come first if the point layer
-            is not among them. Other layers may not be called x, y or z.
+        point_layer: layer with the z coordinates [m].
+        layers: names of the layers to send; None means all. If the point layer is not among them,
+            x, y, z are the first fields. Other layers may not be called x, y or z.
     """
     select_layers(grid_map.layers, point_layer)
     names = select_layers(grid_map.layers, layers)
@@ -80,14 +81,14 @@ def to_point_cloud(
 
 
 def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2":
-    """Return the cells of a map as points of one height [m], with all layers as fields.
+    """Convert a map to a point cloud at constant height [m], with all layers as fields.
 
-    x, y, z are the last fields. Cells where a basic layer is not finite are left out.
+    x, y, z are the last fields. Cells where a basic layer is not finite are omitted.
     """
     if not abs(height) <= float(np.finfo(np.float32).max):
         raise MessageError("height", "a finite number", height)
     flat = np.full(grid_map.size, height, dtype=np.float32, order="F")
-    # Replaces a layer of the same name, as if the new one had been added last.
+    # The flat layer replaces a layer of the same name and is the last layer.
     others = [name for name in grid_map.layers if name != FLAT_LAYER]
     return to_point_cloud(
         grid_map.with_layers({FLAT_LAYER: flat}), FLAT_LAYER, [*others, FLAT_LAYER]
@@ -97,15 +98,15 @@ def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2"
 def _interleaved(
     grid_map: GridMap, names: tuple[str, ...], point_layer: str, valid: Mask
 ) -> "array.array[int]":
-    """Return the bytes of (N, fields) little-endian float32: one row per valid cell."""
+    """Return an array (N, fields), one row per valid cell, as little-endian float32 bytes."""
     rows, columns = grid_map.size
     with np.errstate(over="ignore"):
         x, y = (axis.astype(FLOAT) for axis in grid_map.axes())
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
-    # Interleave a few columns of cells at a time, which stay in the cache, and drop cells without
-    # data with a mask, which is faster than indices.
+    # Process a few columns of cells at a time, which fit in the cache. A mask selects the valid
+    # cells, because it is faster than indices.
     block = np.empty((max(1, min(BLOCK // rows, columns)), rows, len(names) + 2), FLOAT)
     block[:, :, field_of_x] = x
     cells = block.reshape(-1, len(names) + 2)
@@ -121,7 +122,7 @@ def _interleaved(
 
 
 def write_points(names: Sequence[str], data: "array.array[int]", header: "Header") -> "PointCloud2":
-    """Return a cloud of one row, from the bytes of (N, fields) little-endian float32."""
+    """Create an unorganized cloud from an array (N, fields) of little-endian float32 bytes."""
     messages = messages_of("sensor_msgs")
     float32 = messages.PointField.FLOAT32
     step = FLOAT.itemsize * len(names)
@@ -162,23 +163,23 @@ def from_point_cloud(
     max_height: float = np.inf,
     tight: bool = False,
 ) -> GridMap:
-    """Return a map whose cells hold heights and other fields of the points in them.
+    """Create a map from the heights and other fields of the points in each cell.
 
-    Points outside the map, or with a coordinate that is not finite, are left out. The map has
-    the frame and the time of the cloud.
+    Points outside the map and points with a non-finite coordinate are ignored. The map has the
+    frame and the timestamp of the cloud.
 
     Args:
         message: the cloud, organized or not.
-        layer: name of the layer that holds heights [m].
-        resolution: side of a cell [m].
-        reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`, `variance` or
-            `count`.
-        onto: replaces resolution, length and position: a geometry, or a map whose other layers the
-            result shares and whose frame must be that of the cloud.
-        more_layers: names of further layers from the heights, each with its reduction.
-        fields: names of the fields that become layers, besides the heights. None means all that
-            have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
-            unless the cloud has a field of that name.
+        layer: name of the layer with the heights [m].
+        resolution: cell size [m].
+        reduction: statistic of the heights in a cell: `max`, `min`, `mean`, `median`, `first`,
+            `last`, `variance` or `count`.
+        onto: geometry of the result, or a map in the frame of the cloud whose geometry and other
+            layers the result shares. Replaces `resolution`, `length` and `position`.
+        more_layers: reductions of the heights for additional layers, by layer name.
+        fields: names of the fields that become layers, besides the heights; None means all fields
+            with one number per point. The packed colors `rgb` or `rgba` become the layer `color`
+            unless the cloud has a field `color`.
         length, position, field_reductions, min_height, max_height, tight: as in
             `grid_map_core_py.from_points`.
     """
@@ -217,14 +218,14 @@ def from_point_cloud(
 
 
 def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
-    """Return the fields of a cloud as arrays over its points, row after row.
+    """Return the fields of a cloud as arrays over the points, in row-major order.
 
-    The arrays are views of the message's memory, unless rows are padded. For an organized cloud,
-    reshape them to `(message.height, message.width)`.
+    The arrays are views of the message data, unless rows are padded. For an organized cloud,
+    reshape the arrays to `(message.height, message.width)`.
 
     Returns:
-        (N,) values by the names of the fields, or (N, count) for a field of `count` numbers per
-        point; a count of 0 stands for 1.
+        Arrays by field name: (N,), or (N, count) for a field with `count` numbers per point. A
+        count of 0 is treated as 1.
     """
     check_layout(message)
     return {field.name: _view(message, field) for field in message.fields}
@@ -233,11 +234,11 @@ def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
 def read_columns(
     message: "PointCloud2", fields: Iterable[str] | None = None
 ) -> tuple[npt.NDArray[Any], dict[str, npt.NDArray[Any]]]:
-    """Return the points of a cloud, and the columns for layers other than heights.
+    """Return the coordinates of a cloud and the fields that become layers.
 
     Returns:
         points: (N, 3) x, y, z [m], float32 or float64; a view of the message if possible.
-        columns: (N,) values of the fields by the names of their layers.
+        columns: field values (N,) by layer name.
     """
     check_layout(message)
     known = {field.name: (index, field) for index, field in enumerate(message.fields)}
@@ -270,7 +271,7 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return the names of the layers of fields; colors go to one layer."""
+    """Return the layer name of each field, by field name; `rgb` and `rgba` become `color`."""
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():
@@ -279,7 +280,7 @@ def layer_names(message: "PointCloud2") -> dict[str, str]:
 
 
 def check_layout(message: "PointCloud2") -> None:
-    """Raise `MessageError` unless all fields and points are inside the data of a cloud."""
+    """Raise `MessageError` unless all fields and points of a cloud are within the message data."""
     check_fields(message, "sensor_msgs/PointCloud2", "fields", "point_step")
     if message.is_bigendian:
         raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
@@ -307,7 +308,7 @@ def check_layout(message: "PointCloud2") -> None:
 def _view(
     message: "PointCloud2", first: "PointField", count: int | None = None
 ) -> npt.NDArray[Any]:
-    """Return (N,) or (N, count) adjacent numbers of every point, starting at a field."""
+    """Return (N,) or (N, count) values: `count` adjacent numbers of each point, from `first` on."""
     count = first.count if count is None else count
     shape = (count,) if count > 1 else ()
     rows, dtype = (message.height, message.width), TYPES[first.datatype]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`geometry_msgs/PolygonStamped` and `visualization_msgs/Marker` of polygons."""
+"""Conversions of polygons to and from `geometry_msgs/PolygonStamped`, and to RViz markers."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -28,11 +28,11 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 def to_polygon(
     polygon: Polygon, *, frame_id: str = "", timestamp: int = 0, height: float = 0.0
 ) -> "PolygonStamped":
-    """Return a polygon as a message; its coordinates are float32.
+    """Convert a polygon to `geometry_msgs/PolygonStamped`, whose coordinates are float32.
 
     Args:
         polygon: the polygon [m].
-        frame_id: frame of its vertices.
+        frame_id: frame of the vertices.
         timestamp: time of the message [ns].
         height: z of the vertices [m].
     """
@@ -47,7 +47,7 @@ def to_polygon(
 
 
 def from_polygon(message: "PolygonStamped") -> Polygon:
-    """Return the polygon in a message, without its z."""
+    """Create a polygon from `geometry_msgs/PolygonStamped`; z is ignored."""
     check_fields(message, "geometry_msgs/PolygonStamped", "header", "polygon")
     from_stamp(message.header.stamp)
     pairs = [(point.x, point.y) for point in message.polygon.points]
@@ -66,12 +66,12 @@ def to_line_marker(
     timestamp: int = 0,
     height: float = 0.0,
 ) -> "Marker":
-    """Return the outline of a polygon as a marker, a closed line.
+    """Convert the outline of a polygon to a `visualization_msgs/Marker` with a closed line.
 
     Args:
         polygon: the polygon [m].
         line_width: width of the line [m].
-        color: red, green, blue and alpha from 0 to 1.
+        color: red, green, blue and alpha in [0, 1].
         frame_id, timestamp, height: as in `to_polygon`.
     """
     header, width = _header(frame_id, timestamp), as_number(line_width, "line_width")
@@ -91,11 +91,12 @@ def to_triangle_list_marker(
     timestamp: int = 0,
     height: float = 0.0,
 ) -> "Marker":
-    """Return the area of a polygon as a marker with the triangles of `Polygon.triangulate`.
+    """Convert the area of a polygon to a `visualization_msgs/Marker` with a triangle list.
 
-    There is one color per triangle. Arguments: see `to_line_marker`.
+    The marker has the triangles of `Polygon.triangulate`, with one color per triangle. Arguments:
+    see `to_line_marker`.
     """
-    # The fan of `Polygon.triangulate`, without an object for every triangle.
+    # Triangle fan as in `Polygon.triangulate`, without creating an object per triangle.
     count = max(len(polygon) - 2, 0)
     corners = np.arange(count)[:, None] + (0, 1, 2)
     corners[:, 0] = 0

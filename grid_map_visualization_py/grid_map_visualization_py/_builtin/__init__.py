@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The visualizations of this package, one per module, named after their YAML type.
+"""Built-in visualizations, one per module; each module is named after its YAML type.
 
-A visualization is created with the parameters that it has in YAML, by keyword, and called with a
-map; it returns a message.
+The YAML parameters of a visualization are its keyword arguments. A visualization is called with a
+map and returns a message.
 """
 
 from ._contours import ContoursVisualization as ContoursVisualization

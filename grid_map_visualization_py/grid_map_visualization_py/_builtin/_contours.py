@@ -24,10 +24,9 @@ _contourpy = partial(
 
 @dataclass(frozen=True, kw_only=True)
 class ContoursVisualization(LineMarker):
-    """Draw lines along which a layer has the same value, interpolated between centers of cells.
+    """Draw contour lines of a layer, interpolated between cell centers.
 
-    A line ends near cells without a finite value: it crosses a square of four cells only if at
-    least three have one.
+    A line crosses a square of four cells only if at least three cells have a finite value.
 
     Attributes:
         layer: the layer, usually heights [m].
@@ -37,7 +36,7 @@ class ContoursVisualization(LineMarker):
             is at the height of its value.
 
     Raises:
-        ConfigError: the interval is not positive, or a level not finite.
+        ConfigError: the interval is not positive, or a level is not finite.
         MissingPackageError: contourpy is not installed.
     """
 
@@ -55,7 +54,7 @@ class ContoursVisualization(LineMarker):
         _contourpy()
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the marker, serialized.
+        """Return the contour lines of a map as a serialized `visualization_msgs/Marker`.
 
         Raises:
             LayerNotFoundError: the map lacks the layer.
@@ -85,7 +84,7 @@ class ContoursVisualization(LineMarker):
             (points,), (offsets,) = generator.lines(level)
             if points is not None:
                 height = 0.0 if self.flat else level
-                # Line k begins at point `offsets[k]`; no segment joins two lines.
+                # Line k starts at point `offsets[k]`; no segment may connect two lines.
                 begins = np.delete(np.arange(len(points)), offsets[1:] - np.uint32(1))
                 ends = points[np.stack([begins, begins + 1], axis=-1).ravel()]
                 lines.append(np.insert(ends, 2, height, axis=1))

@@ -14,7 +14,7 @@ from grid_map_ros_py.messages import to_flat_point_cloud
 
 @dataclass(frozen=True, kw_only=True)
 class FlatPointCloudVisualization:
-    """Draw cells with finite basic layers as points at one height.
+    """Draw all cells with finite basic layers as points at constant height.
 
     Attributes:
         height: height of the points [m].
@@ -31,5 +31,5 @@ class FlatPointCloudVisualization:
         check(math.isfinite(self.height), "height", "a finite number", self.height)
 
     def __call__(self, grid_map: GridMap) -> PointCloud2:
-        """Return the cloud."""
+        """Return the cells of a map as a point cloud."""
         return to_flat_point_cloud(grid_map, self.height)

@@ -14,7 +14,7 @@ from grid_map_ros_py.messages import to_serialized_grid_cells
 
 @dataclass(frozen=True, kw_only=True)
 class GridCellsVisualization:
-    """Show the cells of a layer whose value is finite and between two thresholds, both included.
+    """Show the cells whose layer value is finite and between two inclusive thresholds.
 
     Attributes:
         layer: layer with the values.
@@ -37,7 +37,7 @@ class GridCellsVisualization:
         check(in_order, "upper_threshold", expected, self.upper_threshold)
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the cells, serialized."""
+        """Return the selected cells of a map as a serialized `nav_msgs/GridCells`."""
         return to_serialized_grid_cells(
             grid_map, self.layer, self.lower_threshold, self.upper_threshold
         )

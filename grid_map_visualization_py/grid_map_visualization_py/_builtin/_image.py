@@ -47,7 +47,7 @@ class ImageVisualization:
         self._coloring()
 
     def __call__(self, grid_map: GridMap) -> msg.Image:
-        """Return the image."""
+        """Return the layer of a map as a color image."""
         values = grid_map.unwrapped(self.layer)
         pixels = self._coloring()(values)
         if self.encoding.startswith("bgr"):

@@ -41,5 +41,5 @@ class OccupancyGridVisualization:
             raise ConfigError(f"parameters {error}") from error
 
     def __call__(self, grid_map: GridMap) -> msg.OccupancyGrid:
-        """Return the grid."""
+        """Return the layer of a map as an occupancy grid."""
         return to_occupancy_grid(grid_map, self.layer, self.data_min, self.data_max)

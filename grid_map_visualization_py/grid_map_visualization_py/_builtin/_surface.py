@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Surface of triangles in three dimensions."""
+"""Three-dimensional surface of triangles."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -62,7 +62,7 @@ class SurfaceVisualization:
         self._coloring()
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the marker, serialized."""
+        """Return the surface of a map as a serialized `visualization_msgs/Marker`."""
         cells = surface.Surface(grid_map, self.height_layer, self.flat, self.max_drawn_cells)
         rgb = cells.colors(self._coloring())
         rgba = np.full((len(rgb), 4), self.opacity, np.float32)

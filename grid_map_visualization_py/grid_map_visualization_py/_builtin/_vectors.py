@@ -15,7 +15,7 @@ from .._markers import LineMarker
 
 @dataclass(frozen=True, kw_only=True)
 class VectorsVisualization(LineMarker):
-    """Draw a line from the surface along the vector of each cell, where both are finite.
+    """Draw the vector of each cell as a line from the surface; non-finite cells are skipped.
 
     Attributes:
         layer_prefix: prefix of the component layers; `x`, `y` and `z` follow.
@@ -36,8 +36,8 @@ class VectorsVisualization(LineMarker):
         check(math.isfinite(self.scale), "scale", "a finite number", self.scale)
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the marker, serialized."""
-        # Start and end of the lines, column by column of the buffer.
+        """Return the vectors of a map as a serialized `visualization_msgs/Marker`."""
+        # Start and end of each line, in column-major order of the buffer.
         components = [f"{self.layer_prefix}{axis}" for axis in "xyz"]
         valid = grid_map.valid_mask((self.position_layer, *components)).ravel("F")
         lines = np.empty((np.count_nonzero(valid), 2, 3))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Subcommands of `grid-map` that this package adds."""
+"""Subcommands that this package adds to `grid-map`."""

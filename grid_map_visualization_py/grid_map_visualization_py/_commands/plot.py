@@ -37,11 +37,11 @@ _STYLES_OF = {
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
     "max_drawn_cells": (("flat", "surface"), "without --relief"),
 }
-"""Options that not all styles have."""
+"""Options that only some picture styles support, with the condition for the error text."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
+    """Add the command-line arguments of `grid-map plot` to a parser."""
     add_source(parser)
     text = (
         f"file that ends in {', '.join(ENDINGS + _ANIMATED)}; the last two show all maps of a bag"
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_style(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that say how to draw a map."""
+    """Add the command-line arguments for the picture style to a parser."""
     picture = parser.add_argument_group("picture")
     add, add_layer = picture.add_argument, partial(picture.add_argument, metavar="LAYER")
     text = "what is drawn, the heights if not flat (elevation, or the first)"
@@ -88,7 +88,7 @@ def add_style(parser: argparse.ArgumentParser) -> None:
 
 
 def complete_color_maps(**_: Any) -> list[str]:
-    """Return the names of color maps, for completion in a shell."""
+    """Return the names of all color maps for shell completion."""
     try:
         from ..colors import color_map_names
 
@@ -98,7 +98,7 @@ def complete_color_maps(**_: Any) -> list[str]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Draw, and tell where the picture is."""
+    """Run `grid-map plot`: draw the picture or video and print its path."""
     is_animated = options.picture.suffix.lower() in _ANIMATED
     check_style(options, options.picture, ENDINGS + _ANIMATED)
     if is_animated and options.style:
@@ -117,8 +117,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
-    """Return the map; of a store or a raster, the picture reads as much as it can show."""
-    # Without Dask only those that are too large for memory need it.
+    """Return the map; stores and rasters are opened as tiled maps, to read only what is drawn."""
+    # Without Dask, only maps that are too large for memory are opened as tiled maps.
     tiled_map = tiled_source(options, also_small=find_spec("dask") is not None)
     if tiled_map is not None:
         return tiled_map
@@ -130,7 +130,7 @@ def _animate(options: argparse.Namespace) -> None:
     from ..pictures import save_animation
 
     with ExitStack() as stack, open_recording(options) as records, _telling(options.picture):
-        # The progress bar begins with the first map, not above an error before it.
+        # The progress bar starts with the first map, so that it does not precede an error text.
         start = cache(lambda: stack.enter_context(ProgressBar()))
         progress = lambda done, total: start()(done, total)  # noqa: E731
         if not len(records):
@@ -145,20 +145,20 @@ def _animate(options: argparse.Namespace) -> None:
 def check_style(
     options: argparse.Namespace, picture: Path, endings: Sequence[str] = ENDINGS
 ) -> None:
-    """Raise `UsageError` if the name or an argument of `add_style` makes no sense."""
+    """Raise `UsageError` if the file name or an argument of `add_style` is invalid."""
     if picture.suffix.lower() not in endings:
         raise UsageError(f"{picture}: expected a name that ends in {', '.join(endings)}")
     for name, (styles, when) in _STYLES_OF.items():
         if getattr(options, name) is not None and (options.style or "flat") not in styles:
             raise UsageError(f"--{name.replace('_', '-')} goes {when} only")
-    # A picture of 1200 pixels per inch takes half a gigabyte; no letters have less than 10.
+    # At 1200 pixels per inch, a picture uses 0.5 GB; below 10, text is illegible.
     if not 10 <= options.dpi <= 1200:
         raise UsageError(f"--dpi: expected a number from 10 to 1200, got {options.dpi:g}")
 
 
 def draw(grid_map: "GridMap | TiledMap", options: argparse.Namespace, picture: Path) -> None:
-    """Draw a map as the arguments of `add_style` say, or raise `GridMapError`."""
-    # Slow to import.
+    """Draw a map to a file with the arguments of `add_style`; raise `GridMapError` on failure."""
+    # Imported here, because the import is slow.
     from ..pictures import save_picture
 
     layer = options.layer or usual_layer(grid_map)
@@ -169,7 +169,7 @@ def draw(grid_map: "GridMap | TiledMap", options: argparse.Namespace, picture: P
 def _options_of(
     grid_map: "GridMap | TiledMap", layer: str, options: argparse.Namespace
 ) -> dict[str, Any]:
-    """Return the options of `save_picture` that the arguments of `add_style` say."""
+    """Convert the arguments of `add_style` to keyword arguments of `save_picture`."""
     names = (
         *("style", "color_layer", "max_drawn_cells", "hillshade", "exaggeration", "dpi"),
         *("color_mode", "color_map", "lower", "upper", "invert", "label", "title"),
@@ -185,7 +185,7 @@ def _options_of(
 
 @contextmanager
 def _telling(picture: Path) -> Iterator[None]:
-    """Turn the error of a picture that cannot be written into one that names it."""
+    """Convert errors in the context to errors that name the picture."""
     from grid_map_core_py._files import storage_errors
 
     try:

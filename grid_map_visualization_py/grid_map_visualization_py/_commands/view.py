@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap
 
 _SIDE = 1000
-"""Rows and columns that are shown of a map that is too large for memory."""
+"""Maximum number of shown rows and columns of a map that is too large for memory."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
+    """Add the command-line arguments of `grid-map view` to a parser."""
     add_source(parser, "all, with the other messages of the bag")
     add_rectangle(parser)
     add = parser.add_argument
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Serve the page until a signal ends it."""
+    """Run `grid-map view`: serve the page until a signal arrives."""
     from .._rerun.recording import log_bag
     from .._rerun.scene import Scene, Style
     from .._rerun.server import Server
@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     came: list[int] = []
     on_end(lambda number, _: came.append(number))
     grid_map = None if _is_whole_bag(options) else _read(options)
-    # A quarter more for the indexes of Rerun.
+    # The indexes of Rerun need up to a quarter more memory.
     limit = f"{options.most_shown + options.most_shown // 4 + 100}MB"
     where = {"allowed_hosts": options.allowed_hosts, "memory_limit": limit}
     with Server(options.host, options.port, **where) as server:
@@ -120,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _is_whole_bag(options: argparse.Namespace) -> bool:
-    """Return whether all messages of a bag are shown, after checking that it has some."""
+    """Return whether to show all messages of a bag; raise an error if the bag has none to show."""
     if source_format(options) != "bag" or options.index is not None:
         return False
     if has_rectangle(options):
@@ -142,7 +142,7 @@ def _is_whole_bag(options: argparse.Namespace) -> bool:
 
 
 def _read(options: argparse.Namespace) -> "GridMap":
-    """Return the map, or a part of it, with the layers that the arguments name."""
+    """Read the map, or the requested rectangle, and check that the requested layers exist."""
     if has_rectangle(options):
         grid_map = read_rectangle(options)
     else:

@@ -26,10 +26,10 @@ from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(ConfiguredNode):
-    """Subscribes to maps while an output has a subscriber, and converts for these outputs only.
+    """Subscribes to maps while an output has subscribers, and publishes only these outputs.
 
-    The last map is kept while the node is subscribed, so that a late subscriber of an output gets
-    it at once.
+    While subscribed, the node keeps the last map, so that late-joining subscribers of an output
+    receive a message immediately.
     """
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class GridMapVisualizationNode(ConfiguredNode):
             output.publisher = self.create_publisher(
                 output.visualization.message_type, output.name, map_qos(), event_callbacks=events
             )
-        # Events tell when subscribers come and go; the timer is for lost events.
+        # Events report when subscribers join and leave; the timer is a fallback for lost events.
         steady_timer(self, 1 / rate, self._follow_subscribers)
         topic = self.resolve_topic_name(self._topic)
         names = ", ".join(output.publisher.topic_name for output in self._outputs) or "nothing"
@@ -81,8 +81,8 @@ class GridMapVisualizationNode(ConfiguredNode):
         return outputs
 
     def _match(self, output: "Output", status: Any) -> None:
-        # A simultaneous join and leave keeps the count unchanged. A latched publisher is not enough
-        # for a late subscriber, because RViz by default asks for a volatile topic.
+        # A simultaneous join and leave keeps the count unchanged. Latched publishers do not serve
+        # late-joining subscribers with volatile durability, which is the default of RViz.
         output.is_due |= status.total_count_change > 0
         self._follow_subscribers()
 
@@ -114,7 +114,7 @@ class GridMapVisualizationNode(ConfiguredNode):
             output.is_due, output.problem = False, ""
             try:
                 output.publisher.publish(output.visualization(self._map))
-            except Exception as error:  # Plugins may raise anything, and the other outputs go on.
+            except Exception as error:  # Plugins may raise anything; other outputs must continue.
                 cause = str(error) if isinstance(error, GridMapError) else repr(error)
                 output.problem = f"visualization {output.name!r}: {cause}"
                 self._log.warning(output.problem)
@@ -127,8 +127,8 @@ class Output:
     """A visualization and its publisher; its name is also its topic.
 
     Attributes:
-        is_due: the last map has not been published for all subscribers yet.
-        problem: why the last map could not be published; empty if it could.
+        is_due: True if some subscribers have not received the last map yet.
+        problem: error message if the last map could not be published; empty otherwise.
     """
 
     name: str

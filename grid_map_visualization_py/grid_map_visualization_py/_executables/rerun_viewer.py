@@ -24,14 +24,14 @@ from .._rerun.server import Server
 from ..colors import DEFAULT_COLOR_MAP
 
 TF = frozenset({"/tf", "/tf_static"})
-"""Topics that are shown in any case, since places of other messages depend on them."""
+"""Topics that are always shown, because the poses of other messages depend on them."""
 
 PERIOD = 0.5
-"""Time between two looks for new topics, and for the end of Rerun [s]."""
+"""Period of the checks for new topics and for the end of Rerun [s]."""
 
 
 class RerunViewerNode(ConfiguredNode):
-    """Passes messages of many topics to Rerun."""
+    """Passes the messages of the requested topics, by default all that can be shown, to Rerun."""
 
     def __init__(self) -> None:
         super().__init__("rerun_viewer")
@@ -75,7 +75,7 @@ class RerunViewerNode(ConfiguredNode):
         health.inputs, health.details = "messages", self._details
         steady_timer(self, 1 / max_rate, self._write)
         steady_timer(self, PERIOD, self._look)
-        # The address stands alone on its line, so that it is easy to find and to copy.
+        # The address is on its own line, so that it is easy to find and to copy.
         self.get_logger().info(f"shows messages in the browser at\n{self._server.page_url}")
 
     def _serve(self) -> Server:
@@ -103,7 +103,7 @@ class RerunViewerNode(ConfiguredNode):
         Node.destroy_node(self)
 
     def _write(self) -> None:
-        """Show the newest messages, and report those that cannot be shown."""
+        """Write the newest messages to Rerun, and report messages that cannot be shown."""
         health = health_of(self)
         for refusal in self._live.write():
             health.drop_used(refusal)
@@ -113,7 +113,7 @@ class RerunViewerNode(ConfiguredNode):
             self._log.warning(health.problem)
 
     def _look(self) -> None:
-        """Subscribe to new topics, and end with Rerun."""
+        """Subscribe to new topics; raise `NodeFailedError` if Rerun has ended."""
         if self._server.problem:
             raise NodeFailedError(self._server.problem)
         for topic, types in self.get_topic_names_and_types():
@@ -121,7 +121,7 @@ class RerunViewerNode(ConfiguredNode):
                 self._follow(topic, types)
         if self._live.shown and not self._has_shown:
             self._has_shown = True
-            # By now all nodes have started, and the address stands at the end of what they log.
+            # Repeat the address, because other nodes may have logged many lines since the start.
             self.get_logger().info(f"the first message is shown; see\n{self._server.page_url}")
 
     def _follow(self, topic: str, types: list[str]) -> None:
@@ -146,7 +146,7 @@ class RerunViewerNode(ConfiguredNode):
             partial(self._live.put, topic, kind),
             raw=True,
             hears_best_effort=True,
-            # Reports are never latched; asking for it makes their publishers warn.
+            # Diagnostics are never latched; a latched subscription would make publishers warn.
             qos=QoSProfile(depth=QUEUES[kind]) if "DiagnosticArray" in kind else None,
             depth=QUEUES.get(kind, 1),
         )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Executable `snapshot`: a picture of the next map of a topic.
+"""Executable `snapshot`: draws the next map on a topic to a picture file.
 
-It draws as `grid-map plot` does, which takes its maps from files. The picture appears complete or
-not at all. The exit code is 0 only if it was written.
+The picture has the options of `grid-map plot`, which draws maps from files. The file is written
+completely or not at all. The exit code is 0 only if the file was written.
 """
 
 import argparse
@@ -28,10 +28,10 @@ from .._commands.plot import add_style, check_style, draw
 
 
 class SnapshotNode(Node):
-    """Waits for a map, the last one that was published if there is one, and ends.
+    """Waits for a map (the last published map if the topic is latched), draws it, and ends.
 
     Args:
-        options: as `parsed` returns them.
+        options: result of `parsed`.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -40,7 +40,7 @@ class SnapshotNode(Node):
         self._options = options
         topic = check_topic(self, "--topic", options.topic)
         self._topic = self.resolve_topic_name(topic)
-        # A timer of ROS counts nanoseconds in 64 bits.
+        # ROS timers count nanoseconds in 64 bits.
         is_time = 0 < options.timeout <= 1e9
         check(is_time, "--timeout", "a positive time up to 1e+09 s", options.timeout)
         self._subscription = MapSubscription(self, topic, self._receive)
@@ -62,7 +62,7 @@ class SnapshotNode(Node):
 
 
 def parsed(arguments: Sequence[str]) -> argparse.Namespace:
-    """Return the options of a command line; a wrong one ends the process with exit code 2."""
+    """Parse the command line; an invalid command line ends the process with exit code 2."""
     parser = argparse.ArgumentParser(
         prog="snapshot",
         description="Draw the next map of a topic. For maps in files there is 'grid-map plot'.",
@@ -82,7 +82,7 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def main() -> int:
-    """Take the picture; return the exit code."""
+    """Draw the picture and return the exit code."""
     options = parsed(remove_ros_args(sys.argv)[1:])
     return run(lambda: SnapshotNode(options))
 

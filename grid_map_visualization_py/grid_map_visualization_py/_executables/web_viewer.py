@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `web_viewer`: serves a page that shows a map in the browser."""
+"""Node `web_viewer`: serves a web page that shows a map in the browser."""
 
 import time
 
@@ -25,11 +25,11 @@ from ..surface import check_max_drawn_cells
 MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
 LOOK_PERIOD = 1.0
-"""Time between two looks at which topics exist [s]."""
+"""Period of the search for map topics [s]."""
 
 
 class WebViewerNode(ConfiguredNode):
-    """Passes maps from the topic that is chosen on the page to it."""
+    """Subscribes to the map topic that the user selects on the page, and shows its maps there."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
@@ -73,19 +73,19 @@ class WebViewerNode(ConfiguredNode):
     def _subscribe(self, topic: str) -> None:
         self._topic, self._has_map = topic, False
         self._maps = MapSubscription(self, topic, self._receive)
-        # The address stands alone on its line, so that it is easy to find and to copy.
+        # The address is on its own line, so that it is easy to find and to copy.
         text = f"shows {self._maps.topic_name} in the browser at\n{self._page.url}"
         self.get_logger().info(text)
 
     def destroy_node(self) -> None:
-        """Destroy the node and close its page."""
+        """Close the page and destroy the node."""
         self._page.close()
         Node.destroy_node(self)
 
     def _receive(self, received: ReceivedMap) -> None:
         self._viewer.receive(received)
         if not self._has_map:
-            # By now all nodes have started, and the address stands at the end of what they log.
+            # Repeat the address, because other nodes may have logged many lines since the start.
             text = f"the first map of {self._maps.topic_name} has come; see\n{self._page.url}"
             self.get_logger().info(text)
         self._has_map = True
@@ -104,7 +104,7 @@ class WebViewerNode(ConfiguredNode):
             if self._poses is not None and frame_id:
                 to_robot = None
                 try:
-                    # The frame of the map may change, that of the robot does not.
+                    # The map frame may change; the robot frame is constant.
                     to_robot = self._poses.frame_at(frame_id, 0)
                 except GridMapError as error:
                     self._log.warning(f"no pose of the robot: {error}")

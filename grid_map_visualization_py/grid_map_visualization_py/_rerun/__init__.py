@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps and messages in Rerun: recordings, and the page that shows them."""
+"""Show maps and messages in Rerun: recording files, scenes, and the viewer page."""

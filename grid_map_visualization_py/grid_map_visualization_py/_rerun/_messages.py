@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages as archetypes of Rerun."""
+"""Convert ROS messages to Rerun archetypes."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ class Placed:
     """Archetypes to log for a message, with their entity path, frame and time.
 
     Attributes:
-        time: of its header [ns]; 0 for none.
+        time: time in the message header [ns]; 0 if there is none.
         path: parts of the entity path below the topic, or from the root if `is_global`.
-        frame: frame of ROS; None for a message without a place.
-        archetypes: returns the archetypes for the origin (3,) of coordinates in the frame [m], or
-            raises `MessageError`.
-        is_global: the path does not begin with the topic.
+        frame: ROS frame; None for a message without a pose.
+        archetypes: function that returns the archetypes relative to an origin (3,) in the frame
+            [m], or raises `MessageError`.
+        is_global: True if the path starts at the root, not at the topic.
     """
 
     time: int
@@ -38,7 +38,7 @@ class Placed:
 
 
 class Shape(IntEnum):
-    """Types of markers that are shown."""
+    """Supported marker types."""
 
     ARROW = 0
     CUBE = 1
@@ -121,7 +121,7 @@ def _occupancy_grid(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     cells = np.asarray(message.data, np.int8)
     if len(cells) != info.height * info.width:
         raise MessageError("data", f"{info.width} x {info.height} cells", len(cells))
-    # The first row of a picture is the upper one.
+    # The first row of an image is the top row.
     cells = cells.reshape(info.height, info.width)[::-1]
 
     def grid(origin: Origin) -> list[Any]:
@@ -152,7 +152,7 @@ def _markers(rr: Any, message: Any, _: int) -> Iterator[Placed]:
 def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
     q = marker.pose.orientation
     xyzw = [q.x, q.y, q.z, q.w] if any((q.x, q.y, q.z, q.w)) else [0.0, 0.0, 0.0, 1.0]
-    # As in RViz, a quaternion of zeros is no rotation.
+    # As in RViz, a quaternion of zeros means no rotation.
     turn = SimpleNamespace(**dict(zip("xyzw", xyzw, strict=True)))
     matrix = from_pose(SimpleNamespace(position=marker.pose.position, orientation=turn))
     center = matrix[:3, 3] - origin
@@ -167,7 +167,7 @@ def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
     wide = {"radii": scale[0] / 2}
     solid = {"colors": rgba, "fill_mode": "solid"}
     posed = {"centers": [center], "quaternions": [rr.Quaternion(xyzw=xyzw)], **solid}
-    # Colors of triangles are those of one, of all triangles, or of all corners.
+    # Triangle lists have one color, one color per triangle, or one color per corner.
     of_corners = np.repeat(rgba, -(-len(points) // len(rgba)), axis=0)[: len(points)]
     pairs = points[: len(points) // 2 * 2].reshape(-1, 2, 3)
     halves = np.tile(scale / 2, (len(points), 1))
@@ -175,7 +175,7 @@ def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
         Shape.ARROW: lambda: rr.Arrows3D(origins=[start], vectors=[vector], colors=rgba),
         Shape.CUBE: lambda: rr.Boxes3D(half_sizes=[scale / 2], **posed),
         Shape.SPHERE: lambda: rr.Ellipsoids3D(half_sizes=[scale / 2], **posed),
-        # Those of Rerun are round.
+        # Cylinders in Rerun have a circular cross-section.
         Shape.CYLINDER: lambda: rr.Cylinders3D(
             lengths=scale[2], radii=scale[:2].mean() / 2, **posed
         ),
@@ -195,7 +195,7 @@ def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
 def _diagnostics(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     for status in message.status:
         for entry in status.values:
-            # Such as "ms" and "ms smooth" of a filter chain; "mean ms" follows from them.
+            # Filter chains report "ms" and "ms smooth"; "mean ms" is redundant.
             unit, _, part = entry.key.partition(" ")
             if unit != "ms":
                 continue
@@ -220,7 +220,7 @@ SHOWN: dict[str, Callable[[Any, Any, int], Iterator[Placed]]] = {
     "visualization_msgs/msg/Marker": _markers,
     "visualization_msgs/msg/MarkerArray": _markers,
 }
-"""Functions that turn messages into what is logged, by type."""
+"""Function that converts messages to `Placed` items, for each supported message type."""
 
 POSES = frozenset(kind for kind, function in SHOWN.items() if function is _pose)
-"""Types of single poses, which leave a trail."""
+"""Message types with a single pose, which are shown with a trail."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Live messages on their way to Rerun."""
+"""Queues live messages and writes them to Rerun."""
 
 import time
 from collections import deque
@@ -15,18 +15,18 @@ QUEUES = {
     "visualization_msgs/msg/Marker": 100,
     "visualization_msgs/msg/MarkerArray": 100,
 }
-"""Number of messages of a topic that wait, by type, if a message does not replace the one before.
+"""Queue size per topic, by message type; for other types, a new message replaces the previous one.
 
-Transforms and diagnostics come from many nodes, and markers add to each other.
+Transforms and diagnostics come from many nodes, and markers are cumulative.
 """
 
 FLUSH_TIME = 0.2
-"""Maximum time that `LiveScene.write` waits for Rerun [s]."""
+"""Maximum time for which `LiveScene.write` waits for Rerun [s]."""
 
 STALL = 30.0
-"""Time after which it is a problem that Rerun takes no data [s].
+"""Time after which `LiveScene.problem` reports that Rerun accepts no data [s].
 
-Slow browsers stop Rerun for several seconds while they load the page.
+Slow browsers block Rerun for several seconds while they load the page.
 """
 
 
@@ -37,16 +37,16 @@ class _Arrival(NamedTuple):
 
 
 class LiveScene:
-    """Keeps the newest messages of each topic until they are written to Rerun.
+    """Queues the newest messages of each topic until they are written to Rerun.
 
     Args:
         recording: an `rr.RecordingStream`.
-        style: how maps are drawn.
+        style: style of the maps.
 
     Attributes:
-        shown: number of messages that were written.
-        replaced: number of messages that newer ones have replaced.
-        problem: why nothing is shown at the moment; empty if there is no reason.
+        shown: number of written messages.
+        replaced: number of messages that were replaced by newer messages before they were written.
+        problem: error message if Rerun currently accepts no data; empty otherwise.
     """
 
     def __init__(self, recording: Any, style: Style) -> None:
@@ -57,16 +57,16 @@ class LiveScene:
         self._stalled_since: float | None = None
 
     def put(self, topic: str, kind: str, data: bytes) -> None:
-        """Keep a message in CDR until the next `write`."""
+        """Queue a message of type `kind` in CDR until the next `write`."""
         queue = self._waiting.setdefault(topic, deque(maxlen=QUEUES.get(kind, 1)))
         self.replaced += len(queue) == queue.maxlen
         queue.append(_Arrival(kind, data, time.time_ns()))
 
     def write(self) -> list[str]:
-        """Write the waiting messages, unless Rerun has not taken those before.
+        """Write the queued messages, unless Rerun has not accepted the previous messages yet.
 
         Returns:
-            Why messages could not be shown.
+            One error text for each message that could not be shown.
         """
         if self._stalled_since is not None and not self._delivers():
             return []
@@ -85,10 +85,10 @@ class LiveScene:
         return refusals
 
     def _delivers(self) -> bool:
-        """Return whether Rerun takes all data, so that little memory is on the way."""
+        """Flush the recording; return False if Rerun has not accepted all data in time."""
         try:
             self._recording.flush(timeout_sec=FLUSH_TIME)
-        except Exception:  # Also at the end of the program, which the server tells.
+        except Exception:  # Also raised if the program has ended, which `Server` reports.
             now = time.monotonic()
             self._stalled_since = self._stalled_since or now
             if now - self._stalled_since > STALL:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Recordings of Rerun in files, and bags in recordings."""
+"""Write Rerun recordings to files, and bags to Rerun recordings."""
 
 import os
 import shutil
@@ -18,16 +18,16 @@ from grid_map_ros_py import BagError, MessageError, bag_messages
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
 
 _BLOCK = 1 << 20
-"""Bytes that are read from the pipe at once."""
+"""Maximum number of bytes per read from the pipe."""
 
 
 @contextmanager
 def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[Scene]:
-    """Yield a scene that is written to a file (`.rrd`), which appears complete or not at all.
+    """Yield a scene that is saved to a Rerun file (`.rrd`), completely or not at all.
 
     Args:
-        path: the file; one that is there is replaced.
-        style: how maps are drawn.
+        path: path of the file; an existing file is replaced.
+        style: style of the maps.
 
     Raises:
         MissingPackageError: Rerun is not installed.
@@ -50,9 +50,9 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
 
 @contextmanager
 def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
-    """Yield the name of a pipe whose content a thread writes to a file, and the errors so far.
+    """Yield the path of a pipe that a thread copies to `target`, and a list of its errors.
 
-    Rerun waits forever for a file that it cannot write, such as on a full disk.
+    Without the pipe, Rerun would block forever if the file cannot be written (full disk).
     """
     source, sink = os.pipe()
     errors: list[OSError] = []
@@ -86,20 +86,20 @@ def log_bag(
     recover: bool = False,
     goes_on: Callable[[int], bool] = lambda _: True,
 ) -> int:
-    """Write the messages of a bag to a scene in time order, one at a time.
+    """Write the messages of a bag to a scene, in time order.
 
-    Messages that cannot be shown, such as a pose with NaN, are left out with a warning for each
-    topic, as RViz does. A damaged map is an error, unless `recover` is true.
+    Messages that cannot be shown, such as a pose with NaN, are skipped with a warning per topic, as
+    in RViz. A damaged map raises an error, unless `recover` is true.
 
     Args:
-        scene: where they go.
-        path: the bag.
-        topic: only this topic of maps, and all other messages; None means all.
-        recover: read the undamaged part of a bag, and leave out damaged maps.
-        goes_on: is called after each message with its time [ns]; False ends.
+        scene: scene to write to.
+        path: path of the bag.
+        topic: the only map topic to write; None means all. Other message types are always written.
+        recover: read the undamaged part of a bag, and skip damaged maps.
+        goes_on: called after each message with its time [ns]; stop if it returns False.
 
     Returns:
-        The number of messages that are shown.
+        Number of messages written.
 
     Raises:
         BagError: the bag or a map is damaged.

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps and messages in a recording of Rerun, and the layout of the viewer that fits to them.
+"""Write maps and messages to a Rerun recording, and create a viewer layout that shows them.
 
-Each topic is an entity path, `grid_map/...` for `/grid_map`. A map has these entities in it:
+Each topic is an entity path, `grid_map/...` for `/grid_map`. A map has these child entities:
 
 - `surface`: a mesh with the colors of each layer.
-- `layers/NAME`: the values of a layer as an image, seen from above (x right, y up), transparent and
-  over its `color`, which is the picture that one sees. Cells without a value are transparent.
-- `legend/NAME`: color bar of a layer, with its bounds.
-- `range/NAME` and `missing/NAME`: smallest, mean and largest value, and percentage of missing
-  values, as curves.
+- `layers/NAME`: values of a layer as an invisible image (x right, y up) above the visible image
+  `layers/NAME/color`. Cells without a value are transparent.
+- `legend/NAME`: color bar of a layer, with the bounds of the colors.
+- `range/NAME` and `missing/NAME`: curves of the smallest, mean and largest value, and of the
+  percentage of missing values.
 
-Frames of ROS are frames of Rerun. The 3-D view has a frame of its own, `view`: near the first map,
-since the graphics know only float32, and with scaled heights if `exaggeration` says so. All data
-are true to scale.
+ROS frames are Rerun frames. The 3-D view uses its own frame `view`. The origin of `view` is near
+the first map, because the graphics use float32. Only `view` scales heights by `exaggeration`; all
+logged data is true to scale.
 """
 
 import math
@@ -44,13 +44,13 @@ from ._messages import POSES, SHOWN
 GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
 SHOWN_TYPES = frozenset({GRID_MAP_TYPE, *SHOWN})
-"""Types of messages that `Scene.log_message` shows."""
+"""Message types that `Scene.log_message` can show."""
 
 _FAR = 1000.0
-"""Multiples of it [m] are the origins near far maps; exact in float32."""
+"""Grid spacing of the local origins near distant maps [m]; multiples are exact in float32."""
 
 _LARGEST_IMAGE = 4096
-"""Rows and columns of an image that graphics can hold everywhere."""
+"""Maximum rows and columns of an image that all graphics hardware supports."""
 
 _VIEW, _NO_FRAME = "view", "(no frame)"
 
@@ -58,27 +58,28 @@ _CURVES = (
     *((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40)),
     *((148, 103, 189), (140, 86, 75), (227, 119, 194), (23, 190, 207)),
 )
-"""Colors of the curves of layers."""
+"""Colors of the curves."""
 
 
 def rerun(module: str = "rerun") -> Any:
-    """Return a module of Rerun, or raise `MissingPackageError`."""
+    """Import a module of Rerun; raise `MissingPackageError` if Rerun is not installed."""
     return required(module, "Rerun", "pip install 'grid_map_visualization_py[rerun]'")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """How maps are drawn.
+    """Style in which maps are drawn.
 
     Attributes:
-        height_layer: heights [m] of the surface; empty for elevation, or the first layer.
-        color_layer: layer that colors the surface at first; empty for the heights.
-        color_map: color map of `color_layer`, a name of Matplotlib; other layers have the default.
-        lower, upper: values at its ends; None stands for the smallest and the largest value of each
-            map.
-        exaggeration: factor that scales heights in the 3-D view.
-        max_drawn_cells: cells of the surface; larger maps are thinned out. 0 for no limit.
-        max_image_cells: the same for the image of each layer.
+        height_layer: layer of the surface heights [m]; empty means `elevation`, or else the first.
+        color_layer: layer that initially colors the surface; empty means the heights.
+        color_map: Matplotlib color map of `color_layer`; other layers use the default color map.
+        lower, upper: values at the ends of `color_map`; None means the smallest and the largest
+            value of each map.
+        exaggeration: factor by which the 3-D view scales heights.
+        max_drawn_cells: maximum number of surface cells; larger maps are thinned out. 0 means no
+            limit.
+        max_image_cells: maximum number of cells in the image of each layer; 0 means no limit.
     """
 
     height_layer: str = ""
@@ -97,12 +98,12 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return the layer of heights of a map with these layers; empty if it has none."""
+        """Return the name of the height layer for a map with `layers`; empty without layers."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
     def coloring(self, layer: str, *, is_chosen: bool = True) -> Coloring:
-        """Return the colors of a layer; packed colors if its name ends in color."""
+        """Return the coloring of a layer; names that end in `color` mean packed colors."""
         if layer.endswith("color"):
             return Coloring(mode="color", layer=layer)
         if not is_chosen:
@@ -111,18 +112,18 @@ class Style:
 
 
 class Scene:
-    """Writes maps and messages to a recording of Rerun, and knows the layout that fits to them.
+    """Writes maps and messages to a Rerun recording and creates a matching viewer layout.
 
-    Use it in one thread at a time. All times are in nanoseconds since the epoch. They are on two
-    timelines: `ros_time`, of the message's header, and `log_time`, of its arrival.
+    Use a scene in one thread at a time. All times are in nanoseconds since the epoch. There are two
+    timelines: `ros_time` is the time in the message header, `log_time` the time of arrival.
 
     Args:
         recording: an `rr.RecordingStream`.
-        style: how maps are drawn.
+        style: style of the maps.
 
     Attributes:
-        size: bytes that were written.
-        surfaces: number of surfaces that were written.
+        size: number of written bytes.
+        surfaces: number of written surfaces.
     """
 
     def __init__(self, recording: Any, style: Style | None = None) -> None:
@@ -139,19 +140,19 @@ class Scene:
         self._laid_out: object = None
         # A file that cannot be written ends the scene.
         self._errors: list[OSError] = []
-        # Times are those of the messages, not of these calls.
+        # Rerun must not add the times of the log calls.
         self._rr.set_log_time_enabled(False, recording=recording)
         self._rr.set_log_tick_enabled(False, recording=recording)
 
     def log_map(self, name: str, grid_map: GridMap, *, log_time: int | None = None) -> None:
-        """Write a map.
+        """Write a map to the recording.
 
-        The time of the map is that of `ros_time`; for a map without one, `log_time` is.
+        `ros_time` is the timestamp of the map, or `log_time` if the map has no timestamp.
 
         Args:
-            name: topic, or name of a file.
-            grid_map: the map; it may have moved.
-            log_time: time of its arrival [ns]; None means the time of the map.
+            name: topic or file name of the map.
+            grid_map: the map, with any start index.
+            log_time: time of arrival [ns]; None means the timestamp of the map.
         """
         self._set_times(grid_map.timestamp, log_time)
         parts, layers = _parts(name), grid_map.layers
@@ -171,20 +172,20 @@ class Scene:
             self._log_layer(parts, grid_map, layer, coloring)
 
     def log_message(self, topic: str, kind: str, data: bytes, *, log_time: int) -> bool:
-        """Write a message of one of the `SHOWN_TYPES`.
+        """Write a serialized message to the recording if its type is one of `SHOWN_TYPES`.
 
         Args:
-            topic: its topic.
-            kind: its type, such as `nav_msgs/msg/Odometry`.
-            data: the message in CDR, as raw subscriptions and bags have it.
-            log_time: time of its arrival [ns].
+            topic: topic of the message.
+            kind: message type, such as `nav_msgs/msg/Odometry`.
+            data: the message in CDR, for example from a raw subscription or a bag.
+            log_time: time of arrival [ns].
 
         Returns:
-            True if messages of this type are shown.
+            True if messages of this type can be shown.
 
         Raises:
-            MessageError: the message is damaged or contradicts itself. Transforms and markers
-                beside a wrong one are written.
+            MessageError: the message is damaged or inconsistent. If only one transform or marker in
+                the message is invalid, all others are written.
             LimitError: a map has too many cells.
         """
         if kind == GRID_MAP_TYPE:
@@ -214,7 +215,7 @@ class Scene:
         return True
 
     def layout(self) -> Any:
-        """Return the layout (`rrb.Blueprint`) for all that was logged so far."""
+        """Return the viewer layout (`rrb.Blueprint`) for all data logged so far."""
         self._laid_out = self._content()
         rrb = self._rrb
         images = [
@@ -222,7 +223,7 @@ class Scene:
             for name, layers in self._maps.items()
             for layer in layers
         ]
-        # Narrower images would cut their titles.
+        # The titles of narrower images would be cut off.
         is_crowded = len(images) > 6
         columns = 3 if is_crowded else None
         beside = [rrb.Grid(*images, grid_columns=columns, name="layers")] if images else []
@@ -260,7 +261,7 @@ class Scene:
         )
 
     def send_layout(self) -> None:
-        """Send the layout to the viewer if it has changed."""
+        """Send the layout to the viewer if the layout has changed."""
         if self._laid_out != self._content():
             self._recording.send_blueprint(self.layout())
 
@@ -335,12 +336,12 @@ class Scene:
         step = max(
             -(-max(values.shape) // _LARGEST_IMAGE), math.ceil(math.sqrt(values.size / most))
         )
-        # Rows and columns of a map count against x and y.
+        # Row and column indices of a map increase along -x and -y.
         image = np.ascontiguousarray(values.T[::step, ::-step])
         opaque = np.where(np.isfinite(image), np.uint8(255), np.uint8(0))
         picture = np.dstack([coloring(image), opaque])
         path = [*parts, "layers", layer]
-        # Rerun takes an array with a side of 1 for one without that side.
+        # Rerun drops dimensions of size 1 from arrays.
         size = {"width": image.shape[1], "height": image.shape[0]}
         colors = rr.Image(
             **size,
@@ -384,7 +385,7 @@ class Scene:
     def _place(
         self, frame: str, position: npt.NDArray[np.float64] | None = None
     ) -> tuple[str, npt.NDArray[np.float64]]:
-        """Return a frame near the maps of a ROS frame, and its origin (3,) in the ROS frame [m]."""
+        """Return a local frame near the maps of a ROS frame, and the local origin (3,) [m]."""
         name = frame or _NO_FRAME
         is_new = frame not in self._origins
         if is_new and position is None:
@@ -401,13 +402,13 @@ class Scene:
         return near, origin
 
     def _content(self) -> object:
-        """Return all that the layout depends on."""
+        """Return the state on which the layout depends, to detect changes."""
         maps = {name: tuple(layers) for name, layers in self._maps.items()}
         flags = self._has_milliseconds, self._first is None, self._is_repeated
         return maps, {**self._messages}, flags
 
     def _surface_views(self) -> Any:
-        """Return a view for each layer that colors surfaces, with the legends below."""
+        """Return one 3-D view per layer that colors surfaces, with the legends below the views."""
         rrb = self._rrb
         chosen = [
             self._style.color_layer or self._style.heights_of(layers)
@@ -446,7 +447,6 @@ class Scene:
             for path, layers in surfaces.items()
             if color_layer in layers
         }
-        # Trails show where poses were until now.
         until_now = past.VisibleTimeRange(
             "ros_time",
             start=past.TimeRangeBoundary.infinite(),
@@ -465,7 +465,7 @@ class Scene:
                 position=center + reach * np.array([-0.4, -0.7, 0.55]),
                 look_target=center,
                 eye_up=[0.0, 0.0, 1.0],
-                # Otherwise a map that moves with a robot leaves the view.
+                # The camera follows the map, which may move with a robot.
                 tracking_entity=next(iter(surfaces)),
             )
         return rrb.Spatial3DView(
@@ -480,7 +480,6 @@ class Scene:
 
 
 def _parts(name: str) -> list[str]:
-    """Return the parts of the entity path of a topic or a name."""
     return [part for part in re.split("/+", name) if part] or ["map"]
 
 
@@ -490,15 +489,15 @@ def _path(name: str, *parts: str) -> str:
 
 
 def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:
-    """Return the normals (N, 3) of the vertices: means of those of the faces around them."""
-    # Differences of large heights overflow float32.
+    """Return vertex normals (N, 3), each the mean normal of the adjacent faces."""
+    # Differences of large heights would overflow float32.
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     every = mesh.faces.ravel()
     sums = [
         np.bincount(every, np.repeat(faces[:, axis], 3), len(mesh.vertices)) for axis in range(3)
     ]
-    # A vertex without a face has no direction; upwards is as good as any.
+    # The normal of a vertex without faces points upwards.
     normals = np.stack(sums, axis=-1) + [0.0, 0.0, np.finfo(np.float64).tiny]
     unit: npt.NDArray[np.float64] = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     return unit.astype(np.float32)

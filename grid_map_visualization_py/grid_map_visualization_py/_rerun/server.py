@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Serves a recording of Rerun to browsers.
+"""Serves a Rerun recording to browsers.
 
-The program `rerun` answers pages of all programs on this machine and of rerun.io, under any name of
-the host. It therefore listens at a random address of this machine, and a relay passes on only the
-requests of its own page.
+The program `rerun` accepts requests from rerun.io and from the pages of all local programs, under
+any host name. The server therefore starts `rerun` at a random local address and forwards only
+requests from its own page, through a relay.
 """
 
 import asyncio
@@ -27,39 +27,39 @@ from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from .scene import rerun
 
 SETTINGS = Path(__file__).with_name("settings")
-"""Folder of the settings of the program: its statistics are off, and nothing is written."""
+"""Settings folder for the program `rerun`, with usage statistics disabled; it is only read."""
 
 START_TIME = 30.0
-"""Maximum time for the program to start [s]."""
+"""Maximum startup time of the program `rerun` [s]."""
 
 FAREWELL = 0.3
-"""Maximum time for the last data to reach the program [s]."""
+"""Maximum time to send the last data to the program when the server closes [s]."""
 
 BUFFER, STEP = 8_000_000, 250_000
-"""Size of the data that may wait for a slow page, and of what it has to take [bytes] ..."""
+"""Maximum data queued for a slow page, and data that the page must accept per `STALL` [bytes]."""
 
 STALL = 10.0
-"""... in this time [s]; otherwise its connection ends, since Rerun would stop for all pages."""
+"""Time [s] to accept `STEP` bytes; slower connections are closed, as they block all pages."""
 
 Address = tuple[str, int]
 
 
 class Server:
-    """Serves a recording to browsers and to Rerun's own viewer.
+    """Serves a recording to browsers and to the native Rerun viewer.
 
-    The program `rerun` keeps the recording, and ends with this process. The thread that makes the
-    server must not end before the server.
+    The program `rerun` stores the recording and ends with this process. The thread that creates the
+    server must outlive the server.
 
     Args:
         host: host name or IP address at which the page is served.
-        port: port of the page; 0 for any free one.
-        memory_limit: size of the kept messages, such as `512MB` or `20%` of the memory.
-        allowed_hosts: names under which browsers may open the page; see `names_of`.
+        port: port of the page; 0 means any free port.
+        memory_limit: maximum size of the stored messages, such as `512MB`, or `20%` of the memory.
+        allowed_hosts: additional host names under which browsers may open the page.
 
     Attributes:
-        recording: the recording, a `rerun.RecordingStream`. Calls of it may wait for the program.
-        page_url: address of the page; Rerun's options such as `?renderer=webgl` may follow.
-        is_public: other machines can reach the page.
+        recording: the recording, a `rerun.RecordingStream`, whose methods may block on the program.
+        page_url: URL of the page; Rerun options such as `?renderer=webgl` may be appended.
+        is_public: True if other machines can reach the page.
 
     Raises:
         MissingPackageError: Rerun is not installed.
@@ -89,7 +89,7 @@ class Server:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             env={**os.environ, "XDG_CONFIG_HOME": str(SETTINGS), "RUST_LOG": "warn"},
-            # Ctrl-C is for this process, which ends the program.
+            # Ctrl-C must reach only this process, which then ends the program.
             start_new_session=True,
             preexec_fn=die_with_parent(),
         )
@@ -112,14 +112,14 @@ class Server:
 
     @property
     def problem(self) -> str:
-        """Why nothing is shown any more; empty while the program runs."""
+        """Error message if the program `rerun` has ended; empty while it runs."""
         code = self._process.poll()
         return "" if code is None else f"the program rerun has ended with exit code {code}"
 
     def close(self) -> None:
-        """Stop serving, also if the program hangs."""
+        """Stop serving and end the program, even if it hangs."""
         self._relay.close()
-        # Calls of the recording wait for a program that hangs.
+        # The recording blocks while the program hangs; the timer then kills the program.
         last = threading.Timer(FAREWELL, self._process.kill)
         last.start()
         with suppress(Exception):  # Rerun raises errors of any kind.
@@ -141,7 +141,7 @@ class Server:
 
 
 class _Relay:
-    """Passes requests on in a thread, to the address of the data or that of the page."""
+    """Forwards requests to the address of the data or of the page, in a background thread."""
 
     def __init__(
         self, listener: socket.socket, names: Container[str], data: Address, page: Address
@@ -161,12 +161,12 @@ class _Relay:
             await self._end.wait()
             server.close()
 
-        # At the end, it cancels what is still open.
+        # On exit, the runner cancels open connections.
         with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
             runner.run(serve())
 
     async def _accept(self, reader: Reader, writer: Writer) -> None:
-        # Requests may hold anything, and connections end at any time.
+        # Requests may be malformed, and connections may end at any time.
         with suppress(Exception, asyncio.CancelledError):
             await self._answer(reader, writer)
         writer.close()
@@ -174,7 +174,7 @@ class _Relay:
     async def _answer(self, reader: Reader, writer: Writer) -> None:
         head = await reader.readuntil(b"\r\n\r\n")
         if head.startswith(b"PRI * HTTP/2.0\r\n"):
-            # A program such as Rerun's own viewer; no page of a browser can send this.
+            # A program such as the native Rerun viewer; web pages cannot send this preface.
             await _pass_on(head, reader, writer, self._data)
             return
         line, _, rest = head.partition(b"\r\n")
@@ -185,13 +185,13 @@ class _Relay:
             writer.write(_reply("403 Forbidden", text))
         elif target.startswith("/?url=") or (target != "/" and not target.startswith("/?")):
             del headers["Connection"]
-            # The next request on this connection might come from another page.
+            # The next request on this connection might have another origin.
             lines = (f"{name}: {value}" for name, value in headers.items())
             text = "\r\n".join((line.decode("latin-1"), *lines, "Connection: close", "", ""))
             address = self._data if target.startswith("/rerun.") else self._page
             await _pass_on(text.encode("latin-1"), reader, writer, address)
         else:
-            # The page finds its data by this option.
+            # This URL option tells the page where to load the data.
             where = {"url": f"rerun+http://{headers['Host']}/proxy", "hide_welcome_screen": 1}
             rest_of_query = target[2:] and f"&{target[2:]}"
             place = f"Location: /?{urlencode(where)}{rest_of_query}"
@@ -205,7 +205,7 @@ def _reply(status: str, text: str, *headers: str) -> bytes:
 
 
 async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address) -> None:
-    """Send the head and what follows to an address, and its answer back, until one side ends."""
+    """Connect a client to `address`: forward `head`, then copy both ways until one side ends."""
 
     async def copy(reader: Reader, writer: Writer) -> None:
         writer.transport.set_write_buffer_limits(high=BUFFER, low=BUFFER - STEP)

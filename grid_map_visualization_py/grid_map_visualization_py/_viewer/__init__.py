@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The parts of `web_viewer`.
+"""Components of `web_viewer`.
 
-`scene` turns a map into what the browser draws (`glb`), `page` shows it there beside the controls
-and `texts`, and `viewer` brings them together. None of them needs rclpy, and only `page` needs
-viser.
+`scene` converts a map to arrays and meshes (`glb`) for the browser, `page` serves the web page with
+controls and `texts`, and `viewer` connects both. No module needs rclpy; only `page` needs viser.
 """

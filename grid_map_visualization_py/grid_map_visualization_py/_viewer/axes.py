@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Axes with ticks around a map, and a grid below it."""
+"""Axes with ticks around a map, and a grid below the map."""
 
 import math
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ import numpy.typing as npt
 from grid_map_core_py._arrays import Positions
 
 TICKS, HEIGHT_TICKS = 5, 3
-"""Largest numbers of steps within the longer side of a map, and within its heights."""
+"""Maximum number of tick steps along the longer side of a map, and along the heights."""
 
 
 @dataclass(frozen=True)
 class Axes:
-    """Box around a map whose sides are whole numbers of steps.
+    """Box around a map; the length of each side is a multiple of the tick distance.
 
     Attributes:
-        steps: distances between the ticks along x, y and z [m].
-        low, high: numbers of the first and of the last tick along x, y and z. The tick 0 is at the
-            origin of the frame.
+        steps: tick distances along x, y and z [m].
+        low, high: indices of the first and last tick along x, y and z. Tick 0 is at the origin of
+            the frame.
     """
 
     steps: tuple[float, ...]
@@ -33,7 +33,7 @@ class Axes:
         return np.multiply(self.low, self.steps)
 
     def lines(self) -> npt.NDArray[np.float32]:
-        """Return the grid and the axis of the heights as lines (N, 2, 3) from the corner [m]."""
+        """Return the grid and the z axis as lines (N, 2, 3), relative to the corner [m]."""
         x, y, z = (
             step * np.arange(last - first + 1)
             for step, first, last in zip(self.steps, self.low, self.high, strict=True)
@@ -43,8 +43,8 @@ class Axes:
         return np.array([*along_y, *along_x, [(0, y[-1], 0), (0, y[-1], z[-1])]], np.float32)
 
     def labels(self) -> list[tuple[str, tuple[float, ...], str]]:
-        """Return the texts at the axes, their places from the corner [m], and their anchors."""
-        # Beside the sides that are near the first view, and the map as seen from above.
+        """Return (text, position relative to the corner [m], anchor) of each axis label."""
+        # Labels are beside the sides that face the initial camera, outside the map.
         back = (self.high[1] - self.low[1]) * self.steps[1]
         starts = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, back, 0.0)])
         anchors = "top-left", "top-right", "center-right"
@@ -54,31 +54,31 @@ class Axes:
             along = np.eye(3)[axis] * step
             numbers = range(first, last + 1)
             places = [(f"{number * step:.10g}", float(number - first)) for number in numbers]
-            # The far end of y is at the axis of the heights.
+            # The far end of the y axis is already occupied by the z axis.
             places.append((f"{name} [m]", -0.5 if name == "y" else last - first + 0.5))
             labels += [(text, tuple((start + at * along).tolist()), anchor) for text, at in places]
         return labels
 
 
 def axes_around(low: Positions, high: Positions, exaggeration: float) -> Axes:
-    """Return axes around a box.
+    """Return the axes around the bounding box of a map.
 
     Args:
         low, high: (3,) corners of the box [m].
-        exaggeration: factor on the drawn heights.
+        exaggeration: factor by which drawn heights are scaled.
     """
     length, width, height = (high - low).tolist()
     wide = round_step(max(length, width) / TICKS)
-    # Labels of heights need some room.
+    # Labels of heights must not overlap.
     tall = round_step(max(height / HEIGHT_TICKS, 0.4 * wide / exaggeration))
     steps = wide, wide, tall
     first, last = np.floor(low / steps), np.ceil(high / steps)
-    # Level ground needs an axis of its heights, too.
+    # Level ground needs a z axis, too.
     last = np.maximum(last, first + 1)
     return Axes(steps, tuple(map(int, first)), tuple(map(int, last)))
 
 
 def round_step(least: float) -> float:
-    """Return the smallest of 1, 2 and 5 times a power of ten that is at least a number."""
+    """Return the smallest of 1, 2 and 5 times a power of ten that is not below `least`."""
     power = 10.0 ** math.floor(math.log10(least))
     return next(step for k in (1, 2, 5, 10) if (step := k * power) >= 0.999999 * least)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Surfaces and colors as browsers need them: binary glTF (GLB), linear light, tone mapping.
+"""Convert surfaces and colors for browsers: binary glTF (GLB), linear light, tone mapping.
 
-Browsers load GLB without parsing numbers. Format:
+Browsers can load GLB without parsing numbers. Format:
 https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
 
@@ -29,13 +29,12 @@ FROM_FILM = np.array(
 
 
 def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
-    """Return a mesh as the content of a GLB file.
+    """Convert a mesh with at least one face to the content of a GLB file.
 
-    Vertices are written relative to the origin of the mesh, which has at least one face. Without
-    `shaded`, colors are unlit.
+    Vertices are relative to the origin of the mesh. If `shaded` is false, colors are unlit.
     """
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
-    # 16 bits distinguish dark colors. A fourth channel aligns vertices to four bytes.
+    # 16 bits keep dark colors distinct. The fourth channel aligns vertices to four bytes.
     light = np.rint(0xFFFF * linear(np.arange(256, dtype=np.uint8))).astype("<u2")
     colors = np.insert(np.take(light, mesh.colors), 3, 0xFFFF, axis=1)
     arrays: list[tuple[npt.NDArray[Any], int, str, dict[str, Any]]] = [
@@ -78,17 +77,17 @@ def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
 
 
 def linear(colors: Colors) -> npt.NDArray[np.float64]:
-    """Return the linear light, 1 for white, of sRGB colors (IEC 61966-2-1)."""
+    """Convert sRGB colors (IEC 61966-2-1) to linear light in [0, 1]."""
     value = np.arange(256) / 255
     table = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
     return np.take(table, colors)
 
 
 def on_screen(colors: Colors) -> Colors:
-    """Return the screen colors of a surface of these colors in full light.
+    """Return the colors with which the browser shows a fully lit surface of the given colors.
 
-    viser uses filmic tone mapping, in which strong light saturates. The curve is Stephen Hill's fit
-    of the Academy Color Encoding System, `ACESFilmicToneMapping` in three.js.
+    viser uses filmic tone mapping, which saturates strong light. The curve is Stephen Hill's fit of
+    the Academy Color Encoding System, `ACESFilmicToneMapping` in three.js.
     """
     film = EXPOSURE * linear(colors) @ TO_FILM.T
     film = (film * (film + 0.0245786) - 0.000090537) / (

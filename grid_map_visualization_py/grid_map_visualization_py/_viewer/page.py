@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The page in the browser: scene, controls and texts, served by viser.
+"""Web page with scene, controls and texts, served with viser.
 
-All browsers share the controls; each has its own view.
+All browsers share the controls; each browser has its own view.
 """
 
 import io
@@ -28,19 +28,19 @@ from .scene import SurfaceScene, View, ViewSettings
 from .texts import as_note, legend
 
 LARGEST_MESSAGE = 16_000_000
-"""Largest message of a browser, which is a screenshot [bytes]; a larger one ends its connection."""
+"""Maximum message size from a browser (a screenshot) [bytes]; larger ones end the connection."""
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
-"""Color maps at the top of the list."""
+"""Color maps at the top of the list in the page."""
 
 MODES: dict[str, Any] = {"layer": "intensity", "packed color layer": "color", "one color": "flat"}
-"""Modes of `Coloring` by their names on the page."""
+"""Modes of `Coloring`, by the labels on the page."""
 
 LARGEST_VALUE, LARGEST_SCALE = 3e38, 1e9
-"""Largest bound of the colors, which is a float32, and length of vectors, on either side of 0."""
+"""Maximum magnitudes of the color bounds (within float32) and of the vector scale."""
 
 MOST_EXAGGERATED = 20.0
-"""Largest factor on the drawn heights."""
+"""Maximum factor by which drawn heights are scaled."""
 
 NO_LAYER = "(no map yet)"
 NO_TOPIC = "(no topic)"
@@ -48,13 +48,13 @@ NO_VECTORS = "(none)"
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
 
 AXES_COLOR = (128, 128, 128)
-"""Gray, which is visible on white and on black."""
+"""Gray, visible on white and on black backgrounds."""
 
 FRAME_SIZE = 0.08
-"""Length of the axes of a frame of coordinates, as a part of the distance to the camera."""
+"""Axis length of a drawn coordinate frame, as a fraction of the distance to the camera."""
 
 AMBIENT = 0.3
-"""Share of ambient light on level ground."""
+"""Fraction of ambient light on level ground."""
 
 TO_SUN = (-1.0, 0.6, 1.2)
 """Direction to the directional light."""
@@ -63,14 +63,14 @@ SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
 
 class Page:
-    """Serves the page.
+    """Serves the web page.
 
     Attributes:
-        url: address of the page.
-        is_public: other machines can reach the page.
+        url: URL of the page.
+        is_public: True if other machines can reach the page.
 
     Raises:
-        ConfigError: there is no such color map.
+        ConfigError: the color map is unknown.
         MissingPackageError: viser is not installed.
         PageError: the page cannot be served at this address.
     """
@@ -92,10 +92,10 @@ class Page:
         self.is_public = not is_loopback(host)
         self._axes: Any = None
         self._drawn_axes: object = None
-        # The node of each frame of coordinates, with its label and size.
+        # Scene node, label and size of each coordinate frame.
         self._frames: dict[str, tuple[Any, Any]] = {}
         self._shown: list[Any] = []
-        # The parts of each map by the name of its node.
+        # Scene parts of each map, by name of the map node.
         self._parts: dict[str, list[Any]] = {}
         self._exaggeration, self._base = 1.0, 0.0
         self._loading: Any = None
@@ -109,7 +109,7 @@ class Page:
         scene = self._server.scene
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
-        # On level ground both lights sum to pi, because viser divides light by pi.
+        # The lights on level ground sum to pi, because viser divides light by pi.
         scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
         sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
         scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
@@ -128,7 +128,7 @@ class Page:
         return str(self._topic.value)
 
     def settings(self) -> ViewSettings:
-        """Return the chosen settings; raise `ConfigError` if the color bounds are not in order."""
+        """Return the selected settings; raise `ConfigError` if the color bounds are invalid."""
         chosen = {name: control.value for name, control in self._style.items()}
         colors = {name: control.value for name, control in self._colors.items()}
         if self._automatic.value:
@@ -140,23 +140,23 @@ class Page:
         return ViewSettings(coloring=Coloring(**colors), **chosen)
 
     def offer_topics(self, topics: Iterable[str]) -> None:
-        """Offer these topics in the list, besides the chosen one."""
+        """Set the topics in the drop-down list; the selected topic is always included."""
         _offer(self._topic, tuple(sorted({self.topic, *topics})), self.topic)
 
     def offer(self, layers: tuple[str, ...]) -> None:
-        """Offer these layers in the lists; chosen ones that are missing are replaced."""
+        """Set the layers in the drop-down lists; missing selected layers are replaced."""
         heights = self._style["height_layer"]
         _offer(heights, layers, "elevation")
         _offer(self._colors["layer"], layers, heights.value)
         _offer(self._style["vectors"], (NO_VECTORS, *vector_prefixes(layers)), NO_VECTORS)
 
     def load(self, scene: SurfaceScene, settings: ViewSettings, *, replaces: bool) -> None:
-        """Load a scene, which the next `turn` shows.
+        """Load a scene without showing it; the next `turn` shows the scene.
 
-        A browser needs a moment to load a surface, which is hidden meanwhile, so that no gap is
-        visible. `replaces` says that the scene shows the same map as the one before.
+        Browsers need time to load a surface; the previous scene stays visible meanwhile. `replaces`
+        is True if the scene shows the same map as the previous scene.
         """
-        # A map that was loaded but never shown is replaced as well.
+        # A scene that was loaded but never shown is replaced as well.
         self._replaces = replaces and (self._loading is None or self._replaces)
         with self._server.atomic():
             if self._loading is not None:
@@ -169,7 +169,7 @@ class Page:
         self._look(scene.view)
 
     def turn(self, history: int) -> None:
-        """Show the loaded scene with its axes, and keep at most `history` maps; 0 clears all."""
+        """Show the loaded scene and its axes, and keep at most `history` maps; 0 removes all."""
         with self._server.atomic():
             self._exaggerate(self._base)
             if self._loading is not None:
@@ -205,13 +205,13 @@ class Page:
                 add.add_label(f"/axes/{k}", text, position=lift * at, anchor=anchor, **style)
 
     def draw_frame(self, name: str, label: str, pose: npt.NDArray[np.floating] | None) -> None:
-        """Draw a frame at a pose (4, 4) in the map frame; None hides it."""
+        """Draw a coordinate frame at a pose (4, 4) in the map frame; None hides the frame."""
         if self._view is None:
             return
         size = FRAME_SIZE * self._view.reach
         known, node = self._frames.get(name, (None, None))
         if known != (label, size):
-            # A node of the same name replaces the one before.
+            # A new node replaces the node with the same name.
             add = self._server.scene
             node = add.add_frame(f"/{name}", axes_length=size, axes_radius=0.06 * size)
             add.add_label(f"/{name}/label", label, anchor="bottom-left")
@@ -222,7 +222,7 @@ class Page:
             node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
-        """Return start and direction of the ray of the last click, and forget it."""
+        """Return and clear the ray (start, direction) of the last click; None without a click."""
         if not self._clicks:
             return None
         start, direction = self._clicks.pop()
@@ -230,7 +230,7 @@ class Page:
         return base + (start - base) * flat, direction * flat
 
     def mark(self, point: Positions | None) -> None:
-        """Move the marker to a point (3,); None removes it."""
+        """Move the marker to a point (3,); None removes the marker."""
         if self._marker is not None:
             self._marker.remove()
             self._marker = None
@@ -255,8 +255,8 @@ class Page:
             self._server.stop()
 
     def _add(self, scene: SurfaceScene, settings: ViewSettings) -> Any:
-        """Add a hidden node with the content of a scene."""
-        # The server remembers every name for browsers to come, so names are used again.
+        """Add a scene to the page as a hidden node and return the node."""
+        # viser stores every node name for new browsers, so names are reused.
         taken = {frame.name for frame in self._shown}
         name = next(name for name in map("/maps/{}".format, count()) if name not in taken)
         add, mesh = self._server.scene, scene.mesh
@@ -266,7 +266,7 @@ class Page:
         scale: Any = {"scale": (1.0, 1.0, self._exaggeration)}
         if scene.glb is not None:
             parts.append(add.add_glb(f"{name}/surface", scene.glb, **SHADOWLESS, **scale))
-        # Widths and sizes are relative to the distance between cells.
+        # Line widths and point sizes are proportional to the cell spacing.
         width = 0.05 * scene.spacing
         for part, lines, color in (
             ("grid_lines", scene.grid_lines, GRID_COLOR),
@@ -289,13 +289,13 @@ class Page:
         return frame
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
-        """Return points (..., 3) as they are drawn, with exaggerated heights above the base."""
+        """Return points (..., 3) with heights above the base scaled by the exaggeration."""
         lifted = np.array(points, np.float64)
         lifted[..., 2] = self._base + self._exaggeration * (lifted[..., 2] - self._base)
         return lifted
 
     def _exaggerate(self, base: float) -> None:
-        """Draw all heights above a base [m] with the chosen factor."""
+        """Scale all drawn heights above `base` [m] by the selected factor."""
         before = self._exaggeration, self._base
         self._exaggeration, self._base = float(self._factor.value), base
         if before == (self._exaggeration, base):
@@ -307,13 +307,13 @@ class Page:
         self.mark(self._marked)
 
     def _look(self, view: View) -> None:
-        """Set the view of new browsers and of the button that resets the view.
+        """Set the view for new browsers and for the button that resets the view.
 
-        Browsers that would lose sight of the map move to the view at once, and keep their angle.
+        If the map would be out of sight, all browsers move to the view but keep their angle.
         """
         is_lost = self._aim is None or self._aim.loses(view)
         if is_lost:
-            # The middle of the map stays in the middle of the view with any factor.
+            # With this base, the map stays centered in the view for any factor.
             self._exaggerate(float(view.target[2]))
         view = View(self._lifted(view.target) + view.offset, self._lifted(view.target))
         if self._view is None or not view.is_like(self._view):
@@ -335,7 +335,7 @@ class Page:
         camera = client.camera
         with client.atomic():
             _set_clipping(camera, view)
-            # Setting the position also moves the target.
+            # Setting the camera position also moves the target.
             camera.position = view.target + offset
             camera.look_at = view.target
 
@@ -358,7 +358,7 @@ class Page:
 
         def look_from_above(event: Any) -> None:
             if self._view is not None:
-                # The direction upwards on the screen is undefined exactly above.
+                # Exactly above the map, the up direction of the screen would be undefined.
                 offset = self._view.reach * np.array([0.0, -1e-3, 1.0])
                 self._move(event.client, self._view, offset)
 
@@ -367,9 +367,9 @@ class Page:
         def send_screenshot(event: Any) -> None:
             client, camera = event.client, event.client.camera
             size = camera.image_height, camera.image_width
-            with suppress(Exception):  # The browser may close meanwhile.
+            with suppress(Exception):  # The browser may disconnect while it renders.
                 picture = client.get_render(*size, transport_format="png", timeout=60.0)
-                # From RGBA to OpenCV's BGR, on white.
+                # Convert RGBA to BGR (OpenCV) on a white background.
                 opacity = picture[..., 3:] / 255
                 on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
                 _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
@@ -388,7 +388,7 @@ class Page:
 
         self._server.scene.on_click()(remember_click)
         with gui.add_folder("Surface", expand_by_default=False):
-            # By the names of the fields of `ViewSettings`.
+            # The keys are field names of `ViewSettings`.
             self._style = {
                 "height_layer": gui.add_dropdown("Height", (first.height_layer or NO_LAYER,)),
                 "flat": gui.add_checkbox("Flat", first.flat),
@@ -400,7 +400,7 @@ class Page:
         with gui.add_folder("Color", expand_by_default=False):
             mode = next(name for name, mode in MODES.items() if mode == coloring.mode)
             names = dict.fromkeys((*FIRST_COLOR_MAPS, *color_map_names()))
-            # By the names of the fields of `Coloring`.
+            # The keys are field names of `Coloring`.
             self._colors = {
                 "mode": gui.add_dropdown("Color by", tuple(MODES), initial_value=mode),
                 "layer": gui.add_dropdown("Layer", (coloring.layer or NO_LAYER,)),
@@ -417,8 +417,8 @@ class Page:
             }
 
             def use_bounds(_: Any) -> None:
-                # A browser sends the last change within 50 ms only, and so loses that automatic
-                # bounds were switched off if a bound is typed at once.
+                # A browser sends only the last change within 50 ms. The change that disables
+                # automatic bounds is lost if the user types a bound immediately afterwards.
                 self._automatic.value = False
 
             for name in ("lower", "upper"):
@@ -437,14 +437,14 @@ class Page:
 
 
 def vector_prefixes(layers: Sequence[str]) -> list[str]:
-    """Return the common prefixes of three layers that end in x, y and z."""
+    """Return the prefixes for which layers with the suffixes x, y and z exist."""
     prefixes = (name.removesuffix("x") for name in layers if name.endswith("x"))
-    # Layers called x, y and z are more likely positions than vector components.
+    # An empty prefix is ignored, because layers called x, y and z are probably positions.
     return [name for name in prefixes if name and name + "y" in layers and name + "z" in layers]
 
 
 def _serve(host: str, port: int, names: Container[str]) -> Any:
-    """Return a server of viser that answers requests of its own page only."""
+    """Start a viser server that answers only requests from its own page."""
     viser, websockets = (
         required(name, "web_viewer", "install viser (pip)")
         for name in ("viser", "websockets.asyncio.server")
@@ -465,11 +465,11 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
         guards = {"process_request": check_first, "max_size": LARGEST_MESSAGE}
         return serve(*args, **options | guards)
 
-    # viser would silently use the next free port.
+    # If the port is occupied, viser would silently use the next free port.
     listen(host, port).close()
     websockets.serve = serve_allowed
     try:
-        # viser prints, but nodes use the log.
+        # viser prints to the standard output, but nodes must log.
         with redirect_stdout(io.StringIO()):
             server = viser.ViserServer(host, port, label="Grid map", verbose=False)
             if not is_guarded or port not in {0, server.get_port()}:
@@ -482,7 +482,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Offer options; if the chosen one is missing, choose the preferred one, else the first."""
+    """Set the options of a drop-down; keep the selection, else select `preferred` or the first."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scene of a map: the settings of the user, the arrays that the browser draws, and the view."""
+"""Scene of a map for `web_viewer`: user settings, arrays to draw in the browser, and the view."""
 
 import math
 from dataclasses import dataclass, field
@@ -19,19 +19,20 @@ Points = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, kw_only=True)
 class ViewSettings:
-    """Layers to show and their style.
+    """User settings: layers to show and their style.
 
     Attributes:
         height_layer: heights [m] of the surface.
-        flat: draw everything at height zero.
-        coloring: source of the colors.
-        shaded: light the surface; otherwise its colors are exactly those of the legend.
+        flat: draw the surface at height zero.
+        coloring: source of the surface colors.
+        shaded: light the surface; if False, surface and legend have exactly the same colors.
         opacity: from 0 (invisible) to 1 (opaque).
         grid_lines: draw lines between neighboring cells.
-        points: draw a point at every cell.
-        vectors: prefix of three layers that end in x, y and z, drawn as vectors; empty for none.
-        vector_scale: length of the line of a vector of length 1 [m].
-        history: number of maps that stay in the scene.
+        points: draw a point at each cell.
+        vectors: common prefix of three vector component layers with the suffixes x, y and z; empty
+            means no vectors.
+        vector_scale: drawn length of a vector of length 1 [m].
+        history: maximum number of maps in the scene.
     """
 
     height_layer: str
@@ -47,13 +48,13 @@ class ViewSettings:
 
     @property
     def layers(self) -> set[str]:
-        """Layers that these settings need."""
+        """Names of all layers that these settings use."""
         color_layer = "" if self.coloring.mode == "flat" else self.coloring.layer
         return {self.height_layer, color_layer, *self.vector_layers} - {""}
 
     @property
     def vector_layers(self) -> list[str]:
-        """Layers of the components of the vectors."""
+        """Names of the vector component layers."""
         return [self.vectors + axis for axis in "xyz" if self.vectors]
 
 
@@ -75,31 +76,31 @@ class View:
         return float(np.linalg.norm(self.offset))
 
     def is_like(self, other: "View") -> bool:
-        """Return True if both views look the same."""
+        """Return True if both views are almost equal."""
         poses = (self.start, self.target), (other.start, other.target)
         return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
     def loses(self, other: "View") -> bool:
-        """Return True if the target of the other view is out of sight, or its size differs much."""
-        # Heights are ignored, because outliers would move the camera back and forth.
+        """Return True if the map of view `other` is out of sight or has a very different size."""
+        # Heights are ignored, because outliers would make the camera jump.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / 3 < other.reach / self.reach < 3
 
 
 @dataclass(frozen=True)
 class SurfaceScene:
-    """Map as the page shows it; positions are relative to `mesh.origin` [m].
+    """Arrays that the page draws for a map; positions are relative to `mesh.origin` [m].
 
     Attributes:
-        mesh: the surface; it may have no face.
-        glb: the surface as a GLB file; None without a face.
+        mesh: the surface; it may have no faces.
+        glb: content of a GLB file with the surface; None if the surface has no faces.
         grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
         vectors: (N, 2, 3) ends of the vectors; empty unless requested.
-        bounds: values at the ends of the color map, of the whole map; None without a color map.
-        box: lowest and highest corners (3,) of the map [m], map frame.
+        bounds: values at the ends of the color map for the whole map; None without a color map.
+        box: lowest and highest corner (3,) of the map [m], map frame.
         size: number of rows and columns of shown cells.
         spacing: mean distance between neighboring shown cells [m].
-        view: the whole map from behind and above.
+        view: camera pose that shows the whole map from behind and above.
     """
 
     mesh: Mesh
@@ -114,10 +115,10 @@ class SurfaceScene:
 
 
 def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int = 0) -> SurfaceScene:
-    """Return the scene of a map.
+    """Create the scene of a map.
 
     Raises:
-        LayerNotFoundError: the map lacks a layer of the settings.
+        LayerNotFoundError: the map lacks a layer that `settings` uses.
     """
     coloring = settings.coloring
     surface = Surface(grid_map, settings.height_layer, settings.flat, max_drawn_cells)
@@ -133,7 +134,7 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
             for first, second in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:]))
             for both in [valid[first] & valid[second]]
         ]
-        # They stay visible a little above the surface.
+        # Lines slightly above the surface remain visible.
         lines = mesh.vertices[np.concatenate(pairs)] + np.array([0, 0, 0.02 * spacing], np.float32)
     if settings.vectors:
         vectors = _vectors(surface, mesh, settings)
@@ -165,17 +166,17 @@ def _vectors(surface: Surface, mesh: Mesh, settings: ViewSettings) -> Points:
 
 
 def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
-    """Return the first point (3,) at which a ray hits a mesh [m, map frame], from either side.
+    """Return the first point (3,) [m, map frame] where a ray hits a mesh, from either side.
 
     Source: Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997.
 
     Args:
         mesh: the surface.
         start: (3,) start of the ray [m], map frame.
-        direction: (3,) direction of the ray, of any length except zero.
+        direction: (3,) direction of the ray, with any nonzero length.
 
     Returns:
-        The point, or None if the ray hits nothing.
+        The point, or None if the ray misses the mesh.
     """
     direction = np.asarray(direction, dtype=np.float64)
     direction = direction / np.linalg.norm(direction)
@@ -187,7 +188,7 @@ def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
     volume = np.einsum("ij,ij->i", side, normal)
     across = np.cross(offset, side)
     area = np.einsum("ij,ij->i", side, side)
-    # Parallel triangles divide by zero; the mask below excludes them.
+    # Triangles parallel to the ray divide by zero; the mask below excludes these triangles.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         u = np.einsum("ij,ij->i", offset, normal) / volume
         v = across @ direction / volume

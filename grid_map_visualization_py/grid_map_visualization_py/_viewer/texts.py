@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""HTML texts of the page. Everything is escaped, because names come from messages."""
+"""HTML texts of the page. All texts are escaped, because names come from messages."""
 
 import math
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from .glb import on_screen
 TEXT = "font-size:0.8em;padding:0 1em"
 
 FIRST_DATE = 1e9
-"""Smallest time that counts from 1970 [s]; smaller ones are those of simulations."""
+"""Smallest time shown as a date [s]; smaller times are treated as simulation times."""
 
 
 def as_table(rows: Iterable[tuple[str, str]]) -> str:
@@ -42,15 +42,15 @@ def status(
     *,
     is_paused: bool = False,
 ) -> str:
-    """Return the table about the map as a whole.
+    """Return the HTML table with the status of the map.
 
     Args:
         grid_map: the map.
         shown: number of rows and columns of shown cells.
-        rate: maps per second.
-        silence: time since the last map came [s].
+        rate: received maps per second.
+        silence: time since the last map was received [s].
         now: ROS time [ns].
-        is_paused: new maps are not shown.
+        is_paused: True if new maps are not shown.
     """
     stamp = grid_map.timestamp
     age = 1e-9 * (now - stamp)
@@ -77,7 +77,7 @@ def _time(seconds: float) -> str:
 
 
 def legend(coloring: Coloring, bounds: tuple[float, float], title: str) -> str:
-    """Return a color bar with a title and the values at its ends, in the lit surface's colors."""
+    """Return a color bar (HTML) in the colors of the lit surface, with a title and the bounds."""
     # The browser interpolates between 16 colors.
     colors = replace(coloring, lower=0.0, upper=1.0)(np.linspace(0, 1, 16, dtype=np.float32))
     stops = ",".join("rgb({},{},{})".format(*color) for color in on_screen(colors).tolist())
@@ -91,7 +91,7 @@ def legend(coloring: Coloring, bounds: tuple[float, float], title: str) -> str:
 
 
 def readout(grid_map: GridMap, position: Positions) -> str:
-    """Return the table of the cell at a position, with its values in all layers.
+    """Return the HTML table of the cell at a position, with the values of all layers.
 
     Args:
         grid_map: the map, unwrapped, with all layers.
@@ -101,7 +101,7 @@ def readout(grid_map: GridMap, position: Positions) -> str:
     if not grid_map.is_inside(position):
         return as_table([*place, ("cell", "outside the map")])
     row, column = grid_map.get_index(position)
-    # A list of pairs, because layers may also be called x, y or cell.
+    # A list of pairs, not a dict, because layers may be called x, y or cell.
     values = [(layer, _text(layer, grid_map[layer][row, column])) for layer in grid_map.layers]
     table = as_table([*place, ("cell", f"{row}, {column}"), *values])
     return f"<div style='max-height:40vh;overflow:auto'>{table}</div>"

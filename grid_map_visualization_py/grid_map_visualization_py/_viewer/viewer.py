@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Controller that brings maps, settings and the page together."""
+"""Controller that connects maps, settings and the page."""
 
 import time
 from collections import deque
@@ -17,11 +17,11 @@ from .scene import SurfaceScene, ViewSettings, hit, make_scene
 from .texts import as_note, readout, status
 
 RATE_WINDOW = 3.0
-"""Duration over which the rate of the maps is averaged [s]."""
+"""Duration over which the map rate is averaged [s]."""
 
 
 def rate_of(arrivals: Iterable[float], now: float) -> float:
-    """Return maps per second, from their arrival times [s]; 0 with fewer than two in the window."""
+    """Return the map rate [Hz] from arrival times [s]; 0 for fewer than two maps in the window."""
     recent = [at for at in arrivals if now - at <= RATE_WINDOW]
     return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
 
@@ -29,9 +29,8 @@ def rate_of(arrivals: Iterable[float], now: float) -> float:
 class Viewer:
     """Shows maps on a page.
 
-    Maps are decoded only while a browser is connected, and only the shown layers.
-
-    `clock` returns the ROS time [ns].
+    Maps are decoded only while a browser is connected; only the shown layers are decoded. `clock`
+    returns the ROS time [ns].
     """
 
     def __init__(
@@ -57,7 +56,7 @@ class Viewer:
         return self._drawn[1].frame_id if self._drawn else ""
 
     def clear(self) -> None:
-        """Forget all maps, because another topic was chosen."""
+        """Discard all maps, for example after the user selects another topic."""
         self._arrivals.clear()
         self._latest = self._shown = self._settings = self._drawn = self._selected = None
         self._problem = self._refusal = ""
@@ -66,10 +65,10 @@ class Viewer:
         self._page.tell_values(as_note("Click on the map."))
 
     def receive(self, received: ReceivedMap) -> None:
-        """Accept a map, which is shown at the next `update`.
+        """Accept a map to show at the next `update`.
 
         Raises:
-            GridMapError: the map contradicts itself. The page says so, and keeps the one it has.
+            GridMapError: the map is inconsistent. The page shows the error and the previous map.
         """
         try:
             received.decode([])
@@ -81,9 +80,9 @@ class Viewer:
         self._arrivals.append(time.monotonic())
 
     def update(self) -> str:
-        """Update the page, and return the problem with the map or the settings, or an empty text.
+        """Update the page; return an error message about the map or the settings, or an empty text.
 
-        In case of a problem, the page shows it and keeps the last map.
+        The page also shows the error message, and the last map remains visible.
         """
         page = self._page
         if page.is_watched:
@@ -121,7 +120,7 @@ class Viewer:
         self._shown = received
         if is_new and received.layers:
             self._page.offer(received.layers)
-        # Stays None if the settings make no sense.
+        # Remains None if the settings are invalid.
         before, self._settings = self._settings, None
         self._settings = settings = self._page.settings()
         if settings == before and not is_new:

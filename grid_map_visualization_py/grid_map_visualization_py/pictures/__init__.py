@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of maps, drawn by Matplotlib.
+"""Draw pictures of maps with Matplotlib.
 
-`plot` shows a map from above as RViz does: x to the right and y upwards, in meters, in the frame of
-the map. `plot_3d` draws a surface, and `plot_relief` a block of terrain in perspective. They take a
-`GridMap`, a `TiledMap`, or a dataset or an array of xarray; of maps that are larger than the
-picture, they read and draw what it can show.
+`plot` draws a map from above as in RViz: x to the right and y upwards [m], in the map frame.
+`plot_3d` draws a surface, and `plot_relief` draws a block of terrain in perspective. The functions
+accept a `GridMap`, a `TiledMap`, or an xarray dataset or array. Large tiled maps are read only at
+the resolution of the picture.
 
-The hillshading of `plot` and `plot_3d` has its light in the upper left, 45 degrees high. Level
-ground keeps its color, slopes that face the light are lighter and slopes that face away darker.
+The light for the hillshading of `plot` and `plot_3d` comes from the upper left, at an elevation of
+45 degrees. Level ground keeps its color; slopes facing the light are lighter, others darker.
 """
 
 import math
@@ -44,7 +44,7 @@ except ImportError as error:
 __all__ = ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
 
 _MOST_FRAMES = 50.0
-"""Frames per second; browsers slow faster GIF files down."""
+"""Maximum frame rate [1/s]; browsers slow down faster GIF files."""
 
 
 def save_picture(
@@ -56,22 +56,21 @@ def save_picture(
     dpi: float = 110,
     **options: Any,
 ) -> None:
-    """Write a picture of a map to a file, which appears complete or not at all.
+    """Write a picture of a map to a file, completely or not at all.
 
     Args:
         grid_map: as for `plot`.
-        layer: gives the colors of a flat picture, else the heights; empty stands for `elevation`,
-            or else the first.
-        path: the file, whose ending decides its format: .jpeg, .jpg, .pdf, .png or .svg. An
-            existing one is replaced.
-        style: "flat" draws as `plot` does, "surface" as `plot_3d` and "relief" as `plot_relief`.
+        layer: layer with the colors (style "flat") or the heights (other styles); empty means
+            `elevation`, or else the first layer.
+        path: path of the file; an existing file is replaced. The extension selects the format:
+            .jpeg, .jpg, .pdf, .png or .svg.
+        style: "flat" uses `plot`, "surface" uses `plot_3d`, and "relief" uses `plot_relief`.
         dpi: pixels per inch.
-        options: those of that function, except `ax`.
+        options: keyword arguments of the selected function, except `ax`.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, the name has another ending, or another option is
-            invalid.
+        ConfigError: the color map, the file extension or another option is invalid.
         OSError: the file cannot be written.
     """
     styles = ("flat", "surface", "relief")
@@ -83,13 +82,13 @@ def save_picture(
     elif style == "surface":
         plot_3d(grid_map, layer, figure.add_subplot(projection="3d"), **options)
     else:
-        # One pixel of the relief per pixel of the picture.
+        # Draw one pixel of the relief per pixel of the picture.
         figure.set_layout_engine("none")
         width, height = options.get("size", RELIEF_SIZE)
         figure.set_size_inches(width / dpi, height / dpi)
         top = 0.93 if options.get("title") else 1.0
         plot_relief(grid_map, layer, figure.add_axes((0.0, 0.0, 1.0, top)), **options)
-    # On a full disk, Matplotlib raises errors of its own for PDF files.
+    # Draw to memory first: on a full disk, Matplotlib raises misleading errors for PDF files.
     picture = BytesIO()
     figure.savefig(picture, format=ending[1:])
     with new_file(path) as temporary:
@@ -106,28 +105,28 @@ def save_animation(
     progress: Callable[[int, int], Any] = lambda *_: None,
     **options: Any,
 ) -> None:
-    """Write the maps of a bag as a video or an animated GIF, each drawn as `plot` does.
+    """Write recorded maps to a video or an animated GIF; each frame is drawn with `plot`.
 
-    All frames show the same rectangle, which covers all maps, and the same range of values, so that
-    moved maps and changed values can be seen. The title has the time since the first map. The maps
-    are read twice, one after the other: first for the rectangle and the range, then to draw them.
-    The frame rate is constant, that of the median interval between maps; of more than 50 frames per
-    second, every n-th map is drawn. All frames of a GIF are in memory.
+    All frames show the same rectangle, which covers all maps, and the same value range, so that
+    motion and changed values are visible. The title shows the time since the first map. Maps are
+    read twice: first to determine the rectangle and the value range, then to draw the frames. The
+    frame rate is constant and matches the median interval between maps. If it would exceed 50
+    frames per second, only every n-th map is drawn. For a GIF, all frames are kept in memory.
 
     Args:
-        records: maps in the order of time, such as a `BagReader`.
-        layer: gives the colors; empty stands for `elevation`, or else the first.
-        path: the file, whose ending decides its format: .gif or .mp4. An existing one is replaced.
-        speed: factor on the speed of the recording.
+        records: maps in time order, such as a `BagReader`.
+        layer: layer with the colors; empty means `elevation`, or else the first layer.
+        path: path of the .gif or .mp4 file; an existing file is replaced.
+        speed: playback speed relative to the recording.
         dpi: pixels per inch.
-        progress: is called after each map that is read or drawn, with the number of finished maps
-            and of all.
-        options: those of `plot`, except `ax`.
+        progress: called after each map that is read or drawn, with the number of finished maps and
+            the total number of maps.
+        options: keyword arguments of `plot`, except `ax`.
 
     Raises:
         LayerNotFoundError: a map lacks a layer.
-        ConfigError: there are no maps, the name has another ending, or an option is invalid.
-        MissingPackageError: for .mp4, there is neither `ffmpeg` nor the package imageio-ffmpeg.
+        ConfigError: there are no maps, or the file extension or an option is invalid.
+        MissingPackageError: neither `ffmpeg` nor the package imageio-ffmpeg is installed (.mp4).
         OSError: the file cannot be written.
     """
     ending = _ending_of(path, ".gif", ".mp4")
@@ -141,7 +140,7 @@ def save_animation(
     check(math.isfinite(speed) and speed > 0, "speed", "a positive number", speed)
     check(len(records) > 0, "records", "maps", "none")
     with new_file(path) as temporary, TemporaryDirectory() as folder:
-        # Writers tell the format from the name of the file.
+        # Writers derive the format from the file name.
         file = Path(folder) / f"animation{ending}"
         try:
             with rc_context({"animation.ffmpeg_path": program}):
@@ -180,7 +179,7 @@ def _animate(
     view = {"xlim": (left.min(), right.max()), "ylim": (bottom.min(), top.max())}
     bounds = {"lower": min_of_finites(lowest), "upper": max_of_finites(highest)}
     bounds |= {name: options[name] for name in bounds if options.get(name) is not None}
-    # Bounds that are equal, or missing, are those of each map.
+    # If the bounds are equal or missing, each map uses its own bounds.
     if bounds["lower"] < bounds["upper"]:
         options = options | bounds
     title = options.pop("title", "")
@@ -193,7 +192,7 @@ def _animate(
         writer = FFMpegWriter(rate / every, codec="h264")
     figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
     axes = figure.add_subplot()
-    # All frames have the layout and the legend of a map with a hole.
+    # All frames use the layout and the legend of a map with a hole.
     plot(records[with_hole].grid_map(layers), layer, axes, **options, title=title or " ")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The picture of a layer from above: colors, light, holes, scale bar and arrow to the north.
+"""Draw a layer from above, with hillshading, holes, a scale bar and a north arrow.
 
-Larger maps are reduced before they are drawn. A block of cells becomes one cell with the mean of
-their values, or of their red, green and blue. Where some of them have no value, the block is drawn
-half transparent, so that neither a single hole nor a single value disappears.
+Maps larger than the picture are reduced first. Each block of cells becomes one pixel with the mean
+of the finite values (or of red, green and blue). A block with missing values is drawn half
+transparent, so that single holes and single values remain visible.
 """
 
 import math
@@ -34,13 +34,13 @@ NO_VALUE: dict[str, Any] = {
     "hatch": "////",
     "linewidth": 0.0,
 }
-"""Look of cells without a value."""
+"""Style of cells without a value."""
 
 _LEAST, _MOST = 1 / 3, 2 / 3
-"""Opacity of a block of which few, or nearly all, cells have a value."""
+"""Opacity of a block in which few cells, or nearly all cells, have a value."""
 
 _STRIP = 1 << 18
-"""Cells that are reduced at a time."""
+"""Number of cells reduced at once."""
 
 _FRAME = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7}
 
@@ -49,8 +49,8 @@ class Blocks(NamedTuple):
     """A reduced image.
 
     Attributes:
-        means: (height, width, channels) of the cells with a value; NaN in blocks without one.
-        opacity: (height, width): 1 for a full block, 0 for an empty one.
+        means: (height, width, channels) mean of the finite values; NaN in empty blocks.
+        opacity: (height, width) opacity: 1 for full blocks, 0 for empty blocks.
     """
 
     means: npt.NDArray[np.float32]
@@ -58,19 +58,19 @@ class Blocks(NamedTuple):
 
 
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
-    """Return rows and columns of the cells that are drawn as one.
+    """Return the number of rows and columns of the blocks that are drawn as one pixel.
 
     Args:
-        axes: where the map is drawn.
-        size: rows and columns of the map.
+        axes: axes on which the map is drawn.
+        size: number of rows and columns of the map.
         max_drawn_cells: see `plot`.
     """
     if max_drawn_cells is not None:
         return max(1, math.ceil(math.sqrt(size[0] * size[1] / (max_drawn_cells or math.inf))))
-    # A color bar takes a fifth of the axes.
+    # A color bar uses a fifth of the axes.
     box = axes.get_window_extent()
     cells = max(size[0] / (0.8 * box.width), size[1] / box.height)
-    # Matplotlib itself reduces images well that are at most twice as large.
+    # Matplotlib resamples images well if they are at most twice as large as the axes.
     return math.ceil(cells) if cells > 2 else 1
 
 
@@ -80,29 +80,28 @@ def paint(
     """Draw a map on axes without limits.
 
     Args:
-        axes: where the map is drawn.
+        axes: axes on which the map is drawn.
         grid_map: the map.
         coloring: colors of the cells.
-        side: rows and columns of the cells that are drawn as one.
-        heights: layer that the light falls on; empty for no light.
-        exaggeration: factor on these heights.
+        side: number of rows and columns of the blocks that are drawn as one pixel.
+        heights: height layer for hillshading; empty means no hillshading.
+        exaggeration: factor by which the heights are scaled.
 
     Returns:
-        Color map and bounds, for a color bar.
-        Whether cells have no value.
+        Color map and bounds for a color bar, and True if some cells have no value.
     """
     is_color = coloring.mode == "color"
     layer = grid_map.unwrapped(coloring.layer)
-    # The bounds are those of all cells.
+    # The bounds are computed from all cells, before the reduction.
     bar = mappable(coloring, layer)
     means, opacity = reduced(layer, side, is_color=is_color)
     values = np.ma.masked_invalid(means[..., 0])
     x0, x1, y0, y1 = extent_of(grid_map)
-    # The blocks begin at the largest x and y; those at the other ends may reach beyond the map.
+    # Blocks start at the largest x and y; blocks at the smallest may extend beyond the map.
     cells = side * grid_map.resolution
     height, width = opacity.shape
     reach = x1 - cells * width, x1, y1 - cells * height, y1
-    # Sharp when cells are larger than pixels, and else without cells that disappear.
+    # Cells larger than pixels are drawn sharp, and smaller cells are averaged.
     options: dict[str, Any] = {"interpolation": "antialiased", "extent": reach}
     if is_color or heights:
         colors = means / 255 if is_color else bar.cmap(bar.norm(values.astype(float)))[..., :3]
@@ -118,7 +117,7 @@ def paint(
             colors = lit(colors, np.stack([-right, down, np.ones_like(z)], axis=-1))
         image = axes.imshow(np.dstack([np.nan_to_num(colors), opacity]), **options)
         if not is_color:
-            # The value under the pointer, which Matplotlib shows, is not that of the color.
+            # Matplotlib shows the layer value, not the lit color, at the mouse pointer.
             told = AxesImage(axes, cmap=bar.cmap, norm=bar.norm, extent=reach)
             told.set_data(values)
             told.set_transform(image.get_transform())
@@ -136,7 +135,7 @@ def paint(
 
 
 def mappable(coloring: Coloring, values: Layer) -> Any:
-    """Return the color map and its bounds in the form that Matplotlib needs for a color bar."""
+    """Return a Matplotlib `ScalarMappable` with the color map and the bounds, for a color bar."""
     colors = colormaps[coloring.color_map]
     return ScalarMappable(
         Normalize(*coloring.bounds(values)), colors.reversed() if coloring.invert else colors
@@ -144,7 +143,7 @@ def mappable(coloring: Coloring, values: Layer) -> Any:
 
 
 def add_legend(axes: Any, bar: Any, look: dict[str, Any]) -> None:
-    """Say how cells without a value look, at the end of the color bar if there is one."""
+    """Add a legend for cells without a value, next to the color bar if there is one."""
     place, corner, at = axes, "upper left", (1.0, 1.0)
     if bar is not None:
         is_upright = bar.orientation == "vertical"
@@ -156,31 +155,30 @@ def add_legend(axes: Any, bar: Any, look: dict[str, Any]) -> None:
 
 
 def extent_of(grid_map: GridMap) -> tuple[float, float, float, float]:
-    """Return the smallest and largest x, then y, of the map [m]."""
+    """Return the extent of the map: smallest x, largest x, smallest y, largest y [m]."""
     (x0, y0), (x1, y1) = (grid_map.position + side * 0.5 * grid_map.length for side in (-1.0, 1.0))
     return float(x0), float(x1), float(y0), float(y1)
 
 
 def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
-    """Return a layer in map order as an image with x to the right and y upwards.
+    """Reduce a layer in map order to an image of block means, x to the right and y upwards.
 
     Args:
-        layer: (rows, columns).
-        side: rows and columns of cells for a pixel; counted from the largest x and y.
-        is_color: the layer has packed colors; the channels are red, green and blue.
+        layer: (rows, columns) values.
+        side: number of rows and columns per block, counted from the largest x and y.
+        is_color: True if the layer contains packed colors; channels are red, green and blue.
     """
     turned = layer.T
     columns, rows = turned.shape
     height, width = -(-columns // side), -(-rows // side)
     means = np.empty((height, width, 3 if is_color else 1), np.float32)
     share = np.empty((height, width), np.float32)
-    # Strips fit into the cache of the processor.
+    # Process strips that fit in the cache.
     for part in slices(height, _STRIP // (side * rows)):
         strip = turned[side * part.start : side * part.stop]
         finite = np.isfinite(strip)
         channels = np.stack(color_value_to_bytes(strip), -1) if is_color else strip[..., None]
         counts = _block_sums(finite, side)
-        # A cell without a value counts for nothing.
         sums = _block_sums(np.where(finite[..., None], channels, 0), side)
         with np.errstate(invalid="ignore"):
             means[part] = sums / counts[..., None]
@@ -191,7 +189,7 @@ def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
 
 
 def _block_sums(cells: npt.NDArray[Any], side: int) -> npt.NDArray[np.float64]:
-    """Return the sums over blocks of rows and columns, the first two axes."""
+    """Return the sums over blocks of `side` x `side` cells along the first two axes."""
     for axis in (0, 1):
         parts = [cells[(slice(None),) * axis + (slice(n, None, side),)] for n in range(side)]
         cells = parts[0].astype(np.float64)
@@ -201,9 +199,9 @@ def _block_sums(cells: npt.NDArray[Any], side: int) -> npt.NDArray[np.float64]:
 
 
 def lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
-    """Return lit colors (..., 3) in [0, 1]; unchanged where a normal (..., 3) is NaN.
+    """Return hillshaded colors (..., 3) in [0, 1]; colors with a NaN normal stay unchanged.
 
-    The blend mode is "soft light" (Pegtop), which keeps colors at a light of one half.
+    The blend mode "soft light" (Pegtop) keeps colors unchanged at a light intensity of 0.5.
     """
     with np.errstate(invalid="ignore"):
         normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -213,16 +211,16 @@ def lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> 
 
 
 def add_scale_bar(axes: Any, *, has_north: bool) -> None:
-    """Add a bar of 1, 2 or 5 times a power of ten meters, at most a quarter of the axes.
+    """Add a scale bar of 1, 2 or 5 times a power of ten meters, at most 1/4 of the axes wide.
 
     Args:
-        axes: where the map is drawn.
-        has_north: also add an arrow to the north of the grid, the direction of y.
+        axes: axes on which the map is drawn.
+        has_north: also add a north arrow, which points along +y (grid north).
     """
     x0, x1 = axes.get_xlim()
     most = (x1 - x0) / 4
     power = 10.0 ** math.floor(math.log10(most))
-    # The logarithm may be rounded up.
+    # The logarithm may have been rounded up; `power` is then the fallback.
     length = max((n * power for n in (2, 5) if n * power <= most), default=power)
     units = {1000.0: "km", 1.0: "m", 0.01: "cm", 0.001: "mm"}
     unit = next((unit for unit in units if length >= unit), 0.001)

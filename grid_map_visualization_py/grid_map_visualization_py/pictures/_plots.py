@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Functions that draw maps on axes of Matplotlib."""
+"""Functions that draw maps on Matplotlib axes."""
 
 import math
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 AnyMap: TypeAlias = "GridMap | TiledMap | xarray.Dataset | xarray.DataArray"
 
 RELIEF_SIZE = (1200, 560)
-"""Default width and height of pictures of terrain in relief [pixels]."""
+"""Default width and height of relief pictures [pixels]."""
 
 _GRAY = {"facecolor": 3 * (MISSING / 255,)}
-"""Look of cells without a value on surfaces and in relief."""
+"""Legend style of cells without a value on surfaces and in relief pictures."""
 
 
 def plot(
@@ -55,35 +55,34 @@ def plot(
     title: str = "",
     color_bar: bool = True,
 ) -> Any:
-    """Draw a layer from above.
+    """Draw a layer of a map from above.
 
-    Cells without a finite value are hatched in gray. If the sides of the map have more than twice
-    as many cells as the axes have pixels, blocks of cells are drawn: each has the mean of its
-    finite values, or of their red, green and blue, and is half transparent if it has a hole. A
-    tiled map is thinned before, see `TiledMap.thinned`, to up to four cells per pixel.
+    Cells without a finite value are hatched in gray. If a side of the map has more than twice as
+    many cells as the axes have pixels, blocks of cells are averaged: each block shows the mean of
+    the finite values (or colors) and is half transparent if values are missing. A tiled map is
+    first thinned out to at most four cells per pixel, see `TiledMap.thinned`.
 
     Args:
-        grid_map: the map: in memory, tiled, or a dataset or an array of xarray.
-        layer: layer that gives the colors; empty stands for `elevation`, or else the first.
-        ax: Matplotlib axes to draw on. None stands for the current axes, as in Matplotlib's own
-            functions.
-        color_mode: "intensity" maps values by the color map, "color" reads packed colors.
-        color_map: name of a color map of Matplotlib.
-        lower, upper: values at the ends of the color map; None stands for the smallest and largest.
+        grid_map: the map: in memory, tiled, or an xarray dataset or array.
+        layer: layer with the colors; empty means `elevation`, or else the first layer.
+        ax: Matplotlib axes to draw on; None means the current axes.
+        color_mode: "intensity" maps values to colors of `color_map`, "color" reads packed colors.
+        color_map: name of a Matplotlib color map.
+        lower, upper: values at the ends of the color map; None means the smallest and largest.
         invert: swap the ends of the color map.
-        hillshade: layer of heights [m] that the light falls on. None lights layers of heights,
-            which are known by name: it begins with elevation, height, altitude, DEM, DSM or DTM,
-            without a word such as variance, slope or color. True takes for other layers the heights
-            of the map, `elevation` or the first layer with such a name. False lights nothing.
-        exaggeration: factor on the heights for hillshading.
-        max_drawn_cells: limit of the drawn blocks; None for the pixels of the axes, 0 for none.
-        scale_bar: draw a scale bar, and an arrow to the north if the map has a reference system.
-        label: label of the color bar; empty stands for the name of the layer, with [m] for heights.
+        hillshade: name of the layer of heights [m] used for hillshading. None uses `layer` if its
+            name indicates heights: it starts with elevation, height, altitude, DEM, DSM or DTM and
+            contains no word such as variance, slope or color. True also shades other layers, with
+            the heights of `elevation` or of the first such layer. False disables hillshading.
+        exaggeration: factor by which the heights are scaled for hillshading.
+        max_drawn_cells: maximum number of blocks; None means one per pixel, 0 means no limit.
+        scale_bar: draw a scale bar, and a north arrow if the map has a reference system.
+        label: label of the color bar; empty means the layer name, with [m] for heights.
         title: title above the picture.
-        color_bar: draw a color bar, and say in a legend how cells without a value look.
+        color_bar: draw a color bar, and a legend for cells without a value.
 
     Returns:
-        The axes.
+        The Matplotlib axes.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
@@ -99,7 +98,7 @@ def plot(
     axes = _pyplot().gca() if ax is None else ax
     side = block_side(axes, site.size, max_drawn_cells)
     drawn_map = _loaded(site, {layer, heights} - {""}, math.prod(site.size) / side**2)
-    # Of a tiled map, only every n-th cell may be in memory.
+    # A tiled map may have been thinned out, which changes the block size.
     side = block_side(axes, drawn_map.size, max_drawn_cells)
     bar, has_holes = paint(axes, drawn_map, coloring, side, heights, exaggeration)
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
@@ -136,15 +135,15 @@ def plot_3d(
 
     Args:
         grid_map: as for `plot`.
-        height_layer: heights [m]; empty stands for `elevation`, or else the first layer.
-        ax: Matplotlib axes of the projection "3d"; None stands for new ones.
-        color_layer: layer that gives the colors; empty stands for the heights.
+        height_layer: layer of heights [m]; empty means `elevation`, or else the first layer.
+        ax: Matplotlib axes with projection "3d"; None creates new axes.
+        color_layer: layer with the colors; empty means the heights.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
-        exaggeration: factor on the drawn heights. The axis shows true heights.
-        max_drawn_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
-            Matplotlib draws the default number in about a second.
+        exaggeration: factor by which drawn heights are scaled; the z axis shows true heights.
+        max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
+            Matplotlib needs about one second for the default number.
 
-    Returns the axes, and raises the errors of `plot`.
+    Returns the Matplotlib axes. Errors: see `plot`.
     """
     _check_options(color_mode, exaggeration)
     check_max_drawn_cells(max_drawn_cells)
@@ -159,7 +158,7 @@ def plot_3d(
     mesh = surface.mesh(coloring)
     x, y, z = (mesh.vertices + mesh.origin).T
     if len(mesh.faces):
-        # With antialiasing the background shows between the triangles.
+        # With antialiasing, the background would be visible between triangles.
         options = {"shade": False, "linewidth": 0, "antialiased": False}
         drawn = axes.plot_trisurf(x, y, z, triangles=mesh.faces, **options)
         corners = mesh.vertices[mesh.faces] * np.array([1.0, 1.0, exaggeration])
@@ -173,7 +172,7 @@ def plot_3d(
     sides = np.array([x1 - x0, y1 - y0, height])
     axes.set_box_aspect(np.maximum(sides, 0.05 * sides.max()), zoom=0.95)
     axes.view_init(elev=45.0, azim=-60.0)
-    # The z axis is short, with room for few ticks.
+    # The z axis is short, so only few ticks fit.
     axes.locator_params(axis="z", nbins=3)
     bar = None
     if color_bar and color_mode == "intensity":
@@ -206,31 +205,30 @@ def plot_relief(
 ) -> Any:
     """Draw a map as a block of terrain in perspective, with sunlight and shadows.
 
-    The surface is drawn at the resolution of the picture, in about a second. There are no axes:
-    use `plot` or `plot_3d` to read positions and heights.
+    The surface is drawn at the resolution of the picture, in about one second. The picture has no
+    coordinate axes; use `plot` or `plot_3d` to read positions and heights.
 
     Args:
         grid_map: as for `plot`.
-        height_layer: heights [m]; empty stands for `elevation`, or else the first layer. Holes get
-            the height of the nearest cell.
-        ax: Matplotlib axes to draw on; None stands for the current ones.
-        color_layer: layer that gives the colors; empty stands for the heights. Cells without a
-            value are gray.
+        height_layer: layer of heights [m]; empty means `elevation`, or else the first layer. Holes
+            are drawn at the height of the nearest cell.
+        ax: Matplotlib axes to draw on; None means the current axes.
+        color_layer: layer with the colors; empty means the heights. Cells without a value are gray.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
-        exaggeration: factor on the heights. A block that is more than 20 times as high as the map
-            is long is drawn that high.
+        exaggeration: factor by which heights are scaled. The drawn height is limited to 20 times
+            the longer side of the map.
         azimuth: direction from the map to the camera [rad], from +x towards +y.
-        elevation: angle of the camera above the ground [rad], between 0 and pi / 3.
+        elevation: elevation angle of the camera [rad], between 0 and pi / 3.
         size: width and height of the picture [pixels].
 
-    Returns the axes, and raises the errors of `plot`.
+    Returns the Matplotlib axes. Errors: see `plot`.
     """
     _check_options(color_mode, exaggeration)
-    # Near pi / 2, the picture of a level camera is stretched beyond recognition.
+    # Near pi / 2, the projection of a level camera is extremely stretched.
     check(0 < elevation < math.pi / 3, "elevation", "an angle between 0 and pi / 3", elevation)
     check(math.isfinite(azimuth), "azimuth", "a finite angle", azimuth)
     check(min(size) >= 1, "size", "a width and height of at least 1 pixel", size)
-    # SciPy is slow to import.
+    # Imported here, because SciPy is slow to import.
     from ._relief import MAX_SIDE, draw_relief
 
     site = _opened(grid_map)
@@ -240,7 +238,7 @@ def plot_relief(
     axes = _pyplot().gca() if ax is None else ax
     cells = MAX_SIDE**2 * min(site.size) / max(site.size)
     drawn_map = _loaded(site, {height_layer, layer}, cells)
-    # Along +x and +y, while rows and columns run along -x and -y.
+    # Flip the layers to run along +x and +y; rows and columns run along -x and -y.
     heights, values = (drawn_map.unwrapped(name)[::-1, ::-1] for name in (height_layer, layer))
     scale = exaggeration / drawn_map.resolution
     axes.imshow(draw_relief(heights, coloring(values), size, azimuth, elevation, scale))
@@ -264,17 +262,17 @@ def _check_options(color_mode: str, exaggeration: float) -> None:
 
 
 def _pyplot() -> Any:
-    # Imported late, because the import looks for a display.
+    # Imported here, because the import searches for a display.
     from matplotlib import pyplot
 
     return pyplot
 
 
 def _opened(grid_map: AnyMap) -> "GridMap | TiledMap":
-    """Return a map in memory as it is, and anything else as a tiled map."""
+    """Return a `GridMap` unchanged, and open any other map as a tiled map."""
     if isinstance(grid_map, GridMap):
         return grid_map
-    # Slow to import.
+    # Imported here, because the import is slow.
     from grid_map_core_py.tiled import TiledMap, open_map
 
     if isinstance(grid_map, TiledMap):
@@ -286,13 +284,12 @@ def _opened(grid_map: AnyMap) -> "GridMap | TiledMap":
 
 
 def _loaded(site: "GridMap | TiledMap", layers: set[str], cells: float) -> "GridMap":
-    """Return a map with some layers in memory.
+    """Return a `GridMap` unchanged; load a tiled map, thinned out, into memory.
 
     Args:
-        site: a map in memory is returned as it is; of a tiled map every n-th cell, or the cells of
-            an overview, so that they are at least as many as asked for.
-        layers: names of the layers.
-        cells: number of cells that the picture shows; infinite for all.
+        site: the map.
+        layers: names of the layers to load.
+        cells: minimum number of cells to keep when thinning out; infinite keeps all cells.
     """
     if isinstance(site, GridMap):
         return site

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Perspective picture of a height field, with cast shadows and ambient occlusion.
 
-The floating horizon algorithm draws it: along each column of the picture a ray runs over the ground
-from near to far, and the picture shows those parts that rise above all nearer ones. Vertical lines
-stay vertical, as with a camera that looks level and is shifted instead of tilted.
+The floating horizon algorithm traces one ray per picture column over the ground, from near to far,
+and draws the parts that rise above all nearer parts. Vertical lines stay vertical, as in a camera
+with a horizontal viewing direction and a shifted lens.
 
-Lengths are counted in cells. Ground coordinates are (x, y) from the center of the first cell.
+The unit of length is one cell. Ground coordinates (x, y) start at the center of the first cell.
 """
 
 from functools import partial
@@ -22,7 +22,7 @@ Floats: TypeAlias = npt.NDArray[np.floating]
 _sampled = partial(ndimage.map_coordinates, order=1, mode="nearest")
 
 MAX_SIDE = 1500
-"""Rows and columns to which larger maps are thinned out."""
+"""Maximum number of rows and columns; larger maps are thinned out."""
 
 _SUPERSAMPLING = 2
 _GAMMA = 2.2
@@ -31,7 +31,7 @@ _SUNLIGHT, _SKYLIGHT = np.array([1.04, 1.0, 0.93]), np.array([0.86, 0.95, 1.12])
 _SKIRT = np.array([0.085, 0.08, 0.075])  # linear color of the cut sides
 _DISTANCE = 1.8  # from the map's center to the camera along the ground, in diagonals of the map
 _MARGIN = 0.03
-_STEEPEST = 20.0  # largest height, in sides of the map; a higher block would be thin as a thread
+_STEEPEST = 20.0  # maximum height relative to the longer side; higher blocks would be too thin
 
 
 def draw_relief(
@@ -42,22 +42,22 @@ def draw_relief(
     elevation: float,
     scale: float,
 ) -> Colors:
-    """Return a picture (height, width, 3) of the ground, on white.
+    """Return a picture (height, width, 3) of the terrain on a white background.
 
     Args:
-        heights: (nx, ny), along x and y. NaN is drawn at the height of the nearest cell.
+        heights: (nx, ny) heights; NaN is drawn at the height of the nearest cell.
         colors: (nx, ny, 3) red, green, blue.
         size: width and height of the picture [pixels].
         azimuth: direction from the map to the camera, from +x towards +y [rad].
-        elevation: elevation of the camera above the ground [rad].
-        scale: cells that a height of 1 has.
+        elevation: elevation angle of the camera [rad].
+        scale: number of cells per unit of height.
     """
     width, height = (_SUPERSAMPLING * side for side in size)
     picture = np.ones((height, width, 3))
     step = -(-max(heights.shape) // MAX_SIDE)
-    # Differences of large heights overflow float32.
+    # Differences of large heights would overflow float32.
     heights, colors = heights[::step, ::step].astype(np.float64), colors[::step, ::step]
-    # A ground between centers of cells needs two of them.
+    # The ground is interpolated between cell centers, which requires two cells per axis.
     sides = [(0, max(0, 2 - side)) for side in heights.shape]
     heights, colors = np.pad(heights, sides, "edge"), np.pad(colors, [*sides, (0, 0)], "edge")
     if np.isfinite(heights).any():
@@ -75,21 +75,21 @@ def draw_relief(
 def _draw(
     picture: Floats, heights: Floats, colors: Floats, azimuth: float, elevation: float
 ) -> None:
-    """Draw heights in cells, of which the lowest is 0."""
+    """Draw terrain to `picture`; heights are in cells, and the smallest height is 0."""
     rows, columns, _ = picture.shape
     last = np.array(heights.shape) - 1.0
     diagonal = float(np.hypot(*last))
     high = float(heights.max())
     base = -0.03 * diagonal
 
-    # `depth`: distance from the camera, along its viewing direction on the ground.
+    # `depth`: distance from the camera along the viewing direction on the ground.
     forward = -np.array([np.cos(azimuth), np.sin(azimuth)])
     right = np.array([forward[1], -forward[0]])
     middle = _DISTANCE * diagonal
     eye = middle * np.tan(elevation) + high / 2
     camera = last / 2 - middle * forward
 
-    # The block fills the picture.
+    # Scale the projection so that the block fills the picture.
     corners = np.array([(0, 0), (last[0], 0), (0, last[1]), last]) - camera
     depths = corners @ forward
     across = corners @ right / depths
@@ -116,7 +116,7 @@ def _draw(
         seen[:, column] = np.interp(
             pixel_rows, horizon[rising][::-1], depth[far_to_near], left=np.nan, right=np.nan
         )
-        # The cut side of the block, darker where it faces +-y.
+        # Draw the cut side of the block, darker where the side faces +y or -y.
         nearest = on_map[0]
         bottom = top + focal * (eye - base) / depth[nearest]
         is_cut = (pixel_rows > horizon[0]) & (pixel_rows < bottom)
@@ -132,7 +132,7 @@ def _draw(
 
 
 def _light(heights: Floats, sun_azimuth: float) -> Floats:
-    """Return how much red, green and blue light (nx, ny, 3) the ground gets from sun and sky."""
+    """Return the red, green and blue light (nx, ny, 3) that the ground receives."""
     flat, up = np.cos(_SUN_ELEVATION), np.sin(_SUN_ELEVATION)
     sun = np.array([flat * np.cos(sun_azimuth), flat * np.sin(sun_azimuth), up])
     slope_x, slope_y = np.gradient(heights)
@@ -150,7 +150,7 @@ def _light(heights: Floats, sun_azimuth: float) -> Floats:
     shadow = ndimage.gaussian_filter(np.clip(blocked / 1.5, 0.0, 1.0), 1.0)
     sunlight *= 1 - 0.75 * shadow
 
-    # Ambient occlusion: ground below its surroundings gets less light from the sky.
+    # Ambient occlusion: ground lower than the surroundings receives less light from the sky.
     skylight = np.ones_like(heights)
     for radius in (3, 8, 20):
         depth = ndimage.gaussian_filter(heights, radius) - heights
