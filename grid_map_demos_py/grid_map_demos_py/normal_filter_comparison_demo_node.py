@@ -48,7 +48,7 @@ def plane(x: Numbers, y: Numbers, _seconds: float) -> Surface:
 
 
 def hill(x: Numbers, y: Numbers, _seconds: float) -> Surface:
-    """Return a round hill of 0.5 m height."""
+    """Return the heights and slopes (dz/dx, dz/dy) of a round hill, 0.5 m high."""
     height = 0.5 * np.exp(-2.0 * (x**2 + y**2))
     return height, -4.0 * x * height, -4.0 * y * height
 

@@ -8,7 +8,7 @@ from .terrain import load_terrain
 
 
 class TerrainPublisherNode(Demo):
-    """Publishes the same terrain with the current time."""
+    """Publishes a static terrain map, stamped with the current time."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_terrain")

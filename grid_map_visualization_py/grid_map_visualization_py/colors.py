@@ -58,7 +58,7 @@ def check_color(color: int) -> None:
 
 @dataclass(frozen=True)
 class Coloring:
-    """Source of the colors of cells: a color map, packed colors or one color.
+    """How cells are colored: by a color map, by packed colors, or in one color.
 
     Attributes:
         mode: "intensity" maps the values of `layer` to colors of `color_map`, "color" unpacks the

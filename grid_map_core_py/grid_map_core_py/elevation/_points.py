@@ -62,7 +62,7 @@ class Covariance:
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the height variance of cells, including the correlation of height and tilt."""
+        """Return the variance of cell heights due to the pose [m^2], with covariances of z."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 

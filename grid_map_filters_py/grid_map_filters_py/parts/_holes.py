@@ -97,7 +97,7 @@ class Edge(NamedTuple):
 
 
 class HolesOfTile(NamedTuple):
-    """The holes of a tile that matter for the whole map.
+    """Holes in a tile that must be merged across the whole map.
 
     Args:
         lowest, highest: extremes of the finite values; NaN without finite values.
