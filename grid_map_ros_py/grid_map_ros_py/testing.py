@@ -249,7 +249,7 @@ class Peer:
         publisher.publish(message)
 
     def wait_until(self, condition: Callable[[], object], what: str) -> None:
-        """Spin until `condition()` is true, or fail after `TIMEOUT` with a message that names `what`."""
+        """Spin until `condition()` is true, or fail after `TIMEOUT` and name `what`."""
         wait_until(condition, what, step=lambda: self._executor.spin_once(timeout_sec=0.05))
 
     def spin(self, seconds: float) -> None:
