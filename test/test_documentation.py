@@ -42,10 +42,12 @@ import grid_map_core_py
 import grid_map_filters_py
 import grid_map_ros_py
 from grid_map_core_py._commands.doctor import PACKAGES as PACKAGES_OF_DOCTOR
-from grid_map_core_py._files import options_of
 from grid_map_core_py._parameters import DEEPEST
 from grid_map_core_py.errors import cut
-from grid_map_core_py.files._formats import formats
+from grid_map_core_py.files._formats import (
+    formats,
+    options_of,
+)
 from grid_map_demos_py.terrain import load_terrain
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py._registry import BUILT_IN as FILTERS_BUILT_IN

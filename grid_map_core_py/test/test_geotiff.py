@@ -10,9 +10,11 @@ import pytest
 from command_line import a_map
 
 from grid_map_core_py import GridMapError
-from grid_map_core_py._files import map_facts
 from grid_map_core_py.files import load, load_geotiff, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff
+from grid_map_core_py.files._shared import (
+    map_facts,
+)
 from grid_map_core_py.testing import assert_maps_equal
 
 PIXELS = np.array([[1, 2, 3], [4, -9, 6]], np.int16)

@@ -14,7 +14,10 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, GridMapError, load, save
-from grid_map_core_py._files import new_file, new_folder
+from grid_map_core_py.files._shared import (
+    new_file,
+    new_folder,
+)
 
 OPTIONS = {
     "map.npz": {},

@@ -10,8 +10,13 @@ from pathlib import Path
 import numpy as np
 from sensor_msgs.msg import Image
 
-from grid_map_core_py._files import read_image, storage_errors
 from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.files._image_files import (
+    read_image,
+)
+from grid_map_core_py.files._shared import (
+    storage_errors,
+)
 from grid_map_ros_py.messages._image import ENCODINGS, from_pixels
 from grid_map_ros_py.nodes import (
     map_qos,

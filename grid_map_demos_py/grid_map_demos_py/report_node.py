@@ -21,8 +21,10 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridGeometry, GridMap, Interpolation
-from grid_map_core_py._files import storage_errors
 from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.files._shared import (
+    storage_errors,
+)
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap

@@ -7,7 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap, circle_cells, color_vector_to_value
-from grid_map_core_py._files import storage_errors
+from grid_map_core_py.files._shared import (
+    storage_errors,
+)
 
 METRES_PER_POST = 84.0
 """Spacing of the elevation model: 3 arc seconds at 36.6 degrees of latitude, mean of x and y."""

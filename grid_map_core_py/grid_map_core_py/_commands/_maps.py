@@ -19,8 +19,10 @@ from ..errors import GridMapError
 from ._output import CommandError, UsageError, message
 
 if TYPE_CHECKING:
-    from .._files import MapRecord
     from ..files import Format
+    from ..files._formats import (
+        MapRecord,
+    )
     from ..map import GridMap
 
 TimedMap: TypeAlias = "tuple[int | None, GridMap]"
@@ -52,8 +54,11 @@ def _choose(
         options: the arguments.
         of_source: for the destination, names of the options that the source uses.
     """
-    from .._files import find_format, options_of
-    from ..files._formats import formats
+    from ..files._formats import (
+        find_format,
+        formats,
+        options_of,
+    )
 
     writes = of_source is not None
     # Black and white may belong to source or destination; the destination raises if neither format
@@ -102,7 +107,12 @@ def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -
 
 def describe(options: argparse.Namespace) -> dict[str, Any]:
     """Return the format, size and metadata of the source as JSON values."""
-    from .._files import map_facts, options_of
+    from ..files._formats import (
+        options_of,
+    )
+    from ..files._shared import (
+        map_facts,
+    )
 
     found, given = _choose(options)
     with _source(options.source) as path:
@@ -190,7 +200,9 @@ class Destination:
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
-        from .._files import options_of
+        from ..files._formats import (
+            options_of,
+        )
 
         self.path: str = options.destination
         self.usual_topic = usual_topic

@@ -30,7 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     if not 1 <= options.bins <= 1000:
         raise UsageError(f"--bins: expected a number from 1 to 1000, got {options.bins}")
-    from .._files import map_facts
+    from ..files._shared import (
+        map_facts,
+    )
 
     grid_map = read_map(options, options.layers)
     layers = [statistics_of(name, grid_map[name], options.bins) for name in grid_map]

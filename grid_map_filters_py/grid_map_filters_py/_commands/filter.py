@@ -28,7 +28,9 @@ from .._times import StepTimes
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
-    from grid_map_core_py._files import MapRecord
+    from grid_map_core_py.files._formats import (
+        MapRecord,
+    )
 
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")

@@ -14,8 +14,10 @@ from types import TracebackType
 from typing import NamedTuple, Self, TypeAlias
 
 from grid_map_core_py import GridMap
-from grid_map_core_py._files import new_folder
 from grid_map_core_py.errors import LimitError, short
+from grid_map_core_py.files._shared import (
+    new_folder,
+)
 from grid_map_core_py.limits import check_bytes
 
 from ..errors import BagError, MessageError

@@ -24,8 +24,13 @@ from typing import Any, Literal
 import numpy as np
 
 from grid_map_core_py._arrays import max_of_finites, min_of_finites
-from grid_map_core_py._files import MapRecord, new_file
 from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.files._formats import (
+    MapRecord,
+)
+from grid_map_core_py.files._shared import (
+    new_file,
+)
 from grid_map_core_py.plugins import check
 
 from .._layers import lit_heights, usual_layer
