@@ -56,13 +56,9 @@ class NodesDemo:
     report: str
     nodes: Mapping[str, str]
 
-    def __call__(self, arguments: Sequence[str] | None = None) -> int:
-        """Run the demo; return its exit code."""
-        return self.run(arguments)
-
-    def run(
+    def __call__(
         self,
-        arguments: Sequence[str] | None,
+        arguments: Sequence[str] | None = None,
         *,
         steps: Iterable[object] = (),
         parameters: Mapping[str, str] | None = None,
@@ -153,7 +149,7 @@ def large_map_demo(arguments: Sequence[str] | None = None) -> int:
     with TemporaryDirectory(prefix="large_map_demo-") as folder:
         path = Path(folder, "site.zarr")
         try:
-            return demo.run(arguments, steps=make(path), parameters={WINDOW: f"source:={path}"})
+            return demo(arguments, steps=make(path), parameters={WINDOW: f"source:={path}"})
         except GridMapError as error:
             print(f"large_map_demo: {error}", file=sys.stderr)
             return 1
