@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -251,8 +252,8 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
     counted &= np.isfinite(x) & np.isfinite(y)
     if not counted.any():
         raise GridMapError("points: expected a finite one within the height limits, got none")
-    both = x[counted].astype(np.float64), y[counted].astype(np.float64)
-    return np.array([axis.min() for axis in both]), np.array([axis.max() for axis in both])
+    extremes = [cv2.minMaxLoc(axis, counted.view(np.uint8))[:2] for axis in (x, y)]
+    return np.array([low for low, _ in extremes]), np.array([high for _, high in extremes])
 
 
 def _located(

@@ -201,15 +201,15 @@ class GridGeometry:
         """
         cells = self.check_indices(cells)
         positions = np.empty((*cells[0].shape, 2))
-        are_few = 2 * cells[0].size <= sum(self.size)
-        for number, axis in enumerate((self._x, self._y)):
-            if are_few:
+        if 2 * cells[0].size <= sum(self.size):
+            for number, axis in enumerate((self._x, self._y)):
                 lines = (cells[number] - start_index[number]) % axis.size
                 positions[..., number] = axis.center_of(lines)
-            else:
-                centers = np.roll(axis.centers(0, axis.size), start_index[number])
-                for part in slices(len(positions), PIECE):
-                    positions[part, number] = centers.take(cells[number][part], mode="clip")
+            return positions
+        axes = [*map(np.roll, self.axes_in_map_order(), start_index)]
+        for part in slices(len(positions), PIECE):
+            for number, centers in enumerate(axes):
+                positions[part, number] = centers.take(cells[number][part], mode="clip")
         return positions
 
     def axes_in_map_order(self) -> tuple[Positions, Positions]:

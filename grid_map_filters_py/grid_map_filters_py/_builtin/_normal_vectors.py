@@ -15,7 +15,7 @@ from grid_map_core_py.plugins import check
 from .._filter import in_map_order
 from ..parts._blocks import blocks_of, fill_blocks
 from ..parts._disc import disc_reach, typical_value
-from ..parts._normals import SIDE, area_normals, raster_normals
+from ..parts._normals import area_normals, raster_normals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class NormalVectors:
             return area_normals(block, offset, self.radius, resolution)
 
         normals = [np.empty(grid_map.size, np.float32, order="F") for _ in "xyz"]
-        blocks = blocks_of(grid_map.size, self.reach(resolution), SIDE)
+        blocks = blocks_of(grid_map.size, self.reach(resolution))
         # Differences between very large floats may overflow.
         with np.errstate(over="ignore"):
             fill_blocks(normals, normals_of, [heights], blocks)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from grid_map_core_py._arrays import Layer
 
 from ..parts._layer_filter import AroundTypicalValue, DiscFilter, Values
-from ..parts._normals import SIDE, plane_deviations
+from ..parts._normals import plane_deviations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,8 +22,6 @@ class Roughness(AroundTypicalValue, DiscFilter):
     Attributes:
         input_layer: heights [m].
     """
-
-    _side = SIDE
 
     def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Values:
         return plane_deviations(layer, offset, self.radius, resolution)

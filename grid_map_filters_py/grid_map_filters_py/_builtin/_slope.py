@@ -15,7 +15,7 @@ from .._filter import in_map_order
 from ..parts._blocks import blockwise
 from ..parts._disc import disc_reach, typical_value
 from ..parts._layer_filter import check_radius
-from ..parts._normals import SIDE, area_normals, raster_normals
+from ..parts._normals import area_normals, raster_normals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ class Slope:
                     return _slope(*area_normals(block, offset, self.radius, resolution))
                 return _slope(*raster_normals(block, resolution))
 
-            slope = blockwise(of_block, heights, reach=self.reach(resolution), side=SIDE)
+            slope = blockwise(of_block, heights, reach=self.reach(resolution))
         else:
             normals = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
             slope = blockwise(_slope, *normals)

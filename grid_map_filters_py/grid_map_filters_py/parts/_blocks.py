@@ -30,12 +30,7 @@ _SHARE = 16
 """Minimum ratio of block side to border width, since borders are computed twice."""
 
 
-def blockwise(
-    function: Callable[..., npt.NDArray[Any]],
-    *layers: Layer,
-    reach: float = 0,
-    side: int | None = None,
-) -> Layer:
+def blockwise(function: Callable[..., npt.NDArray[Any]], *layers: Layer, reach: float = 0) -> Layer:
     """Compute the layer `function(*layers)` block by block in the threads of the chain.
 
     Args:
@@ -44,14 +39,12 @@ def blockwise(
             away.
         layers: (rows, cols) arrays of equal shape in map order.
         reach: whole number of cells; `WHOLE_MAP` calls the function once, with whole layers.
-        side: maximum side of a block without the border [cells]; about 500 by default. Blocks are
-            larger if `reach` is large.
 
     Returns:
         (rows, cols) float32 in Fortran order.
     """
     size = layers[0].shape
-    blocks = blocks_of((size[0], size[1]), reach, side)
+    blocks = blocks_of((size[0], size[1]), reach)
     if len(blocks) < 2:
         return np.asarray(function(*layers), np.float32, order="F")
     result = np.empty(size, np.float32, order="F")
@@ -80,17 +73,15 @@ def fill_blocks(
     side_by_side(compute, blocks)
 
 
-def blocks_of(size: Size, reach: float, side: int | None) -> list[Block]:
+def blocks_of(size: Size, reach: float) -> list[Block]:
     """Divide a map into blocks of about equal size; one block if `reach` covers most of the map.
 
     Args:
         size: rows and columns of the map.
         reach: width of the border [cells].
-        side: maximum side of a block [cells]; None uses the default.
     """
     border = int(min(reach, max(size)))
-    if side is None:
-        side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2
+    side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2
     # Without a border, blocks of whole columns are contiguous in memory.
     longest = max(side, _SHARE * border)
     limits = (longest, longest) if border else (size[0], CELLS // size[0])

@@ -115,8 +115,10 @@ class Disc:
         rows, columns = self.reach
         values = np.zeros(np.add(self.size, (2 * rows, 2 * columns)), dtype, order="F")
         known = np.zeros(values.shape, np.bool_, order="F")
-        known[self.inner] = np.isfinite(layer)
-        np.subtract(layer, offset, out=values[self.inner], where=known[self.inner], dtype=dtype)
+        finite = np.isfinite(layer, out=known[self.inner])
+        differences = np.subtract(layer, offset, out=values[self.inner], dtype=dtype)
+        # Three times as fast as an argument `where` of `subtract`.
+        np.copyto(differences, 0.0, where=~finite)
         return known, values
 
     @property
@@ -125,7 +127,7 @@ class Disc:
         (rows, columns), (height, width) = self.reach, self.size
         return slice(rows, rows + height), slice(columns, columns + width)
 
-    def lines(
+    def sums_of_lines(
         self, values: Field, axis: int, *, moments: bool = False
     ) -> Iterator[tuple[int, Field, Field]]:
         """Yield sums over the lines of the discs, from the rim to the center.
@@ -137,41 +139,45 @@ class Disc:
 
         Yields:
             distance: distance of the line from the center [cells].
-            ahead, behind: (rows, columns) sums over the lines at this distance on both sides of the
-                center; equal for distance 0. The next iteration overwrites both arrays.
+            ahead, behind: sums over the lines at this distance on both sides of the center, as in
+                the flat array of `totals`; equal for distance 0. The next iteration overwrites
+                both arrays.
         """
-        widths, margin, across = self.half_widths[axis], self.reach[axis], self.reach[1 - axis]
-
-        def moved(field: Field, axis: int, start: int) -> Field:
-            part = slice(start, start + self.size[axis])
-            return field[part] if axis == 0 else field[:, part]
-
-        middle = moved(values, axis, margin)
-        line = np.zeros_like(middle) if moments else middle.copy("K")
+        # In a flat array, the neighbors of all cells at one distance are a single slice.
+        flat, strides = values.T.reshape(-1), (1, len(values))
+        along, across = strides[axis], strides[1 - axis]
+        widths, margin = self.half_widths[axis], along * self.reach[axis]
+        middle = flat[margin : flat.size - margin]
+        line = np.zeros_like(middle) if moments else middle.copy()
+        length = line.size - 2 * across * self.reach[1 - axis]
         width = 0
         for distance in reversed(range(len(widths))):
             # Lines get longer towards the center, so only the new ends are added.
             for width in range(width + 1, widths[distance] + 1):  # noqa: B020
-                ahead = moved(values, axis, margin + width)
-                behind = moved(values, axis, margin - width)
+                ahead = flat[margin + width * along :][: line.size]
+                behind = flat[margin - width * along :][: line.size]
                 if moments:
                     line += width * (ahead - behind)
                 else:
                     line += ahead
                     line += behind
-            yield (
-                distance,
-                moved(line, 1 - axis, across + distance),
-                moved(line, 1 - axis, across - distance),
-            )
+            first, shift = across * self.reach[1 - axis], across * distance
+            yield distance, line[first + shift :][:length], line[first - shift :][:length]
+
+    def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
+        """Return a (rows, columns) array of zeros, and its memory as a flat array with margins."""
+        (height, width), (rows, _) = self.size, self.reach
+        stride = height + 2 * rows
+        flat = np.zeros(width * stride, dtype)
+        return flat.reshape(width, stride).T[:height], flat[: flat.size - 2 * rows]
 
     def sums(self, values: Field) -> Field:
         """Return the (rows, columns) sums of the padded `values` over all discs."""
-        total = np.zeros(self.size, values.dtype, order="F")
-        for distance, ahead, behind in self.lines(values, 0):
-            total += ahead
+        total, flat = self.totals(values.dtype)
+        for distance, ahead, behind in self.sums_of_lines(values, 0):
+            flat += ahead
             if distance:
-                total += behind
+                flat += behind
         return total
 
     def counts(self, known: Field) -> Field:

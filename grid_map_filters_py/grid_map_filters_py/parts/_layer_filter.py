@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -35,18 +35,13 @@ class LayerFilter(ABC):
     input_layer: str
     output_layer: str
 
-    _side: ClassVar[int | None] = None
-    """Maximum side of a block [cells]; None uses the default of `blockwise`."""
-
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer, resolution = grid_map[self.input_layer], grid_map.resolution
         function = self._for_blocks_of(layer)
         # Cellwise filters divide the layer themselves, and write each part only once.
         reach = WHOLE_MAP if isinstance(self, CellFilter) else self.reach(resolution)
-        result = blockwise(
-            lambda block: function(block, resolution), layer, reach=reach, side=self._side
-        )
+        result = blockwise(lambda block: function(block, resolution), layer, reach=reach)
         return grid_map.with_layers({self.output_layer: result})
 
     @abstractmethod

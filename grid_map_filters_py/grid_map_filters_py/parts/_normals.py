@@ -6,7 +6,7 @@ typical height. `radius` is the radius of the disc [m], `resolution` the side of
 are three (rows, cols) arrays: the x, y and z components of unit vectors.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -29,10 +29,7 @@ _SMALLEST_GAP = 0.03
 _SMALLEST_Z = 0.01
 """z component of a normal below which the formula loses precision."""
 
-_PIECE = 2**13  # number of cells whose eigenvectors are computed at once, to fit the cache
-
-SIDE = 256
-"""Maximum side of a block [cells]: about thirty arrays of this size fit into the cache."""
+_PIECE = 2**14  # number of cells whose normals are computed at once, to fit the cache
 
 
 def area_normals(layer: Layer, offset: float, radius: float, resolution: float) -> Fields:
@@ -42,7 +39,11 @@ def area_normals(layer: Layer, offset: float, radius: float, resolution: float) 
     With fewer than three finite points, or with points on a line, the normal is the z axis. Normals
     are NaN where the layer is not finite.
     """
-    return _planes(layer, offset, Disc(radius, resolution, layer.shape))[0]
+    normals = tuple(np.empty(layer.shape, order="F") for _ in "xyz")
+    for part, found, _, _ in _planes(layer, offset, Disc(radius, resolution, layer.shape)):
+        for normal, values in zip(normals, found, strict=True):
+            normal[:, part] = values
+    return normals
 
 
 def raster_normals(layer: Layer, resolution: float) -> Fields:
@@ -76,39 +77,81 @@ def plane_deviations(layer: Layer, offset: float, radius: float, resolution: flo
     This is the sample standard deviation (n - 1 in the denominator). The result is NaN where the
     layer is not finite or the disc contains only one point.
     """
+    deviations = np.empty(layer.shape, order="F")
     disc = Disc(radius, resolution, layer.shape)
-    (x, y, z), (xx, xy, xz, yy, yz, zz), count = _planes(layer, offset, disc)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mixed = x * y * xy + x * z * xz + y * z * yz
-        variance = x * x * xx + y * y * yy + z * z * zz + 2.0 * mixed
-        return resolution * np.sqrt(np.maximum(variance / (count * (count - 1.0)), 0.0))
+    for part, (x, y, z), (xx, xy, xz, yy, yz, zz), count in _planes(layer, offset, disc):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mixed = x * y * xy + x * z * xz + y * z * yz
+            variance = x * x * xx + y * y * yy + z * z * zz + 2.0 * mixed
+            variance /= count * (count - 1.0)
+            deviations[:, part] = resolution * np.sqrt(np.maximum(variance, 0.0))
+    return deviations
 
 
-def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Field]:
+def _planes(
+    layer: Layer, offset: float, disc: Disc
+) -> Iterator[tuple[slice, Fields, Fields, Field]]:
     """Fit least-squares planes to the points in the discs.
 
-    Returns:
+    Yields:
+        part: some columns of the layer; the other values belong to these columns.
         normals: unit vectors; NaN where the layer is not finite.
         covariances: elements xx, xy, xz, yy, yz, zz of the covariance matrices of the points, times
             the squared number of points [cells^2].
         count: number of points.
     """
-    covariances, count, known = _covariances(layer, offset, disc)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        normals, is_exact = [np.empty_like(count) for _ in "xyz"], np.empty_like(known)
-        for part in slices(count.shape[1], _PIECE // len(count)):
-            found = _smallest_eigenvectors(*(field[:, part] for field in covariances))
-            for whole, piece in zip((*normals, is_exact), found, strict=True):
-                whole[:, part] = piece
-        xx, xy, _, yy, _, _ = covariances
-        spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
-        # The second eigenvalue is at least the smaller eigenvalue of the horizontal 2 x 2 part,
-        # which exceeds the spread if the matrix (xx - spread, xy; xy, yy - spread) has a positive
-        # diagonal and determinant.
-        is_exact &= (xx > spread) & ((xx - spread) * (yy - spread) > xy * xy)
+    known, sums = _sums(layer, offset, disc)
+    for part in slices(layer.shape[1], _PIECE // len(layer)):
+        count, x, y, z, *products = (field[:, part].astype(np.float64) for field in sums)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for product, (one, other) in zip(
+                products, combinations_with_replacement((x, y, z), 2), strict=True
+            ):
+                product *= count
+                product -= one * other
+            spread = _SMALLEST_SPREAD / disc.resolution**2 * count * count
+            unknown = ~known[:, part]
+            normals = _normals(tuple(products), spread, unknown | (count < 3))
+        for normal in normals:
+            normal[unknown] = np.nan
+        yield part, normals, tuple(products), count
+
+
+def _sums(
+    layer: Layer, offset: float, disc: Disc
+) -> tuple[npt.NDArray[np.bool_], tuple[npt.NDArray[Any], ...]]:
+    """Return a mask of the finite cells, and sums over the points in the discs.
+
+    The sums are those of 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
+    """
+    known, heights = disc.padded(layer, offset)
+    # In units of cells, x and y are integers. Rows run towards -x and columns towards -y; negated
+    # heights correct all signs.
+    heights *= -1.0 / disc.resolution
+    z, xz = _moments(disc, heights, 1, (0, 1))
+    (yz,) = _moments(disc, heights, 1, (0,), along=True)
+    (zz,) = _moments(disc, heights * heights, 1, (0,))
+    # The smallest integer type that can represent the moments of a whole disc is fastest.
+    largest = np.count_nonzero(disc.kernel) * max(disc.reach) ** 2
+    one = known.astype(np.min_scalar_type(-largest - 1))
+    (x, xx), (y, yy) = (_moments(disc, one, axis, (1, 2)) for axis in (1, 0))
+    (xy,) = _moments(disc, one, 0, (1,), along=True)
+    return known[disc.inner], (disc.counts(known), x, y, z, xx, xy, xz, yy, yz, zz)
+
+
+def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
+    """Return unit vectors; upright in ignored cells and where the points are on a line.
+
+    `spread` is the minimum second eigenvalue of points that define a plane.
+    """
+    *normals, is_exact = _smallest_eigenvectors(*covariances)
+    xx, xy, _, yy, _, _ = covariances
+    # The second eigenvalue is at least the smaller eigenvalue of the horizontal 2 x 2 part, which
+    # exceeds the spread if the matrix (xx - spread, xy; xy, yy - spread) has a positive diagonal
+    # and determinant.
+    is_exact &= (xx > spread) & ((xx - spread) * (yy - spread) > xy * xy)
     # Calling LAPACK is slow even for an empty array.
-    lone, unknown = count < 3, ~known
-    if (doubtful := ~(is_exact | lone | unknown)).any():
+    if (doubtful := ~(is_exact | ignored)).any():
         places = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
         full = np.stack([field[doubtful] for field in covariances], axis=1)[:, places]
         values, vectors = np.linalg.eigh(full)
@@ -118,37 +161,8 @@ def _planes(layer: Layer, offset: float, disc: Disc) -> tuple[Fields, Fields, Fi
         for normal, components in zip(normals, exact.T, strict=True):
             normal[doubtful] = components
     for normal, upright in zip(normals, (0.0, 0.0, 1.0), strict=True):
-        np.copyto(normal, upright, where=lone)
-        np.copyto(normal, np.nan, where=unknown)
-    return tuple(normals), covariances, count
-
-
-def _covariances(
-    layer: Layer, offset: float, disc: Disc
-) -> tuple[Fields, Field, npt.NDArray[np.bool_]]:
-    """Return covariances and numbers of points for `_planes`, and a mask of finite cells."""
-    known, heights = disc.padded(layer, offset)
-    # In units of cells, x and y are integers. Rows run towards -x and columns towards -y; negated
-    # heights correct all signs.
-    heights *= -1.0 / disc.resolution
-    sum_z, xz = _moments(disc, heights, 1, (0, 1))
-    (yz,) = _moments(disc, heights, 1, (0,), along=True)
-    (zz,) = _moments(disc, heights * heights, 1, (0,))
-    # The smallest integer type that can represent the moments of a whole disc is fastest.
-    largest = np.count_nonzero(disc.kernel) * max(disc.reach) ** 2
-    one = known.astype(np.min_scalar_type(-largest - 1))
-    moments = *_moments(disc, one, 1, (1, 2)), *_moments(disc, one, 0, (1, 2))
-    (xy,) = _moments(disc, one, 0, (1,), along=True)
-    count, sum_x, xx, sum_y, yy, xy = (
-        field.astype(np.float64) for field in (disc.counts(known), *moments, xy)
-    )
-    covariances = xx, xy, xz, yy, yz, zz
-    pairs = combinations_with_replacement((sum_x, sum_y, sum_z), 2)
-    with np.errstate(invalid="ignore", over="ignore"):
-        for covariance, (one, other) in zip(covariances, pairs, strict=True):
-            covariance *= count
-            covariance -= one * other
-    return covariances, count, known[disc.inner]
+        normal[ignored] = upright
+    return tuple(normals)
 
 
 def _moments(
@@ -168,18 +182,18 @@ def _moments(
         orders: exponents of the distance, from 0 to 2.
         along: also multiply each value by the distance along the line.
     """
-    totals = [np.zeros(disc.size, values.dtype, order="F") for _ in orders]
-    for distance, ahead, behind in disc.lines(values, axis, moments=along):
-        for total, order in zip(totals, orders, strict=True):
+    totals = [disc.totals(values.dtype) for _ in orders]
+    for distance, ahead, behind in disc.sums_of_lines(values, axis, moments=along):
+        for (_, flat), order in zip(totals, orders, strict=True):
             if order == 0:
-                total += ahead
+                flat += ahead
                 if distance:
-                    total += behind
+                    flat += behind
             elif distance:
                 both = ahead - behind if order == 1 else ahead + behind
                 both *= distance**order
-                total += both
-    return totals
+                flat += both
+    return [total for total, _ in totals]
 
 
 def _smallest_eigenvectors(
