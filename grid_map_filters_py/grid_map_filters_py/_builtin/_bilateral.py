@@ -35,8 +35,8 @@ class Bilateral(LayerFilter):
 
     Attributes:
         sigma_space: standard deviation of the distance Gaussian [m].
-        sigma_range: standard deviation of the value Gaussian, in the unit of the layer; much
-            higher steps stay sharp.
+        sigma_range: standard deviation of the value Gaussian, in the unit of the layer; steps
+            much higher than this stay sharp.
         radius: radius of the disc [m]; 3 `sigma_space` by default.
     """
 

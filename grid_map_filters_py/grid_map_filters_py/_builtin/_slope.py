@@ -27,7 +27,7 @@ class Slope:
 
     Attributes:
         input_layer: heights [m].
-        input_layers_prefix: instead of `input_layer`: prefix of normal layers, before `x`, `y`, `z`.
+        input_layers_prefix: instead of `input_layer`: prefix of the normals, before `x`, `y`, `z`.
         output_layer: layer for the result.
         radius: radius of the disc for the plane fit [m]; 0 uses the four neighbors.
     """
