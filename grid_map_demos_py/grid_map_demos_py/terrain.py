@@ -26,7 +26,7 @@ def load_terrain(
     Args:
         path: elevation model, an .npz file with the array `elevation` [m] (rows run south, columns
             run east).
-        resolution: side of a cell [m]; heights are scaled equally, times `EXAGGERATION`.
+        resolution: side of a cell [m]; heights are scaled by the same factor, times `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.
         holes: add round holes, as in sensor data.
 
