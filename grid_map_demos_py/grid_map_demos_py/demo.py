@@ -17,7 +17,7 @@ class Demo(ConfiguredNode):
     """Node with helper methods for file paths and for publishing maps."""
 
     def read_path(self, name: str, default: str, description: str, *, data: str = "") -> Path:
-        """Read a path parameter; an empty value means the file `data` in the folder `data`.
+        """Read a path parameter; an empty value selects the file `data` in the data folder.
 
         A leading `~` is expanded.
         """
@@ -32,7 +32,7 @@ class Demo(ConfiguredNode):
         return self.create_publisher(GridMapMessage, topic, map_qos())
 
     def publish_maps(self, default_rate: float, topic: str = "grid_map") -> None:
-        """Publish `map_at` of the current time at the rate in the parameter `publish_rate`."""
+        """Publish the map from `map_at` at the rate set by the parameter `publish_rate`."""
         rate = self.read_positive("publish_rate", default_rate, "maps per second [Hz]")
         publisher = self.map_publisher(topic)
 

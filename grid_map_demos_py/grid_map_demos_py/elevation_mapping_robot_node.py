@@ -34,14 +34,14 @@ from .robot_course import (
 )
 
 TRUTH_LENGTH = 12.0
-"""Side length of the published part of the true terrain [m]."""
+"""Side length of the published section of the true terrain [m]."""
 
 MAX_RANGE = 20.0
 SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
     "lidar": (LIDAR, SpinningLidar(azimuths=720).directions, LaserModel()),
     "camera": (CAMERA, DepthCamera().directions, StructuredLightModel()),
 }
-"""Sensors by frame: transform to the robot, beam directions, and noise model."""
+"""Sensors by frame: transform to the robot frame, beam directions, and noise model."""
 
 
 class ElevationMappingRobotNode(Demo):
@@ -49,10 +49,10 @@ class ElevationMappingRobotNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_robot")
-        about = "elevation model, an .npz file; empty for the one in this package"
+        about = "elevation model (.npz file); empty means the model in this package"
         path = self.read_path("file", "", about, data="jacksboro_fault_dem.npz")
         speed = self.read_positive("speed", 0.6, "speed of the robot [m/s]")
-        rate = self.read_positive("rate", 10.0, "scans of each sensor per second [Hz]")
+        rate = self.read_positive("rate", 10.0, "scan rate of each sensor [Hz]")
         seed = self.read("seed", 1, "seed of the noise")
         self._course = RobotCourse(load_course(path), speed)
         self._random = np.random.default_rng(seed)

@@ -38,7 +38,7 @@ DTYPES = {8: np.uint8, 16: np.uint16}
 
 
 def keeps(file: Path, image: Image) -> bool:
-    """Return whether the format given by the file extension stores an image without loss."""
+    """Return whether the format of a file keeps the data type and channels of an image."""
     try:
         data = np.frombuffer(encode_image(image, file.suffix), np.uint8)
     except (cv2.error, ValueError):
@@ -56,15 +56,15 @@ class GridMapToImageDemoNode(Demo):
         about = "image file in an existing folder; the extension selects the format"
         self._file = self.read_path("file", "~/.ros/grid_map.png", about)
         check(self._file.parent.is_dir(), "file", "a file in a folder that exists", str(self._file))
-        self._layer = self.read("layer", "elevation", "layer that is saved")
-        bits = self.read("bits", 8, "8 or 16 bits per channel")
+        self._layer = self.read("layer", "elevation", "layer to save")
+        bits = self.read("bits", 8, "bits per channel, 8 or 16")
         check(bits in DTYPES, "bits", "8 or 16", bits)
         about = "the layer holds packed colors; true by default only for `color`"
         is_color = self.read("is_color", self._layer == COLOR_LAYER, about)
         about = "cells without a value are transparent instead of black"
         is_transparent = self.read("use_transparency", False, about)
-        low = self.read("lower", math.nan, "value of black; nan for the smallest")
-        high = self.read("upper", math.nan, "value of white; nan for the largest")
+        low = self.read("lower", math.nan, "layer value that becomes black; nan means the smallest")
+        high = self.read("upper", math.nan, "layer value that becomes white; nan means the largest")
         channels = 4 if is_transparent else 3 if is_color else 1
         if is_color:
             self._draw = partial(to_color_image, dtype=DTYPES[bits], channels=channels)

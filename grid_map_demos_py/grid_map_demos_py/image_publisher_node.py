@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
-The file is read again for each message, so that edits appear at once. The image may be gray or in
+The file is read again for each message, so edits appear at once. The image may be gray or in
 color, with 8 or 16 bits or floats per channel, with or without alpha.
 """
 
@@ -55,7 +55,7 @@ class ImagePublisherNode(Demo):
     def __init__(self) -> None:
         super().__init__("image_publisher")
         self._log = LogThrottle(self.get_logger())
-        about = "image file; empty for the terrain in this package"
+        about = "image file; empty means the terrain in this package"
         self._path = self.read_path("image_path", "", about, data="terrain.png")
         topic = self.read_topic("topic", "image", "topic of the image")
         self._frame_id = self.read("frame_id", "map", "coordinate frame of the image")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_to_gridmap_demo`: converts images to elevation maps; bright pixels are high.
 
-It subscribes to images and publishes `grid_map` with the layers `elevation` (the gray values) and
-`color`. The first image sets the size of the map, which later images must match. Transparent pixels
-become cells without a value.
+The node subscribes to images and publishes `grid_map` with the layers `elevation` (the gray values)
+and `color`. The first image sets the size of the map, which later images must match. Transparent
+pixels become cells without a value.
 """
 
 import math
@@ -39,7 +39,7 @@ class ImageToGridmapDemoNode(Demo):
         other = math.isfinite(high) and high != low
         check(other, "max_height", f"a finite number other than min_height, {low}", high)
         self._heights = low, high
-        about = "coordinate frame of the map; empty for the frame of the image"
+        about = "coordinate frame of the map; empty means the image frame"
         self._frame_id = self.read("map_frame_id", "map", about)
         self._publisher = self.map_publisher()
         # Cameras usually publish with best effort.

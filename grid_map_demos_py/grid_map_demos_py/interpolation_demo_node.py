@@ -9,7 +9,7 @@ with the heights in the layer `demo`:
     data_sparse: the coarse samples.
     interpolated: the interpolated data; its layer `error` is the absolute error [m].
 
-Then it prints a table of the errors of all methods in all worlds.
+Then the demo prints an error table for all methods and worlds.
 """
 
 import time
@@ -79,13 +79,13 @@ METHODS = {
 
 
 def sampled(world: World, geometry: GridGeometry) -> GridMap:
-    """Return the heights of a world at the cell centers of a map."""
+    """Return the heights of a world at the cell centers of a grid."""
     x, y = geometry.axes_in_map_order()
     return GridMap.from_geometry(geometry, {LAYER: world(x[:, None], y)}, frame_id="map")
 
 
 def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -> GridMap:
-    """Interpolate the data at the cell centers of another map."""
+    """Interpolate the data at the cell centers of a grid."""
     result = GridMap.from_geometry(geometry, frame_id=data.frame_id)
     heights = np.asarray(data.at_position(LAYER, result.get_positions(), method))
     result[LAYER] = heights.reshape(result.size, order="F")
@@ -130,8 +130,8 @@ class InterpolationDemoNode(Demo):
         x = self.read_positive("world_size.length", 4.0, "extent along x [m]")
         y = self.read_positive("world_size.width", 4.0, "extent along y [m]")
         length = np.array([x, y])
-        truth = self._read_geometry("groundtruth_resolution", length, 0.02, "the truth")
-        data = self._read_geometry("interpolation.data_resolution", length, 0.1, "the data")
+        truth = self._read_geometry("groundtruth_resolution", length, 0.02, "the true surface")
+        data = self._read_geometry("interpolation.data_resolution", length, 0.1, "the samples")
         # The samples cover whole cells; the interpolated map must stay within them.
         name = "interpolation.interpolated_resolution"
         fine = self._read_geometry(name, data.length, 0.02, "the interpolated map")
@@ -144,7 +144,7 @@ class InterpolationDemoNode(Demo):
         print("\n".join(table(data, fine)), flush=True)
 
     def _read_geometry(self, name: str, length: Numbers, default: float, what: str) -> GridGeometry:
-        resolution = self.read_positive(name, default, f"side of a cell of {what} [m]")
+        resolution = self.read_positive(name, default, f"cell size of {what} [m]")
         geometry = GridGeometry(length, resolution)
         rows, columns = geometry.size
         few = 2 * BORDER + 1

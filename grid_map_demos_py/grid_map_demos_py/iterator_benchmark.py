@@ -5,7 +5,7 @@
 
 Prints a table of times for square maps with SIDE cells per side. Two tasks, the larger of two
 layers and the mean of 3 x 3 cells, are solved in several ways, from single cells in Python to whole
-arrays in NumPy and OpenCV. It does not require ROS.
+arrays in NumPy and OpenCV. ROS is not required.
 """
 
 import argparse
@@ -31,7 +31,7 @@ Way = Callable[[GridMap], None]
 
 
 def by_index_and_name(grid_map: GridMap) -> None:
-    """Look up the layer and index it for each cell: readable, suitable for few cells."""
+    """Look up and index the layer for each cell; readable, but only suitable for few cells."""
     for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 
@@ -52,14 +52,14 @@ def by_place(grid_map: GridMap) -> None:
 
 
 def by_array_of_cells(grid_map: GridMap) -> None:
-    """Index all cells in one NumPy call: suitable for a disc, a polygon or a line."""
+    """Index all cells in one NumPy call; suitable for a disc, a polygon or a line."""
     random, larger = grid_map["random"], grid_map["larger"]
     cells = map_cells(grid_map)
     larger[cells] = np.maximum(larger[cells], random[cells])
 
 
 def by_layer(grid_map: GridMap) -> None:
-    """Use NumPy on whole layers: suitable for all cells."""
+    """Use NumPy on whole layers; suitable if all cells are needed."""
     np.maximum(grid_map["larger"], grid_map["random"], out=grid_map["larger"])
 
 
@@ -76,7 +76,7 @@ def by_array_of_windows(grid_map: GridMap) -> None:
 
 
 def by_image_filter(grid_map: GridMap) -> None:
-    """Use OpenCV on the transposed layer, which is an image without a copy."""
+    """Use OpenCV on the transposed layer, which is a valid image without a copy."""
     grid_map["mean"][1:-1, 1:-1] = cv2.blur(grid_map["random"].T, (3, 3)).T[1:-1, 1:-1]
 
 
@@ -97,7 +97,7 @@ WAYS: dict[str, dict[str, Way]] = {
 
 
 def make_map(side: int) -> GridMap:
-    """Create a map with a random layer and two layers for the results."""
+    """Create a map with a random layer and two result layers."""
     grid_map = GridMap(np.full(2, side * RESOLUTION), RESOLUTION)
     grid_map["random"] = np.random.default_rng(1).uniform(-1.0, 1.0, grid_map.size)
     grid_map["larger"] = 0.0

@@ -43,7 +43,7 @@ CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
 
 
 class Step(NamedTuple):
-    """A change of the map: the pause after it [s], the region it starts, the polygon to publish."""
+    """Map change: pause after the change [s], title of a new region, and polygon to publish."""
 
     pause: float
     title: str = ""
@@ -56,7 +56,7 @@ def make_map() -> gm.GridMap:
 
 
 def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Change a map step by step and yield each step: all regions, then the sliding window."""
+    """Show all regions, then the sliding window, on a map; yield each step."""
     yield Step(2.0)
     for title, find_cells in REGIONS.items():
         grid_map.clear_all()

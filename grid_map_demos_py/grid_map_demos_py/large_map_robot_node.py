@@ -39,7 +39,7 @@ class LargeMapRobotNode(Demo):
 
 
 def position_at(distance: float) -> tuple[float, float]:
-    """Return the position x, y [m] after a drive of `distance` along x [m], back and forth."""
+    """Return x, y [m] after the robot has driven `distance` [m] back and forth along x."""
     x = END - abs(math.remainder(distance, 4 * END))
     return x, float(way_at(x))
 

@@ -12,12 +12,12 @@ from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.tiled import TiledMap
 
 GEOMETRY = GridGeometry.from_size((32768, 32768), 0.1)
-"""3.3 km x 3.3 km around the origin; a layer has 1.07e9 cells, 4.3 GB."""
+"""Map of 3.3 km x 3.3 km around the origin; each layer has 1.07e9 cells (4.3 GB)."""
 
 LAYER = "elevation"
 
 CORRIDOR = 30.0
-"""Half width of the known ground around the path, along y [m]."""
+"""Distance along y from the path to the border of the known ground [m]."""
 
 BEND, WAVE = 300.0, 2000.0
 """Amplitude and wavelength of the path [m]."""
@@ -38,10 +38,10 @@ def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 
 def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
-    """Return the heights (rows, cols) of the ground under the cells of a grid [m].
+    """Return the ground heights (rows, cols) [m] at the cells of a grid.
 
     The ground is a sum of waves in all directions; longer waves are higher. Each wave is a sum of
-    products of terms in x and in y, so that one matrix product computes all cells.
+    products of a term in x and a term in y, so one matrix product computes all cells.
     """
     random = np.random.default_rng(5)
     angles = random.uniform(0, 2 * math.pi, _LENGTHS.size)

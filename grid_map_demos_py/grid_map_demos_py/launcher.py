@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Demos of several nodes without launch files; each node is a process that ends with the demo.
+"""Demos that start several nodes without launch files; all nodes end with the demo.
 
     filters_demo, elevation_mapping_demo, large_map_demo [--report DIRECTORY] [--view [PORT]]
 
-A demo runs until it is interrupted. With `--report`, another process collects the messages of the
-nodes, writes pictures into the directory, prints a table and ends the demo; the exit code is 0 only
-if every topic delivers. With `--view`, another process shows the demo in the browser and logs the
-address.
+Each node is a process. A demo runs until it is interrupted. With `--report`, another process
+collects the messages of the nodes, writes pictures to the directory, prints a table and ends the
+demo; the exit code is 0 only if messages arrive on all topics. With `--view`, another process shows
+the demo in the browser and logs the address.
 """
 
 import argparse
@@ -29,7 +29,7 @@ VIEWERS = {
     "rerun_cli": "grid_map_visualization_py._executables.rerun_viewer",
     "viser": "grid_map_visualization_py._executables.web_viewer",
 }
-"""Viewer modules by the library that they require, in order of preference."""
+"""Viewer modules by required library, in order of preference."""
 
 PATIENCE = 5.0
 """Maximum time for a process to stop before it is killed [s]."""
@@ -48,7 +48,7 @@ class NodesDemo:
         name: name of the executable.
         about: one-sentence description for `--help`.
         report: name of the report in `report_node`.
-        nodes: parameter files in `config`, by module.
+        nodes: parameter files in `config`, by node module.
     """
 
     name: str
@@ -68,7 +68,7 @@ class NodesDemo:
         Args:
             arguments: command line arguments; None means `sys.argv[1:]`.
             steps: iterated before the nodes start; an interrupt stops the iteration.
-            parameters: an additional parameter `name:=value` for each node module.
+            parameters: additional parameter `name:=value`, by node module.
         """
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
         about = "write pictures there, print a table and end"
@@ -156,12 +156,12 @@ def large_map_demo(arguments: Sequence[str] | None = None) -> int:
 
 
 def viewer() -> str:
-    """Return the first viewer module whose library is installed, or the last viewer module."""
+    """Return the first viewer module whose library is installed, or the last if none is."""
     return next((VIEWERS[name] for name in VIEWERS if find_spec(name)), [*VIEWERS.values()][-1])
 
 
 class ProcessGroup:
-    """Starts Python modules as processes and stops them all on exit.
+    """Starts Python modules as processes and stops all processes on exit.
 
     An interrupt (Ctrl-C) or a request to terminate only sets `stopped`. Ctrl-C in the terminal does
     not reach the processes directly.

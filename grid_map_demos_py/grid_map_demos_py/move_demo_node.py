@@ -2,7 +2,7 @@
 """Node `move_demo`: shows the two ways to change the position of a map, along a spiral.
 
 `move` keeps the data in place in the world, and data that leaves the map is lost. Setting
-`position` moves the data with the map. It publishes on `grid_map`, 10 times a second.
+`position` moves the data with the map. The node publishes on `grid_map`, 10 times a second.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ class MoveDemoNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("move_demo")
-        about = "duration of each of the two ways [s]"
+        about = "duration of each method [s]"
         self._duration = self.read_positive("duration", 10.0, about)
         self._original = make_map()
         self._uses_move = False

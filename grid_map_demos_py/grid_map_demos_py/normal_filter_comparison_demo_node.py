@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `normal_filter_comparison_demo`: compares two algorithms for surface normals with the truth.
 
-The surface is a formula with known normals. The demo adds noise and outliers to its heights,
-smooths them, and computes normals with the algorithms area and raster of a filter chain. The error
+The surface is a formula with known normals. The demo adds noise and outliers to the heights,
+smooths them, and computes normals with the algorithms area and raster in a filter chain. The error
 of a normal is 1 minus the cosine of the angle to the true normal.
 
 Publishes all layers on `grid_map`, 10 times a second: `elevation`, `noise`, `elevation_noisy`,
 `elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*` and `normal_raster_*`, and
-the errors `directionalErrorArea` and `directionalErrorRaster`. Logs the sums of the errors, and
-prints a table of the angles on all shapes at the start.
+the errors `directionalErrorArea` and `directionalErrorRaster`. Logs the error sums, and at startup
+prints a table of the angular errors on all shapes.
 """
 
 from collections.abc import Callable, Iterator
@@ -37,13 +37,13 @@ MOST_NOISE = 1e3
 
 
 def wave(x: Numbers, y: Numbers, seconds: float) -> Surface:
-    """Return a wave along y whose height grows with x."""
+    """Return a wave along y whose amplitude grows with x."""
     phase = 0.5 * seconds + 5.0 * y
     return -0.04 + 0.2 * np.sin(phase) * x, 0.2 * np.sin(phase), np.cos(phase) * x
 
 
 def plane(x: Numbers, y: Numbers, _seconds: float) -> Surface:
-    """Return a slope across both axes."""
+    """Return a plane that rises along both x and y."""
     return 0.3 * x + 0.2 * y, np.full_like(x, 0.3), np.full_like(y, 0.2)
 
 
@@ -140,7 +140,7 @@ class NormalFilterComparisonDemoNode(Demo):
         super().__init__("normal_filter_comparison_demo")
         about = "shape of the surface: wave, plane, hill, cone"
         self._shape = self.read_choice("shape", SHAPES, "wave", about)
-        about = "largest noise, up or down [m]"
+        about = "largest absolute noise [m]"
         self._noise = self.read_number("noise_on_map", 0.015, 0.0, MOST_NOISE, about)
         about = "share of outliers (infinite heights), 0 to 1"
         self._outliers = self.read_number("outliers_percentage", 0.0, 0.0, 1.0, about)
@@ -161,7 +161,7 @@ class NormalFilterComparisonDemoNode(Demo):
         add_errors(grid_map)
         for layer, before in self._errors.items():
             error = np.nan_to_num(sum_of_finites(grid_map[layer]))
-            # The running mean of about 20 maps.
+            # Running mean over about 20 maps.
             self._errors[layer] = float(before + (error - before) / 20)
         text = ", ".join(f"{layer} = {error:f}" for layer, error in self._errors.items())
         self.get_logger().info(text, throttle_duration_sec=2.0)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `octomap_to_gridmap_demo`: converts an octomap to an elevation map.
 
-Requests an octomap from a service such as octomap_server every 10 s, or reads one from a file.
+Requests an octomap every 10 s from a node such as octomap_server, or reads an octomap from a file.
 Publishes `grid_map` with the layer `elevation`, the height of the highest occupied voxel of each
-column, and republishes the octomap of the service on `octomap` for the OctoMap display of RViz.
+column, and republishes the requested octomap on `octomap` for the OctoMap display of RViz.
 
 On robots, use `octomap_to_grid_map` in `grid_map_ros_py`, which also subscribes to a topic.
 """
@@ -41,11 +41,11 @@ class OctomapToGridmapDemoNode(Demo):
         service = self.read_topic("octomap_service_topic", "/octomap_binary", about)
         about = "OctoMap file (.bt, .ot) to read instead of calling the service"
         path = self.read_path("octomap_path", "", about)
-        about = "voxels with {} are left out [m]; nan for no bound"
+        about = "leave out voxels with {} [m]; nan means no bound"
         self._low, self._high = [0.0] * 3, [0.0] * 3
         for k, axis in enumerate("xyz"):
-            low = self.read(f"min_{axis}", math.nan, about.format(f"less {axis}"))
-            high = self.read(f"max_{axis}", math.nan, about.format(f"more {axis}"))
+            low = self.read(f"min_{axis}", math.nan, about.format(f"smaller {axis}"))
+            high = self.read(f"max_{axis}", math.nan, about.format(f"larger {axis}"))
             check(not low > high, f"max_{axis}", f"no less than min_{axis}, {low}", high)
             self._low[k], self._high[k] = low, high
         self._publisher = self.map_publisher()

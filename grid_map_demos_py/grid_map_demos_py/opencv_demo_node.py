@@ -21,7 +21,7 @@ from .demo import Demo
 from .parts import HEIGHT, star_map
 
 LARGEST_WIDTH = 200
-"""Distance between the centers of the first and the last pixel of the largest kernel."""
+"""Distance between the first and the last pixel center of the largest kernel [pixels]."""
 
 
 def kernel_size(seconds: float) -> int:

@@ -28,10 +28,10 @@ VERTICES = [
 
 
 def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridMap:
-    """Return a map of 1.2 m x 2 m in the frame `map`, with a star that is 0.3 m high.
+    """Return a 1.2 m x 2 m map in the frame `map`, with a star that is 0.3 m high.
 
     Args:
-        layer: name of the layer of heights [m].
+        layer: name of the height layer [m].
         resolution: side of a cell [m].
         has_ground: set cells around the star to 0; otherwise they are NaN.
     """
@@ -44,7 +44,7 @@ def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridM
 def weighted_means(
     layer: npt.NDArray[np.floating], radius: float, resolution: float
 ) -> npt.NDArray[np.float64]:
-    """Return weighted means of the finite values in a disc around each cell; NaN without values.
+    """Return weighted means of the finite values in a disc around each cell, or NaN if none.
 
     The weight of a value at a distance d is (1 - d / radius)**2.
     """

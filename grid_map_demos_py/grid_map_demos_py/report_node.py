@@ -3,7 +3,7 @@
 
     python3 -m grid_map_demos_py.report_node filters | elevation_mapping | large_map
 
-The exit code is 0 only if every topic has delivered in time.
+The exit code is 0 only if messages arrived on all topics in time.
 """
 
 import sys
@@ -54,14 +54,14 @@ class ReportNode(Demo):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        about = "folder of the pictures"
+        about = "folder for the pictures"
         self._directory = self.read_path("output_directory", "demo_output", about)
         # Fail now rather than after a minute of collecting messages.
         with storage_errors(self._directory, "made a folder"):
             self._directory.mkdir(parents=True, exist_ok=True)
 
     def silent_topics(self) -> list[str]:
-        """Return the topics that have delivered too few messages."""
+        """Return the topics on which too few messages have arrived."""
         raise NotImplementedError
 
     def give_up_after(self, seconds: float) -> None:
@@ -87,11 +87,11 @@ class ReportNode(Demo):
 
 
 def size_of(size: tuple[int, int]) -> str:
-    """Format a map size as text, with the number of cells."""
+    """Format a map size as text, including the number of cells."""
     return f"{size[0]} x {size[1]} = {size[0] * size[1]}"
 
 
-# --- the demo of the filters ----------------------------------------------------------------------
+# --- filters demo ---------------------------------------------------------------------------------
 
 FILTERED = "/filtered_map"
 FILTER_CHAIN = "grid_map_filters"
@@ -104,7 +104,7 @@ COUNTED = {
     "/surface_normals": Marker,
     "/map_region": Marker,
 }
-"""Topics whose messages are only counted, with the message types."""
+"""Message types of the topics whose messages are only counted."""
 
 
 class DemoReportNode(ReportNode):
@@ -179,14 +179,14 @@ class DemoReportNode(ReportNode):
         self.finish(tables, pictures)
 
 
-# --- the demo of elevation mapping ----------------------------------------------------------------
+# --- elevation mapping demo -----------------------------------------------------------------------
 
 TRUTH = "/true_terrain"
 RAW = "/elevation_mapping/elevation_map_raw"
 POSTPROCESSED = "/elevation_mapping/elevation_map"
 
 WRONG = 0.1
-"""Error above which a cell is wrong, for example after an obstacle has moved [m]."""
+"""Error above which a cell counts as wrong, for example after an obstacle has moved [m]."""
 
 
 class ElevationMappingReportNode(ReportNode):
@@ -194,7 +194,7 @@ class ElevationMappingReportNode(ReportNode):
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_report")
-        about = "time of driving before the report [s]"
+        about = "driving time before the report [s]"
         self._duration = self.read_positive("duration", 10.0, about)
         timeout = self.read_positive("timeout", 60.0, "maximum time to wait for the first map [s]")
         self._counts = {TRUTH: 0, RAW: 0, POSTPROCESSED: 0}
@@ -301,7 +301,7 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
 
 
 def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
-    """Return table rows: when the maps showed the person, in seconds since `begin` [ns]."""
+    """Return table rows with the times [s] since `begin` [ns] at which maps showed the person."""
     way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
     walk: list[float] = []
     shown: list[float] = []
@@ -331,7 +331,7 @@ def time_span(times: list[float]) -> str:
     return f"{min(times):.1f} to {max(times):.1f} s" if times else "never"
 
 
-# --- the demo of a large map ----------------------------------------------------------------------
+# --- large map demo -------------------------------------------------------------------------------
 
 WINDOWS = "/grid_map"
 WINDOW_NODE = "grid_map_window"
@@ -348,7 +348,7 @@ class LargeMapReportNode(ReportNode):
 
     def __init__(self) -> None:
         super().__init__("large_map_report")
-        about = "time of driving before the report [s]"
+        about = "driving time before the report [s]"
         self._duration = self.read_positive("duration", 20.0, about)
         timeout = self.read_positive("timeout", 60.0, "maximum time to wait for the windows [s]")
         self._times: list[float] = []

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `resolution_change_demo`: changes the resolution of a map between 1 cm and 9 cm.
 
-OpenCV resizes the layers as images. It publishes `grid_map` with the layer `elevation`, a star.
+OpenCV resizes the layers. The node publishes `grid_map` with a star in the layer `elevation`.
 """
 
 import math

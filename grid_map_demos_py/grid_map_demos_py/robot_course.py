@@ -63,7 +63,7 @@ class RobotCourse:
     """Positions of the robot and of moving objects, as functions of the time since the start.
 
     Attributes:
-        ground: terrain with a layer `elevation` [m], frame of the world.
+        ground: terrain in the world frame, with the layer `elevation` [m].
         speed: speed of the robot [m/s].
     """
 
@@ -71,7 +71,7 @@ class RobotCourse:
     speed: float
 
     def terrain_at(self, seconds: float) -> GridMap:
-        """Return the terrain; layer `person` is a person's height above the ground [m] or NaN."""
+        """Return the terrain; `person` is the height of the person above the ground [m] or NaN."""
         # The person appears once per lap (54.4 s at 0.6 m/s).
         walk, terrain = seconds % 54.4 - 4.5, self.ground
         if 0.0 <= walk <= 2.5:
@@ -101,7 +101,7 @@ class RobotCourse:
 
 
 def drifted(pose: Matrix, seconds: float) -> Matrix:
-    """Return a pose with the drift of the odometry after `seconds`."""
+    """Return a pose shifted by the odometry drift after `seconds`."""
     reported = pose.copy()
     reported[:3, 3] += DRIFT * seconds
     return reported

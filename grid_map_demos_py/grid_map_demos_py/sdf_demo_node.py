@@ -68,7 +68,7 @@ class SdfDemoNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("grid_map_sdf_demo")
-        self._layer = self.read("elevation_layer", "elevation", "layer of the heights")
+        self._layer = self.read("elevation_layer", "elevation", "height layer")
         about = "prefix of the topics full_sdf, free_space and occupied_space"
         default = "/grid_map_sdf_demo/signed_distance_field"
         clouds = self.read_topic("pointcloud_topic", default, about)

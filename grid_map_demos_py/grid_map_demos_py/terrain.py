@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Terrain of the demos: a real elevation model with holes as in sensor data."""
+"""Demo terrain: a real elevation model with holes like those in sensor data."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from grid_map_core_py.files._shared import (
 )
 
 METRES_PER_POST = 84.0
-"""Spacing of the elevation model: 3 arc seconds at 36.6 degrees of latitude, mean of x and y."""
+"""Post spacing of the model [m]: 3 arc seconds at 36.6 degrees latitude, averaged over x and y."""
 
 EXAGGERATION = 2.0
 """Factor applied to the heights; it makes some slopes too steep for a robot."""
@@ -24,11 +24,11 @@ def load_terrain(
     """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution`.
 
     Args:
-        path: the elevation model, an .npz file with `elevation` (rows to the south, columns to the
-            east) [m].
-        resolution: side of a cell [m]; heights have the same scale, times `EXAGGERATION`.
+        path: elevation model, an .npz file with the array `elevation` [m] (rows run south, columns
+            run east).
+        resolution: side of a cell [m]; heights are scaled by the same factor, times `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.
-        holes: add holes as in sensor data.
+        holes: add round holes, as in sensor data.
 
     Returns:
         A map of 403 x 344 cells with the layers `elevation` [m], above the lowest point, and
@@ -42,7 +42,7 @@ def load_terrain(
         if posts.ndim != 2 or not posts.size:
             raise ValueError(f"'elevation': expected rows and columns, got the shape {posts.shape}")
     heights = (posts - posts.min()) * np.float32(EXAGGERATION * resolution / METRES_PER_POST)
-    # Rows of a map run to -x and columns to -y, that is from east to west and from north to south.
+    # Map rows run along -x and columns along -y: from east to west and from north to south.
     elevation = heights[:, ::-1].T
     grid_map = GridMap(np.multiply(elevation.shape, resolution), resolution, frame_id=frame_id)
     grid_map["elevation"] = elevation

@@ -29,7 +29,7 @@ def make_map() -> GridMap:
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
-    """Set elevation and normal vectors of the wave at a time: a sine along y that grows with x."""
+    """Set the wave at a time [s], a sine along y whose amplitude grows with x, and its normals."""
     x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
     # A column of x and a row of y broadcast to all cells.
@@ -56,7 +56,7 @@ def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> 
 
 
 def cells_to_filter(grid_map: GridMap) -> Cells:
-    """Return the cells of a rectangle of 1.2 m x 0.8 m below its upper left corner (1, 0.4)."""
+    """Return the cells of a 1.2 m x 0.8 m rectangle whose upper left corner is (1, 0.4)."""
     # The corner is outside the map and is clamped to the border.
     corner = grid_map.get_closest_position_in_map((1.0, 0.4))
     rows, columns = int(1.2 / grid_map.resolution), int(0.8 / grid_map.resolution)
@@ -67,10 +67,10 @@ def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
     """Set `elevation_filtered`, with means in the given cells, and `error`, the absolute error."""
     noisy = grid_map["elevation_noisy"]
     grid_map["elevation_filtered"] = noisy
-    # OpenCV processes a layer as an image, so that no loop over the cells is needed.
+    # OpenCV processes a layer as an image, so no loop over the cells is needed.
     means = weighted_means(noisy, radius, grid_map.resolution)
     grid_map["elevation_filtered"][cells] = means[cells]
-    # Layers are NumPy arrays, so that all NumPy functions accept them.
+    # Layers are NumPy arrays, so all NumPy functions accept them.
     grid_map["error"] = np.abs(grid_map["elevation_filtered"] - grid_map["elevation"])
 
 
@@ -85,7 +85,7 @@ class TutorialDemoNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("grid_map_tutorial_demo")
-        about = "largest noise, up or down [m]"
+        about = "largest absolute noise [m]"
         self._noise = self.read_number("noise", 0.015, 0.0, MOST_NOISE, about)
         about = "number of outliers (infinite heights); about half lie outside the map"
         self._outliers = self.read_number("outliers", 500, 0, MOST_OUTLIERS, about)

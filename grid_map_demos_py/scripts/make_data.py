@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Make the data of the demos: images from the terrain, and a synthetic octomap.
+"""Create the demo data: images of the terrain, and a synthetic octomap.
 
     scripts/make_data.py [DIRECTORY]
 
@@ -18,10 +18,10 @@ from grid_map_demos_py.terrain import load_terrain
 DATA = Path(__file__).parents[1] / "data"
 
 VOXEL = 0.05
-"""Side [m]."""
+"""Side length [m]."""
 
 DEPTH = 16
-"""Depth of a voxel in the tree, whose root is around the origin."""
+"""Depth of voxels in the tree; the root is centered on the origin."""
 
 
 def main(folder: Path) -> None:
@@ -52,13 +52,13 @@ BOXES = [
     ((54, 8, 1), (66, 20, 9)),  # box
     *(((8 + 4 * k, 6, 1), (12 + 4 * k, 18, 4 + 3 * k)) for k in range(8)),  # stairs
 ]
-"""First voxel of a box, and the one beyond its last; a room of 4 x 3 x 2.5 m."""
+"""First and end voxel (exclusive) of each box; together a room of 4 m x 3 m x 2.5 m."""
 
 DOOR = (slice(0, 1), slice(22, 40), slice(1, 42))
 
 
 def room() -> np.ndarray:
-    """Return the voxels (N, 3) of a room around the origin, whose floor is below z = 0."""
+    """Return the voxels (N, 3) of a room around the origin, with the floor below z = 0."""
     occupied = np.zeros((80, 60, 50), dtype=bool)
     for first, end in BOXES:
         occupied[tuple(map(slice, first, end))] = True
@@ -73,7 +73,7 @@ def octomap_file(voxels: np.ndarray) -> bytes:
 
 
 def write_tree(voxels: np.ndarray, depth: int) -> bytes:
-    """Return a cube of 2^depth voxels a side in OctoMap's binary form: 2 bits a child, preorder."""
+    """Encode a cube of side 2^depth voxels in OctoMap's binary form: 2 bits per child, preorder."""
     numbers = ((voxels >> (depth - 1)) & 1) @ [1, 2, 4]
     word, below = 0, b""
     for number in np.unique(numbers):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Settings of all tests of this package."""
+"""Fixtures for the tests of this package."""
 
 from pathlib import Path
 

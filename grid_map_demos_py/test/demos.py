@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Helpers for the tests of all demos, and the contents of their launch files.
+"""Helpers for the tests of all demos and their launch files.
 
 ROS launch has no wheels, so the tests read the XML themselves. Elements, attributes and
 substitutions that the demos do not use fail an assertion instead of being skipped.
@@ -27,7 +27,7 @@ PACKAGE = WORKSPACE / "grid_map_demos_py"
 LAUNCH_FILES = {
     path.name.removesuffix("_launch.xml"): path for path in sorted((PACKAGE / "launch").iterdir())
 }
-"""Launch files by the name of the demo; each demo has a configuration of RViz of its name."""
+"""Launch files by demo name; each demo has an RViz configuration of the same name."""
 
 ATTRIBUTES = {
     "launch": set(),
@@ -44,7 +44,7 @@ MESSAGES = {
     "rviz_default_plugins/PointCloud2": PointCloud2,
     "rviz_default_plugins/Polygon": PolygonStamped,
 }
-"""Type of message by display of RViz; every installation of RViz has these displays."""
+"""Message types by RViz display; every RViz installation has these displays."""
 
 
 def published(
@@ -72,12 +72,12 @@ def published(
 
 
 def parameters(*pairs: str) -> list[str]:
-    """Return the arguments of a node that is given parameters, each as `name:=value`."""
+    """Return node arguments that set parameters, each given as `name:=value`."""
     return ["--ros-args", *(word for pair in pairs for word in ("-p", pair))]
 
 
 def launched_nodes(demo: str) -> list[ElementTree.Element]:
-    """Return the nodes of a launch file, with the default arguments filled in.
+    """Return the nodes of a launch file, with default arguments filled in.
 
     Packages are looked up in this workspace. Only the attribute `if` stays as it is.
     """
@@ -101,6 +101,6 @@ def rviz(demo: str) -> Any:
 
 
 def rviz_displays(demo: str) -> dict[str, dict[str, Any]]:
-    """Return the displays by topic in the configuration of RViz for a demo."""
+    """Return the displays in the RViz configuration of a demo, by topic."""
     displays = rviz(demo)["Visualization Manager"]["Displays"]
     return {display["Topic"]["Value"]: display for display in displays if "Topic" in display}

@@ -25,10 +25,10 @@ OWN_TOPICS = {
         for name in ("full_sdf", "free_space", "occupied_space")
     },
 }
-"""Types of message by topic that a demo publishes beside its visualizations for RViz to show."""
+"""Message types by topic, for topics that RViz shows besides the visualizations of a demo."""
 
 LAYOUTS = sorted(path.stem for path in (PACKAGE / "foxglove").iterdir())
-"""Demos with a layout of Foxglove."""
+"""Demos with a Foxglove layout."""
 
 STOCK = {
     *MESSAGES,
@@ -50,7 +50,7 @@ def own_nodes(demo: str) -> dict[str, Element]:
 
 
 def visualized(demo: str) -> dict[str, type]:
-    """Return the type of message by topic of the visualizations."""
+    """Return the message types of the visualizations, by topic."""
     (file,) = own_nodes(demo)["grid_map_visualization"].iter("param")
     found = {}
     for section in yaml.safe_load(Path(file.get("from")).read_text()).values():
@@ -61,7 +61,7 @@ def visualized(demo: str) -> dict[str, type]:
 
 
 def classes(node: Any) -> Iterator[str]:
-    """Yield the class of everything in a configuration of RViz."""
+    """Yield the classes of all items in an RViz configuration."""
     if isinstance(node, dict):
         if "Class" in node:
             yield node["Class"]
@@ -72,7 +72,7 @@ def classes(node: Any) -> Iterator[str]:
 
 
 def leaves(layout: Any) -> Iterator[str]:
-    """Yield the panels that a layout of Foxglove places."""
+    """Yield the panels of a Foxglove layout."""
     if isinstance(layout, str):
         yield layout
     else:
@@ -82,7 +82,7 @@ def leaves(layout: Any) -> Iterator[str]:
 
 def test_every_demo_has_a_launch_file_and_displays():
     entries = {entry.name for entry in entry_points(group="console_scripts")}
-    # The first one ends by itself, the second one makes its map before the nodes start.
+    # The first demo ends by itself; the second creates its map before the nodes start.
     without = {"grid_map_to_image_demo", "large_map_demo"}
     assert {*LAUNCH_FILES} == {e for e in entries if e.endswith("_demo")} - without
     share = Path(get_package_share_directory(PACKAGE.name))

@@ -28,10 +28,10 @@ PNG = b"\x89PNG\r\n"
 
 
 def living(mark: str) -> list[str]:
-    """Return the command lines of the processes that carry a mark in their environment."""
+    """Return the command lines of processes with the given mark in their environment."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
-        with suppress(OSError):  # It has ended, or belongs to another user.
+        with suppress(OSError):  # The process has ended, or belongs to another user.
             if mark.encode() in (process / "environ").read_bytes():
                 found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode())
     return found
@@ -49,7 +49,7 @@ def start_marked(*arguments: str) -> tuple[Process, str]:
 
 
 def ends(demo: Process, mark: str, code: int) -> None:
-    """Interrupt a demo, which must leave no process and no traceback."""
+    """Interrupt a demo, and check that it leaves no process and no traceback."""
     demo.send_signal(signal.SIGINT)
     assert demo.wait() == code, demo.text
     assert living(mark) == []
@@ -126,7 +126,7 @@ def test_demos_take_the_viewer_that_is_installed(monkeypatch):
     assert launcher.viewer().endswith(".web_viewer")
     installed.append("rerun_cli")
     assert launcher.viewer().endswith(".rerun_viewer")
-    # It says which package is missing.
+    # The web viewer reports the missing package.
     installed.clear()
     assert launcher.viewer().endswith(".web_viewer")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The elevation mapping demo: the course of the robot, its report, and all nodes together."""
+"""The elevation mapping demo: the robot course, the report, and all nodes together."""
 
 import re
 import sys
@@ -121,10 +121,10 @@ def test_comparison_finds_offset_error_and_claim():
 
 
 def crossing_maps(delay, behind):
-    """Return truths and maps of a person who is on the cell x of 10 from step 10 + x to 11 + x.
+    """Return truths and maps of a person who is in cell x (of 10) from step 10 + x to 11 + x.
 
-    Steps are 0.1 s apart. Maps show a cell from `delay` steps after the arrival to `behind` steps
-    after the leaving.
+    Steps are 0.1 s apart. A cell is high in the maps from `delay` steps after the person arrives
+    until `behind` steps after the person leaves.
     """
     truths, estimates = [], []
     for step in range(40):

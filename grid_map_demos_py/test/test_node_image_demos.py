@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The demos of images as users start them: real processes over DDS."""
+"""The image demos as users start them: real processes over DDS."""
 
 from pathlib import Path
 
@@ -149,12 +149,12 @@ SAVED = {
     "height.tiff": ["layer:=height", "bits:=16", "use_transparency:=true", "lower:=-1", "upper:=1"],
     "color.png": ["layer:=color", "use_transparency:=true"],
 }
-"""Parameters by the name of the file."""
+"""Parameters by file name."""
 
 
 @pytest.fixture
 def moved_map() -> GridMap:
-    """A map with a start index, with values in all cells except one."""
+    """A map with a nonzero start index and values in all cells except one."""
     grid_map = GridMap((0.4, 0.3), 0.1, layers=["elevation", "height"], frame_id="map")
     grid_map.move((0.2, -0.1))
     assert grid_map.start_index != (0, 0)
@@ -168,7 +168,7 @@ def moved_map() -> GridMap:
 
 
 def seen_from_above(grid_map: GridMap, layer: str) -> np.ndarray:
-    """Return the values at the positions of the pixels, rows from the largest x on."""
+    """Return the values at the pixel positions; the first row has the largest x."""
     xs, ys = (0.35, 0.25, 0.15, 0.05), (0.0, -0.1, -0.2)
     return np.array([[grid_map[layer][grid_map.get_index((x, y))] for y in ys] for x in xs])
 

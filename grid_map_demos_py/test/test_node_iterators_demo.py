@@ -39,7 +39,7 @@ def scenes() -> dict[str, list[tuple[Step, np.ndarray]]]:
 
 
 def shown(title: str) -> np.ndarray:
-    """Return (rows, cols) where there is a region in the end."""
+    """Return a mask (rows, cols) of the region after its last step."""
     return scenes()[title][-1][1] == 1.0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The demo of a large map: its site, the robot, and the report on the windows of a node."""
+"""The large map demo: the site, the robot, and the report on map windows."""
 
 import re
 from itertools import islice
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.needs("xarray", "zarr")
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
-    """Return the store of the first chunks: those at the start of the path."""
+    """Return a store with only the first chunks, at the start of the path."""
     path = tmp_path_factory.mktemp("large") / "site.zarr"
     assert len([*islice(make_site(path), 12)]) == 12
     return path
@@ -33,7 +33,7 @@ def test_ground_has_no_seams_and_is_known_along_the_way(site):
     for x in (END, END - 51.2, END - 200.0):
         found = tiled.get_submap((x, way_at(x)), (20.0, 20.0))
         assert np.isfinite(found[LAYER]).all()
-        # Sums of products of float32, made of another number of columns.
+        # Sums of float32 products, over a different number of columns.
         np.testing.assert_allclose(found[LAYER], ground(found.geometry), atol=1e-3)
         assert found[LAYER].std() > 0.1
         far = tiled.get_submap((x, way_at(x) + CORRIDOR + 60.0), (20.0, 20.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The nodes of every launch file publish over DDS all that RViz shows."""
+"""The nodes of every launch file publish all topics that RViz shows, over DDS."""
 
 import math
 import os
@@ -18,14 +18,14 @@ from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Process, environment, peer, reserve_domain, wait_until
 
 RARE = {"/polygon"}
-"""Topics with one message every half a minute, too rare to wait for."""
+"""Topics with one message every 30 s, too rare to wait for."""
 
 DEMOS = [*LAUNCH_FILES]
 HALF = math.ceil(len(DEMOS) / 2)
 
 
 def command(node: Element) -> list[str]:
-    """Return the command line by which ROS launch starts a node."""
+    """Return the command line with which ROS launch starts a node."""
     package, executable = node.get("pkg"), node.get("exec")
     options = [("-r", f"__node:={node.get('name')}")] if node.get("name") else []
     for parameter in node.iter("param"):
@@ -58,7 +58,7 @@ def age(process: Process) -> float:
 
 @contextmanager
 def launched(demo: str, domain: int) -> Iterator[None]:
-    """Start the nodes; they must live for 3 s, and end without complaints when interrupted."""
+    """Start the nodes; they must run for 3 s, and exit without errors when interrupted."""
     nodes = [node for node in launched_nodes(demo) if node.get("pkg") != "rviz2"]
     processes = [Process(command(node), environment(domain)) for node in nodes]
     try:
@@ -78,7 +78,7 @@ def launched(demo: str, domain: int) -> Iterator[None]:
 
 @contextmanager
 def publishes_everything_that_rviz_shows(demo: str) -> Iterator[None]:
-    """Start a launch file in its own domain; at the end every topic must have brought a message."""
+    """Start a launch file in its own domain; by the end, each topic must have a message."""
     displays = rviz_displays(demo)
     topics = {topic: MESSAGES[displays[topic]["Class"]] for topic in displays.keys() - RARE}
     assert topics

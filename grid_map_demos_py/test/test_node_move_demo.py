@@ -54,13 +54,13 @@ def has_lost(message: Any) -> bool:
 
 
 def is_carried(message: Any) -> bool:
-    """Return whether all values are kept although the map has another position."""
+    """Return whether all values are kept although the map has moved."""
     position = message.info.pose.position
     return np.hypot(position.x, position.y) > 0.01 and not has_lost(message)
 
 
 def assert_stayed(grid_map: GridMap, original: GridMap) -> None:
-    """Check that the values equal those before the move; what has left once stays lost."""
+    """Check that the remaining values are unchanged; values that left the map stay lost."""
     values = grid_map["layer"].ravel("F")
     known = np.isfinite(values)
     positions = grid_map.get_positions()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Normals of two algorithms against the true ones."""
+"""Normals of two algorithms, compared with the true normals."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_error_is_one_minus_the_absolute_cosine():
 
 
 def angles(noise: float) -> dict[tuple[str, ...], float]:
-    """Return the mean angle [deg] by shape and algorithm, out of the table."""
+    """Return the mean angles [deg] in the table, by shape and algorithm."""
     title, _, *rows = table(default_chain(), noise, 0.0)
     assert title == f"angle to the true normals, noise {noise:g} m, outliers 0.0%"
     return {tuple(row.split()[:2]): float(row.split()[2]) for row in rows}

@@ -86,7 +86,7 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("outliers:=100001", "parameter 'outliers': expected a number from 0 to 100000"),
     ],
 }
-"""Parameters, as `name:=value`, and a part of the message, by demo."""
+"""Parameters (`name:=value`) and part of the error message, by demo."""
 
 
 def test_invalid_parameters_end_demos_with_one_message():

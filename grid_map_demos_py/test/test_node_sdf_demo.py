@@ -20,7 +20,7 @@ def level_ground(**layers: float) -> GridMap:
 
 
 def points(message: PointCloud2) -> np.ndarray:
-    """Return (N, 4) x, y, z and intensity."""
+    """Return x, y, z and intensity (N, 4)."""
     assert [field.name for field in message.fields] == ["x", "y", "z", "intensity"]
     assert [field.offset for field in message.fields] == [0, 4, 8, 12]
     assert (message.point_step, message.row_step) == (16, 16 * message.width)

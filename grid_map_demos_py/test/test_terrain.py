@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The terrain of the demos."""
+"""The demo terrain."""
 
 import numpy as np
 import pytest

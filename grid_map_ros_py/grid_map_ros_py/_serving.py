@@ -81,13 +81,13 @@ def part(
 def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
     """Return a function that opens the map of the parameter `source`, or None if it is empty."""
     kind: Any = str | list[str]
-    about = "map of any size: a Zarr store, a GeoTIFF file or a list of them; empty means none"
+    about = "map of any size: a Zarr store, or one or more GeoTIFF files; empty means none"
     source = read_parameter(node, "source", kind, "", description=about)
-    about = "frame of the source; empty means as stored"
+    about = "frame of the source; empty means the stored frame"
     frame_id = node.read("frame_id", "", about)
     about = (
-        "latitude and longitude [deg, WGS 84] of the origin of the frame, for a georeferenced "
-        "source; empty means that of the source"
+        "latitude and longitude [deg, WGS 84] of the frame origin, for a georeferenced source; "
+        "empty keeps the origin of the source"
     )
     origin = read_parameter(node, "origin", list[float], [], description=about)
     fits = len(origin) in (0, 2) and bool(np.isfinite(origin).all())

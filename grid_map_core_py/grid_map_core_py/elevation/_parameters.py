@@ -43,7 +43,7 @@ class Parameters:
         overhang_clearance: gap above the ground from which a higher cluster is an overhang [m]:
             the cell keeps the ground, and the layer `overhang` holds the lower side of the
             overhang; with 0, the cell gets the highest surface.
-        max_time_jump: time between two scans after which the clock of the map restarts [s].
+        max_time_jump: time difference between two scans above which the map clock restarts [s].
         enable_visibility_cleanup: clear cells that beams have passed through.
         max_ray_length: length up to which beams clear cells [m].
         cleanup_min_angle: smallest angle between a surface and the beams that clear it [rad].
@@ -213,8 +213,8 @@ class StructuredLightModel(_Camera):
     "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 2012).
 
     Attributes:
-        cutoff_min_depth: smallest depth of points that are used [m].
-        cutoff_max_depth: largest depth of points that are used [m].
+        cutoff_min_depth: smallest depth of the points to use [m].
+        cutoff_max_depth: largest depth of the points to use [m].
         normal_factor_a: a in the standard deviation a + b (z - c)^2 + d z^e of the depth z [m].
         normal_factor_b, normal_factor_c, normal_factor_d, normal_factor_e: see `normal_factor_a`.
         lateral_factor: standard deviation across the optical axis, per meter of depth.

@@ -34,9 +34,9 @@ class Bilateral(LayerFilter):
     "Bilateral filtering for gray and color images", ICCV 1998). Non-finite cells become NaN.
 
     Attributes:
-        sigma_space: standard deviation of the Gaussian of distances [m].
-        sigma_range: standard deviation of the Gaussian of differences, in the unit of the layer:
-            steps much higher than this stay sharp.
+        sigma_space: standard deviation of the distance Gaussian [m].
+        sigma_range: standard deviation of the value Gaussian, in the unit of the layer; steps
+            much higher than this stay sharp.
         radius: radius of the disc [m]; 3 `sigma_space` by default.
     """
 

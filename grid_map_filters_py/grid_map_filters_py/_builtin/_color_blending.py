@@ -23,10 +23,10 @@ class ColorBlending(CellFilter):
     Where only one of the two layers has a color, the result is that color.
 
     Attributes:
-        background_layer: layer with the colors below.
-        foreground_layer: layer with the colors above.
-        blend_mode: "normal" mixes both; "hard_light" multiplies with dark colors of the foreground
-            and screens with bright ones; "soft_light" is Pegtop's formula.
+        background_layer: layer with the background colors.
+        foreground_layer: layer with the foreground colors.
+        blend_mode: "normal" shows the foreground; "hard_light" multiplies with dark foreground
+            colors and screens with bright foreground colors; "soft_light" is Pegtop's formula.
         opacity: opacity over the background, from 0 to 1.
         output_layer: layer for the result.
     """

@@ -20,8 +20,8 @@ class ColorFill(CellFilter):
 
     Attributes:
         red, green, blue: component of the color, clamped to [0, 1].
-        mask_layer: cells get the color where this layer is finite, and NaN elsewhere; all cells get
-            it if this is empty.
+        mask_layer: cells where this layer is finite get the color, other cells NaN; empty means
+            that all cells get the color.
         output_layer: layer for the result.
     """
 

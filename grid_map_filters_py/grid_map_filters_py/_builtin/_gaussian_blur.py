@@ -25,8 +25,8 @@ class GaussianBlur(AroundTypicalValue):
 
     Attributes:
         sigma: standard deviation of the Gaussian [m].
-        radius: reach of the weights along x and along y [m]; 3 `sigma` by default.
-        compute_empty_cells: also fill cells that are not finite, if a finite value is in reach.
+        radius: half width of the kernel along x and y [m]; 3 `sigma` by default.
+        compute_empty_cells: also fill non-finite cells that have a finite value within the kernel.
     """
 
     sigma: float

@@ -21,9 +21,9 @@ class LightIntensity(CellFilter):
     Cells without a normal get no color.
 
     Attributes:
-        input_layers_prefix: prefix of the normals; `x`, `y` and `z` follow.
+        input_layers_prefix: prefix of the normal layers, before `x`, `y` and `z`.
         output_layer: layer for the result.
-        light_direction: x, y, z of the direction in which the light travels; of any length but 0.
+        light_direction: direction (x, y, z) in which the light travels, of any nonzero length.
     """
 
     input_layers_prefix: str

@@ -21,8 +21,8 @@ class Threshold(CellFilter):
         layer: condition layer and output layer.
         condition_layer: instead of `layer`: layer compared with the threshold.
         output_layer: instead of `layer`: existing layer in which cells are set.
-        lower_threshold: cells below it are set.
-        upper_threshold: cells above it are set; give exactly one of the two thresholds.
+        lower_threshold: cells below this value are set.
+        upper_threshold: cells above this value are set; give exactly one of the two thresholds.
         set_to: new value of the cells; may be `.nan` or `.inf`.
     """
 

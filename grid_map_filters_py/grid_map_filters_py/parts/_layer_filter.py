@@ -80,7 +80,7 @@ class DiscFilter(LayerFilter):
     """Base class for filters that use the disc around each cell.
 
     Attributes:
-        radius: radius of the disc [m], 0 or more; the rim is inside.
+        radius: radius of the disc [m], 0 or more; the rim is included.
     """
 
     radius: float
@@ -97,7 +97,7 @@ class FillingDiscFilter(DiscFilter):
     """Base class for disc filters that can also fill holes.
 
     Attributes:
-        compute_empty_cells: also fill cells that are not finite, if their disc has a finite value.
+        compute_empty_cells: also fill non-finite cells whose disc contains a finite value.
     """
 
     compute_empty_cells: bool = False

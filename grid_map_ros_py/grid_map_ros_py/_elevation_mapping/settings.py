@@ -46,14 +46,14 @@ class Settings:
     """Parameters of the node, except the parameters of sources and of the mapper.
 
     Attributes:
-        map_frame_id: frame of the map, usually that of the odometry; it must not jump.
+        map_frame_id: map frame, usually the odometry frame; must not jump.
         robot_base_frame_id: frame of the robot.
-        track_point_frame_id: with tf, frame of the track point; empty means that of the robot.
+        track_point_frame_id: with tf, frame of the track point; empty means the robot frame.
         track_point_x, track_point_y, track_point_z: coordinate of the point that the map follows
             [m].
         pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. With tf, only their covariances
-            are used; without a topic, poses count as exact.
+            are used; without a topic, poses are assumed exact.
         pose_type: message type of `robot_pose_with_covariance_topic`.
         robot_pose_cache_size: number of poses to keep.
         pose_timeout: maximum time a scan waits for its pose [s].
@@ -66,9 +66,9 @@ class Settings:
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
-        target_frame_init_submap: with tf, frame of the patch; empty means that of the robot.
+        target_frame_init_submap: with tf, frame of the patch; empty means the robot frame.
         masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps the cell.
-        directory: directory in which services may load and save maps; empty refuses requests.
+        directory: directory for maps that services load and save; empty refuses such requests.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
         fused_map_publishing_rate: rate of the filtered map [Hz]; 0 publishes it only on
@@ -175,12 +175,12 @@ def read_fusion(
     if settings.visibility_cleanup_rate == 0:
         parameters["enable_visibility_cleanup"] = False
     build(Parameters, parameters)
-    about = "`covariance_scale`: factor of covariances"
+    about = "`covariance_scale`: factor for pose covariances"
     motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
     scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)
-    about = "fusion of fields of clouds, by name or regular expression"
+    about = "fusion of cloud fields, by name or regular expression"
     fields = read_parameter_tree(node, "pointcloud_channel_fusions", description=about)
-    about = "fusion of channels of images: `color`, `latest` or `exponential`"
+    about = "fusion of image channels: `color`, `latest` or `exponential`"
     channels = read_parameter_tree(node, "image_channel_fusions", description=about)
     frame, fusions = frame_name(settings.map_frame_id), channel_fusions(fields)
     return ElevationFusion(

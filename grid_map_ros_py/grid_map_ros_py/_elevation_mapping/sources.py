@@ -125,7 +125,7 @@ class SourceSettings:
     Attributes:
         type: kind of sensor data on the topic.
         topic: topic of the clouds or images.
-        camera_info_topic: `sensor_msgs/CameraInfo`; empty means `camera_info` beside `topic`.
+        camera_info_topic: `sensor_msgs/CameraInfo`; empty means `camera_info` next to `topic`.
         queue_size: maximum number of waiting messages.
         publish_on_update: publish the raw map after each scan.
         channels: fields of clouds, or names of image channels, that become layers.

@@ -30,7 +30,7 @@ class GridMapSaverNode(ConfiguredNode):
         self._topic = bag_topic or self.resolve_topic_name(topic)
         about = "save every map, replacing the previous one, instead of ending after the first"
         self._continuous = self.read("continuous", False, about)
-        about = "file format of the bag: `mcap` or `sqlite3`, which `loadFromBag` in C++ reads"
+        about = "file format of the bag: `mcap`, or `sqlite3` for `loadFromBag` in C++"
         self._storage = self.read("storage", "mcap", about)
         about = "compression of the bag: `none`, or with `mcap` also `lz4` or `zstd`"
         self._compression = self.read("compression", "none", about)

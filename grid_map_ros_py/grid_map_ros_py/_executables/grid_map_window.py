@@ -65,13 +65,13 @@ class GridMapWindowNode(ConfiguredNode):
         )
         source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
         source = chosen_source(source, "odometry")
-        about = "topic of the poses of the robot in the frame of the map; not used with tf"
+        about = "topic of the robot poses in the map frame; not used with tf"
         pose_topic = self.read_topic("pose_topic", "/odom", about)
         robot_frame = self.read("robot_frame", "base_link", "frame of the robot, with tf")
         topic = self.read_topic("output_topic", "/grid_map", "topic of the window")
-        about = "merge maps of `write_topic` into the source, a Zarr store"
+        about = "merge maps from `write_topic` into the source, which must be a Zarr store"
         writes = self.read("write_back", False, about)
-        write_topic = self.read_topic("write_topic", "/elevation_map", "topic of maps to merge")
+        write_topic = self.read_topic("write_topic", "/elevation_map", "topic of the maps to merge")
 
         if open_source is None:
             raise mismatch("source", "a Zarr store or a GeoTIFF file", "")

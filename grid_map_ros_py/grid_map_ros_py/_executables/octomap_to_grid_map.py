@@ -26,11 +26,11 @@ class OctomapToGridMapNode(ConfiguredNode):
         super().__init__(NAME)
         self._log = LogThrottle(self.get_logger())
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
-        self._layer = self.read("layer", "elevation", "name of the layer of heights")
+        self._layer = self.read("layer", "elevation", "name of the height layer")
         about = "side of a cell [m]; 0 means the side of a voxel"
         self._resolution = self.read("resolution", 0.0, about) or None
-        self._min_bound = self._read_bound("min", "less")
-        self._max_bound = self._read_bound("max", "more")
+        self._min_bound = self._read_bound("min", "smaller")
+        self._max_bound = self._read_bound("max", "larger")
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         source = self._listen()
         self.get_logger().info(

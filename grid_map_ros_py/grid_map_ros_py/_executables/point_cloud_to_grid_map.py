@@ -51,7 +51,7 @@ class RollingSettings:
         position: initial center of the map [m].
         layer: name of the height layer.
         fusion: how clouds are combined: `max`, `min`, `mean` or `last`.
-        reduction: how the points of one cloud in a cell are combined: `max`, `min`, `mean`,
+        reduction: how the points of one cloud within a cell are combined: `max`, `min`, `mean`,
             `median`, `first` or `last`; not used with the fusion `mean`.
         max_count: largest weight of earlier clouds in the fusion `mean` [points]; 0 means no limit.
         min_height: smallest height of points in the map frame [m].

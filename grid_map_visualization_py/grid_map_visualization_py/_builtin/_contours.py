@@ -29,11 +29,11 @@ class ContoursVisualization(LineMarker):
     A line crosses a square of four cells only if at least three cells have a finite value.
 
     Attributes:
-        layer: the layer, usually heights [m].
-        interval: difference between neighboring lines; their values are multiples of it.
+        layer: layer to draw, usually heights [m].
+        interval: value step between lines, which lie at multiples of the step.
         levels: values of the lines, in any order, instead of `interval`.
-        flat: draw the lines at height zero, for layers that are not heights. Otherwise a line
-            is at the height of its value.
+        flat: draw the lines at height zero, for layers that are not heights. Otherwise, the
+            height of a line is its value.
 
     Raises:
         ConfigError: the interval is not positive, or a level is not finite.

@@ -18,9 +18,9 @@ class VectorsVisualization(LineMarker):
     """Draw the vector of each cell as a line from the surface; non-finite cells are skipped.
 
     Attributes:
-        layer_prefix: prefix of the component layers; `x`, `y` and `z` follow.
+        layer_prefix: prefix of the component layers, before `x`, `y` and `z`.
         position_layer: heights [m] at which the lines start.
-        scale: length of the line of a vector of length 1 [m].
+        scale: line length for a vector of length 1 [m].
 
     Raises:
         ConfigError: the scale is not finite.

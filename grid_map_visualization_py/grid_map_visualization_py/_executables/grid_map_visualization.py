@@ -65,7 +65,7 @@ class GridMapVisualizationNode(ConfiguredNode):
         check(len(set(names)) == len(names), parameter, "every name once", names)
         about = "log a misconfigured visualization and continue with the others instead of ending"
         skip_invalid = self.read("skip_invalid", False, about)
-        about = "`type` and `params` of the visualization of that name"
+        about = "`type` and `params` of the visualization `NAME`"
         outputs = []
         for name in names:
             try:
