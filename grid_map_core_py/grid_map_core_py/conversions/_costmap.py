@@ -128,7 +128,7 @@ class CostRange:
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Convert each cost (...) to its float32 value (...) nearest `data_min`; 255 becomes NaN."""
+        """Convert costs (...) to values (...) float32, each nearest `data_min`; 255 becomes NaN."""
         known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
         table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))

@@ -8,10 +8,10 @@ import numpy as np
 from .._loops import Compiled, Loop, loop
 
 _MANY = 1_000_000
-"""Number of points that a process handles before loading the compiled loops pays off."""
+"""Number of points that a process must handle before loading the compiled loops pays off."""
 
 _FEW = 64
-"""Largest number of points in a cell for insertion sort, which takes quadratic time."""
+"""Largest number of points per cell that is sorted by insertion, which takes quadratic time."""
 
 _handled = 0
 

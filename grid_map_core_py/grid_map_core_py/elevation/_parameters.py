@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters of elevation mapping, and sensor models, which predict the variance of heights.
+"""Elevation mapping parameters, and sensor models, which predict the variance of heights.
 
 A model describes the covariance S (3, 3) of a point in the sensor frame. Elevation mapping uses
-only the variance along the vertical of the map, `axis @ S @ axis`. `axis` (3,), the vertical in the
-sensor frame, is the third row of the rotation from the sensor to the map frame.
+only the variance along the map's vertical, `axis @ S @ axis`, where `axis` (3,) is the vertical in
+the sensor frame: the third row of the rotation from the sensor to the map frame.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ Numbers = NDArray[np.float64]
 
 
 class SensorModel(Protocol):
-    """Interface of the noise model of a range sensor; implement it for custom sensors."""
+    """Interface for range sensor noise models; implement it for custom sensors."""
 
     def vertical_variances(self, points: Numbers, distances: Numbers, axis: Numbers) -> Numbers:
         """Return the vertical variances (n,) of points [m^2].
@@ -163,7 +163,7 @@ class _Model:
 class LaserModel(_Model):
     """Lidar: noise along the beam, and a beam that widens with the distance.
 
-    Each point has the direction of its own beam, so the model also fits spinning lidars.
+    Each point has its own beam direction, so the model also fits spinning lidars.
 
     Attributes:
         min_radius: standard deviation along the beam [m].
@@ -283,7 +283,7 @@ class PerfectModel(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantModel(_Model):
-    """Vertical variance of `sensor_noise_factor` times the squared distance, in all directions.
+    """Vertical variance that grows with the squared distance, independent of the direction.
 
     Attributes:
         sensor_noise_factor: vertical variance at a distance of 1 m [m^2].
