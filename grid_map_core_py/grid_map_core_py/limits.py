@@ -32,7 +32,7 @@ FREE_BYTES = 100_000_000
 """Unpacked size up to which `max_ratio` is ignored [bytes], because uniform maps compress well."""
 
 VISITS = 4
-"""Maximum total number of cells of overlapping parts, as a multiple of `max_cells`."""
+"""Maximum total cell count of overlapping parts, as a multiple of `max_cells`."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
 
     Args:
         name: subject of the error message.
-        unpacked, packed: numbers of bytes.
+        unpacked, packed: sizes [bytes].
     """
     if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .._arrays._checks import Mask, Positions
 
 Coordinate = TypeVar("Coordinate", float, NDArray[Any])
-"""One coordinate [m] or an array of coordinates. NumPy and Python round both equally."""
+"""One coordinate [m] or an array of coordinates; rounding is the same for both."""
 
 BORDER_TOLERANCE = 1e-9
 """Distance [m] within which an edge or rim counts as lying on a cell border or center."""
