@@ -36,16 +36,15 @@ class Parameters:
         time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
-        conflict_points: number of points of one scan that must agree to replace a height.
-        min_support: number of points that a higher cluster needs to become the surface at once, as
-            a share of the points in the cell's densest cluster. Smaller clusters must be seen in
-            three scans.
-        overhang_clearance: gap above the ground from which a higher cluster is an overhang [m]:
-            the cell keeps the ground, and the layer `overhang` holds the lower side of the
+        conflict_points: number of points in one scan that must agree to replace a height.
+        min_support: share of the points in the cell's densest cluster that a higher cluster needs
+            to become the surface at once. Smaller clusters must be seen in three scans.
+        overhang_clearance: gap above the ground beyond which a higher cluster is an overhang [m]:
+            the cell keeps the ground height, and the layer `overhang` holds the underside of the
             overhang; with 0, the cell gets the highest surface.
-        max_time_jump: time between two scans after which the clock of the map restarts [s].
+        max_time_jump: time between two scans after which the map clock restarts [s].
         enable_visibility_cleanup: clear cells that beams have passed through.
-        max_ray_length: length up to which beams clear cells [m].
+        max_ray_length: distance from the sensor up to which beams clear cells [m].
         cleanup_min_angle: smallest angle between a surface and the beams that clear it [rad].
         enable_drift_compensation: shift the map vertically to match the scans.
         max_drift: largest offset between scan and map to compensate [m].
@@ -58,7 +57,7 @@ class Parameters:
         max_range: largest distance of points from the sensor [m].
         horizontal_variances: keep the layer `horizontal_variance`, which
             `ElevationMapper.fused_map` needs.
-        exponential_alpha: weight of the last scan in the fusion `exponential`, 0 to 1.
+        exponential_alpha: weight of the last scan in `exponential` fusion, 0 to 1.
     """
 
     min_variance: float = 9e-6
@@ -168,7 +167,7 @@ class LaserModel(_Model):
     Attributes:
         min_radius: standard deviation along the beam [m].
         beam_constant: standard deviation across the beam at distance 0 [m].
-        beam_angle: growth of the standard deviation across the beam with the distance [rad].
+        beam_angle: growth of the standard deviation across the beam with distance [rad].
     """
 
     min_radius: float = 0.018
