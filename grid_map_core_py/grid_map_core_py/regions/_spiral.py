@@ -16,7 +16,7 @@ from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
 from ._shapes import checked_radius, circle_cells, empty_cells
 
-# Smaller spirals are cut out of a cached spiral of this size (0.8 MB), which avoids sorting.
+# Smaller spirals are cut out of a cached spiral with this many rings (0.8 MB), to avoid sorting.
 KEPT_RINGS = 128
 
 # Largest distance [cells] from the map, so that squares of distances are exact integers.
