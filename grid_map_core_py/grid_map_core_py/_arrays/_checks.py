@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, short
 
 Layer: TypeAlias = NDArray[np.float32]
-"""(rows, cols) float32, Fortran order; row along -x, column along -y; NaN means no data."""
+"""(rows, cols) float32, Fortran order; rows run along -x, columns along -y; NaN means no data."""
 
 Mask: TypeAlias = NDArray[np.bool_]
 """Booleans, one per cell or per point."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reuse of freed memory with glibc."""
+"""Makes glibc keep freed memory for reuse."""
 
 import ctypes
 from contextlib import suppress

@@ -110,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """Remove temporary files and end the process, without an exception that could be caught."""
+    """Remove temporary files and end the process, without raising a catchable exception."""
     remove_all()
     signal.signal(number, signal.SIG_DFL)
     signal.raise_signal(number)

@@ -99,7 +99,7 @@ def source_format(options: argparse.Namespace) -> str:
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the map given by the arguments of `add_source`; `layers` None means all layers."""
+    """Read the map given by the `add_source` arguments; `layers=None` reads all layers."""
     found, given = _choose(options)
     with _source(options.source) as path:
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
@@ -191,7 +191,7 @@ def _source(path: str) -> Iterator[Path | str]:
 
 
 class Destination:
-    """Destination of maps, given by the arguments of `add_destination`.
+    """Map destination, given by the `add_destination` arguments.
 
     Args:
         options: the arguments.

@@ -64,9 +64,9 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 
 
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the rectangle given by the arguments of `add_rectangle`.
+    """Read the rectangle given by the `add_rectangle` arguments.
 
-    From stores and rasters, only the chunks that the rectangle overlaps are read.
+    For stores and rasters, only the chunks that overlap the rectangle are read.
     """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
@@ -135,10 +135,10 @@ def write_tiles(
     Args:
         tiled_map: the map.
         destination: a Zarr store or a GeoTIFF file.
-        options: the arguments of `add_tiles`, and `layers`.
+        options: the `add_tiles` arguments, and `layers`.
         threads: thread count of this process if there are no workers; None means one per
             processor.
-        progress: arguments of the `ProgressBar`.
+        progress: `ProgressBar` arguments.
     """
     if options.memory and not options.workers:
         raise UsageError("--memory goes with --workers")

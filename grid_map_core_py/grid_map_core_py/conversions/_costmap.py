@@ -50,8 +50,8 @@ class CostTable:
         unknown: layer value of cost 255; may be NaN.
 
     Raises:
-        GeometryError: `free`, `inscribed` and `lethal` do not ascend, or `unknown` equals the value
-            of another cost.
+        GeometryError: `free`, `inscribed` and `lethal` are not in ascending order, or `unknown`
+            equals the value of another cost.
     """
 
     free: float = 0.0
@@ -128,7 +128,7 @@ class CostRange:
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Convert costs (...) to values (...) float32, each nearest `data_min`; 255 becomes NaN."""
+        """Convert costs to values (...) float32: 0 to `data_min`, 254 to `data_max`, 255 to NaN."""
         known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
         table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))

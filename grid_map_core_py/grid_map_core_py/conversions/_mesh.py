@@ -94,7 +94,7 @@ def from_mesh(
 
     Raises:
         GridMapError: no face has a finite vertex, or an error as in `rasterize_triangles`.
-        LimitError: the map would have too many cells, or as in `rasterize_triangles`.
+        LimitError: the map would have too many cells, or an error as in `rasterize_triangles`.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))

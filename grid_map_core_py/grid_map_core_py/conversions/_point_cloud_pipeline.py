@@ -60,7 +60,7 @@ class _OutlierRemoval:
 
 @dataclass(frozen=True, kw_only=True)
 class _Downsampling:
-    """Parameters of the voxel filter: sides x, y, z of a voxel [m]."""
+    """Voxel filter parameters: voxel sides x, y, z [m]."""
 
     is_downsample_cloud: bool = False
     voxel_size: _Triple = (0.05, 0.05, 0.05)
@@ -76,7 +76,7 @@ class _ClusterExtraction:
 
     Attributes:
         cluster_tolerance: longest step from point to point within a cluster [m].
-        min_num_points, max_num_points: clusters of fewer or more points are ignored.
+        min_num_points, max_num_points: clusters with fewer or more points are ignored.
         use_max_height_as_cell_elevation: with height type 0, use the highest cluster of a cell
             instead of the lowest.
     """
@@ -93,7 +93,7 @@ class _ClusterExtraction:
 
 @dataclass(frozen=True, kw_only=True)
 class _Grid:
-    """Resolution of the map, and the rule for the height of a cell.
+    """Map resolution, and the rule for cell heights.
 
     Attributes:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
@@ -185,7 +185,7 @@ class PointCloudPipeline:
             timestamp: timestamp of the map [ns].
 
         Raises:
-            GridMapError: no point is finite.
+            GridMapError: no finite point remains.
             LimitError: the map would have too many cells.
         """
         cloud = self.prepared(points)

@@ -33,7 +33,7 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 
     Args:
         xyz: (3, n) coordinates of points [m], float32 or float64.
-        frame: limits of z, half the length and the center of the map along x and y, and minus the
+        frame: z limits, half the length and the center of the map along x and y, and the negated
             resolution [m].
         size: number of rows and columns.
         cells: (n,) receives the flat cells of the points on the map, without gaps.

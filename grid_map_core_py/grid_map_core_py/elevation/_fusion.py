@@ -10,9 +10,9 @@ height. Each cell with points gets one of these outcomes:
   height and the cluster are fused with inverse-variance weights.
 - `STARTED`: the cell was unknown. The height becomes the surface, or the highest cluster if no
   cluster has support.
-- `RAISED`: the surface is higher than the height; or a smaller cluster of at least
-  `conflict_points` points above the surface (a candidate) was seen at the same height in three
-  scans within half a second.
+- `RAISED`: the surface is higher than the height; or a smaller cluster above the surface, with at
+  least `conflict_points` points (a candidate), was seen at the same height in three scans within
+  half a second.
 - `LOWERED`: the surface is lower than the height, and either the height was not confirmed for
   `scanning_duration`, or at most `conflict_points` points ever supported it. In the first case,
   only points whose beams entered the cell above the old height count.

@@ -2,7 +2,7 @@
 """Heights and bounds that account for the horizontal uncertainty of cells.
 
 Each cell becomes a mixture of the cells around it. The weight of a neighbor is the probability that
-a normal position error, with the cell's `horizontal_variance` along each axis, ends in it.
+a normal position error (the cell's `horizontal_variance` along each axis) ends in that neighbor.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _share(step: int, deviations: Cells) -> Cells:
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the smallest value (k,) such that larger values weigh at most `_TAIL`."""
+    """Return the smallest value (k,) above which the total weight is at most `_TAIL`."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.argmax(above > _TAIL, axis=0)

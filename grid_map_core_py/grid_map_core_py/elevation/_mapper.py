@@ -315,7 +315,7 @@ class ElevationMapper:
     def fused_map(self) -> GridMap:
         """Return a copy of the map that accounts for the horizontal uncertainty of cells.
 
-        Each known cell becomes a mixture of the cells that it may coincide with. The layers
+        Each known cell becomes a mixture of the cells within its horizontal uncertainty. The layers
         `elevation` and `variance` describe the mixture, and each bound excludes 1 % of the mixture.
         Other layers stay unchanged.
 

@@ -135,7 +135,7 @@ class SensorModel(Protocol):
             axis: (3,) unit vector of the map's vertical, sensor frame.
 
         Returns:
-            Variances; NaN for points that the sensor cannot measure, which are dropped.
+            Variances; NaN for points that the sensor cannot measure. These points are dropped.
         """
 
 
@@ -160,7 +160,7 @@ class _Model:
 
 @dataclass(frozen=True, kw_only=True)
 class LaserModel(_Model):
-    """Lidar: noise along the beam, and a beam that widens with the distance.
+    """Lidar: noise along the beam, and a beam that widens with distance.
 
     Each point has its own beam direction, so the model also fits spinning lidars.
 

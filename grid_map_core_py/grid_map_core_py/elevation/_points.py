@@ -108,7 +108,7 @@ def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covaria
     """Return the covariance that the motion from one pose to the next adds.
 
     The old covariance is propagated to the new position: a tilt lifts the sensor by
-    `roll * dy - pitch * dx`. Nothing is added where the new pose is more certain than that.
+    `roll * dy - pitch * dx`. Nothing is added where the new covariance is smaller.
 
     Args:
         old, new: covariances of both poses.

@@ -181,7 +181,7 @@ def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -
 def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
     """Return whether the angle between a beam and the surface of a cell is large enough.
 
-    The sine of the angle is the component of the beam along the normal, divided by its length.
+    The sine of the angle is the beam's component along the normal, divided by the beam length.
     """
     x, y = x * resolution, y * resolution
     across = x * normals[place] + y * normals[place + 1] + rise * normals[place + 2]
@@ -192,7 +192,7 @@ MARGIN = 1e-9
 """Safety margin [m] for rounding when `last_ring` skips rings that a beam cannot clear."""
 
 SECTORS, RINGS = 512, 32
-"""Number of polar bins around the sensor; a beam above all cells of the outer bins skips them."""
+"""Number of polar bins around the sensor; a beam above all cells in the outer bins skips these."""
 
 
 def direction(x: Any, y: Any) -> Any:
@@ -244,7 +244,7 @@ def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the beam parameter at the end of the last ring where it can clear cells, or 0."""
+    """Return the beam parameter at the end of the last ring where the beam can clear cells, or 0."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))

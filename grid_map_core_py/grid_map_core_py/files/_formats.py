@@ -136,8 +136,8 @@ def save(
 def formats() -> dict[str, Format]:
     """Return all formats by name: first built-in formats, then formats from entry points.
 
-    A package adds a format through an entry point in the group `grid_map_core_py.formats`, named
-    after the format and referring to a `Format`. If loading fails, it is skipped with a warning.
+    An entry point in the group `grid_map_core_py.formats` adds a format: it has the format's name
+    and refers to a `Format`. A format that cannot be loaded is skipped with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
     # Built-in formats come first, because any folder may be a bag.

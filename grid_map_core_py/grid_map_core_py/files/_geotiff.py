@@ -158,7 +158,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 
 
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
-    """Return the origin of the map frame in the reference system [m]; None if both coincide."""
+    """Return the origin of the map frame in the reference system [m]; None if their origins coincide."""
     tags = _tags_of(raster)
     if "origin" not in tags:
         return None
@@ -219,7 +219,7 @@ def read_pixels(
         raster: the open dataset.
         bands: band numbers, starting at 1.
         window: line and pixel slices of the raster.
-        images: arrays to fill, one per band: (lines, pixels) float32, of any strides.
+        images: arrays to fill, one per band: (lines, pixels) float32, with any strides.
 
     Raises:
         ValueError: a band contains complex numbers.

@@ -157,7 +157,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Replace the folder `target` with `temporary`; until then, the old folder is hidden."""
+    """Replace the folder `target` with `temporary`; meanwhile, the old folder has a hidden name."""
     old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
     target.rename(old)
     try:

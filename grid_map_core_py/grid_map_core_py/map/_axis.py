@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    All attributes are plain numbers, which are several times faster than NumPy scalars; in the
-    result of `both_axes`, they are arrays.
+    All attributes are plain numbers, which are several times faster than NumPy scalars, or arrays
+    in the result of `both_axes`.
 
     Attributes:
         size: number of cells.
@@ -50,7 +50,7 @@ class Axis:
         """Return whether coordinates are on the map; False for NaN.
 
         The + border belongs to the map, the - border does not. Rounding is as in the C++
-        library, so that a position on a border falls on the same side.
+        library, so that a position on a border falls on the same side in both.
         """
         offset = self.offset(x)
         return (offset >= 0.0) & (offset < self.length)

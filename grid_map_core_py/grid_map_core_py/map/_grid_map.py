@@ -618,7 +618,7 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map gets the finite values of the other map at the center of the cell.
+        Each cell of this map gets the other map's finite values at the cell center.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.

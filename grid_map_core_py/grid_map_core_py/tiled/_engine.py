@@ -75,7 +75,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
         try:
             while True:
                 for part in itertools.islice(rest, _AHEAD * threads - len(running)):
-                    # The context includes, for example, the limits set by the caller.
+                    # The context includes, for example, the thread count of a filter chain.
                     running[pool.submit(copy_context().run, function, part)] = part
                 if not running:
                     return
