@@ -335,7 +335,7 @@ def remove_outliers(
         return cloud
     from scipy.spatial import cKDTree  # slow to import
 
-    # A search tree cannot split identical points, and sensors may deliver thousands of these.
+    # A search tree cannot split identical points, and sensors may deliver thousands of them.
     places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
     # SciPy marks a missing neighbor with infinite distance and the index `len(points)`.
     copies = np.append(copies, neighbors)
@@ -372,7 +372,7 @@ def euclidean_clusters(
 
     if not len(points):
         return np.zeros(0, np.int64)
-    # A search tree cannot split identical points, and sensors may deliver thousands of these.
+    # A search tree cannot split identical points, and sensors may deliver thousands of them.
     distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
     points, groups = distinct[:, :3], distinct[:, 3].astype(np.int64)
     reach = tolerance + BORDER_TOLERANCE

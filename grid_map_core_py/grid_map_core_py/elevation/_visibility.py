@@ -244,7 +244,7 @@ def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the beam parameter at the end of the last ring where the beam can clear cells, or 0."""
+    """Return the beam parameter at the end of the last ring where a beam can clear cells, or 0."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))

@@ -158,7 +158,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 
 
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
-    """Return the origin of the map frame in the reference system [m]; None if their origins coincide."""
+    """Return the map frame's origin in the reference system [m]; None if the origins coincide."""
     tags = _tags_of(raster)
     if "origin" not in tags:
         return None

@@ -313,8 +313,8 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     """Return the distances (rows, cols) from the nodes of a level to the nearest ground or air.
 
-    For ground, `upper` is the z of the level and `lower` are the heights (rows, cols); for air,
-    they are swapped. The vertical gap in cell c is f(c) = max(upper - lower, 0). The squared
+    For ground, `upper` is the z of the level and `lower` the heights (rows, cols); for air, the two
+    are swapped. The vertical gap in cell c is f(c) = max(upper - lower, 0). The squared
     distance of a node is the minimum of (distance to the center of c)^2 + f(c)^2 over all cells c:
     the generalized distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
     Sampled Functions, 2012), computed along one axis after the other.

@@ -67,7 +67,7 @@ def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
 
 
 def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cells:
-    """Return the part of the cached spiral in a disc; only outer rings are distance-tested."""
+    """Return the part of the cached spiral inside a disc; only outer rings are distance-tested."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:

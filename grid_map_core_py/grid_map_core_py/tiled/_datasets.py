@@ -223,7 +223,7 @@ def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
-    """Return the cell size: from the attributes if they fit the coordinates, else from those."""
+    """Return the attribute `resolution` if it fits the coordinates, else their spacing."""
     steps = [abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes if axis.size > 1]
     if steps and max(steps) - min(steps) > _LARGEST_DIFFERENCE * min(steps):
         raise GeometryError(

@@ -226,7 +226,7 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
     Returns:
         overview: map of the overview, accurate to half a cell; `tiled_map` itself if the map is a
             mosaic, is projected, or has no such overview.
-        factor: side of a cell of the overview [cells of `tiled_map`].
+        factor: side of an overview cell [cells of `tiled_map`].
     """
     source = tiled_map.source
     if not isinstance(source, RasterSource) or len(source.parts) > 1 or source.parts[0].transform:
@@ -312,7 +312,7 @@ def _warn(raster: Any, path: str) -> None:
 
 
 def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
-    """Return the west, north, east and south side of a raster [cells from the `first` corner].
+    """Return west, north, east and south sides of a raster [cells from the corner of `first`].
 
     Args:
         header, first: headers of the raster and of the first raster of the mosaic.

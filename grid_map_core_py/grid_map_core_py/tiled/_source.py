@@ -36,7 +36,7 @@ class Source(Protocol):
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Names of the layers in their order."""
+        """Layer names, in order."""
 
     def describe(self) -> str:
         """Return a text that is equal in another process if and only if the data are equal."""
@@ -71,7 +71,7 @@ class TiledData:
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Names of the layers in their order."""
+        """Layer names, in order."""
         return self.source.layers
 
     @property

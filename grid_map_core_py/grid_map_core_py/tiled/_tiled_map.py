@@ -223,9 +223,9 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        A cell of the result is `step` times as large as the original cell that it is copied from,
-        and has the same center. If a raster has overviews, the overviews are read. If more than
-        about 4000 tiles would have to be read, a larger step is used.
+        Each cell of the result has the center of the original cell it is copied from, and is `step`
+        times as large. If a raster has overviews, the overviews are read. If more than about 4000
+        tiles would have to be read, a larger step is used.
 
         Args:
             step: rows and columns of the map per row and column of the result.
