@@ -38,7 +38,7 @@ class SpinningLidar:
 
     @property
     def directions(self) -> Positions:
-        """(rings * azimuths, 3) unit vectors: rings from lowest to highest, each from x towards y."""
+        """(rings * azimuths, 3) unit vectors: rings from the lowest up, each from x towards y."""
         elevations = np.linspace(self.lowest, self.highest, self.rings)
         azimuths = np.linspace(0.0, 2.0 * np.pi, self.azimuths, endpoint=False)
         elevation, azimuth = np.meshgrid(elevations, azimuths, indexing="ij")
