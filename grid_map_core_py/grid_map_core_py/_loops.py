@@ -30,15 +30,15 @@ _known: set[Callable[..., Any]] = set()
 
 @dataclass(eq=False)
 class Loop:
-    """Function of flat arrays and numbers that numba can compile; created by the decorator `loop`.
+    """Function over flat arrays and numbers that numba can compile; created with `@loop`.
 
     Attributes:
         function: indexes arrays with integers from 0, writes results into arrays and returns
-            nothing. It may call `math`, NumPy and other such functions.
+            nothing. It may call `math`, NumPy and other compilable Python functions.
         takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
             "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
             Other types are compiled when they first occur.
-        instead: maps functions that the function calls to their replacements in compiled code.
+        instead: maps called functions to their replacements in compiled code.
     """
 
     function: Callable[..., None]
@@ -51,8 +51,8 @@ class Loop:
         Array arguments may have any shape and must be contiguous. The function releases the GIL.
 
         Returns:
-            The function; None if numba is not installed or NUMBA_DISABLE_JIT is set, and None with
-            a `RuntimeWarning` if numba fails.
+            The function, or None if numba is not installed, if NUMBA_DISABLE_JIT is set, or (with a
+            `RuntimeWarning`) if numba fails.
         """
         with _compiling:
             return self._compiled

@@ -70,7 +70,7 @@ def descriptions(cls: type) -> dict[str, str]:
 
 
 def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield each node name, such as `/robot/viewer`, and its parameters in a ROS file."""
+    """Yield each node name in a ROS parameter file, such as `/robot/viewer`, and its parameters."""
     for key, value in content.items():
         if key == "ros__parameters" and isinstance(value, Mapping):
             yield path or "/", value
@@ -161,7 +161,7 @@ def _try_cast(value: object, kind: Any) -> object:
     if kind is float and is_number:
         return float(typing.cast("float", value))
     if kind is int:
-        # NumPy integers also count as integral.
+        # NumPy integers are `Integral` too.
         is_whole = isinstance(value, numbers.Integral) and is_number
         is_whole |= isinstance(value, float) and value.is_integer()
         return int(typing.cast("int", value)) if is_whole else MISSING

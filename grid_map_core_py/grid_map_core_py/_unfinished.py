@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Temporary files and folders that are removed on exit, also if a signal ends the process."""
+"""Temporary files and folders that are removed on exit, even if a signal ends the process."""
 
 import shutil
 import tempfile
@@ -23,7 +23,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 
 def scratch_folder() -> AbstractContextManager[Path]:
-    """Return a context manager of a new temporary folder that is removed on exit."""
+    """Return a context manager for a new temporary folder, which is removed on exit."""
     return unfinished(Path(tempfile.mkdtemp(prefix="grid-map-")))
 
 
@@ -36,7 +36,7 @@ def remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
         if not path.exists():
             return
-        # After an error, Zarr threads may still write into the folder.
+        # After an error, Zarr threads may still be writing to the folder.
         time.sleep(0.02)
 
 

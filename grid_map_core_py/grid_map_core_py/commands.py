@@ -2,12 +2,12 @@
 """Building blocks for `grid-map` commands in other packages.
 
 A command is a module with `add_arguments(parser)` and `run(options)`, which returns the exit code.
-A package adds a command through an entry point of the group `grid_map_core_py.commands`, which has
-the name of the command and refers to the module. `grid-map NAME --help` shows the first line of the
-module's docstring.
+A package adds a command through an entry point in the group `grid_map_core_py.commands`. The entry
+point is named after the command and refers to the module. `grid-map NAME --help` shows the first
+line of the module's docstring.
 
 Data goes to standard output, messages to standard error. Exit codes are 0 for success,
-1 for an error, 2 for wrong arguments, and 128 plus the signal number after a signal.
+1 for an error, 2 for invalid arguments, and 128 plus the signal number after a signal.
 """
 
 from ._commands import (

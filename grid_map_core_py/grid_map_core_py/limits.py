@@ -32,7 +32,7 @@ FREE_BYTES = 100_000_000
 """Unpacked size up to which `max_ratio` is ignored [bytes], because uniform maps compress well."""
 
 VISITS = 4
-"""Maximum total number of cells of overlapping parts, as a multiple of `max_cells`."""
+"""Maximum total cell count of overlapping parts, as a multiple of `max_cells`."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Limits:
     """Limits on maps and files; each is a finite number of at least 1.
 
     Attributes:
-        max_cells: largest number of cells (rows times columns) of a map.
-        max_bytes: largest size of all layers of a map, of unpacked data, or of a file of an image,
-            points, a mesh or an octomap.
-        max_ratio: largest ratio of unpacked to packed bytes beyond 100 MB of unpacked bytes, for
+        max_cells: largest number of cells (rows times columns) in a map.
+        max_bytes: largest size [bytes] of all map layers, of unpacked data, or of an image, point,
+            mesh or octomap file.
+        max_ratio: largest ratio of unpacked to packed bytes, beyond 100 MB of unpacked data, for
             each part of a file and for all data unpacked at once.
     """
 
@@ -125,7 +125,7 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
 
     Args:
         name: subject of the error message.
-        unpacked, packed: numbers of bytes.
+        unpacked, packed: sizes [bytes].
     """
     if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")

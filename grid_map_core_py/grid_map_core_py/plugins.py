@@ -21,11 +21,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Registry(Generic[T]):
-    """Mapping from type names to classes: built-in classes and classes of entry points.
+    """Mapping from type names to classes: built-in classes and classes from entry points.
 
     Attributes:
         built_in: classes by type name.
-        group: entry-point group, searched on first use. Each entry point has the name of a type and
+        group: entry-point group, searched on first use. Each entry point is named after a type and
             refers to its class.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Assertions and hypothesis strategies for tests that involve maps.
+"""Assertions and hypothesis strategies for tests with maps.
 
 Only the strategies need the package `hypothesis`.
 """
@@ -48,7 +48,7 @@ def assert_maps_equal(
 
 
 def register_profiles() -> None:
-    """Register hypothesis profiles and load `grid_map`; for the `conftest.py` of a package.
+    """Register hypothesis profiles and load `grid_map`; for a package's `conftest.py`.
 
     The profile `grid_map` runs the same examples every time, so that results are reproducible. The
     profile `explore` runs more examples, and new ones every time; select it with `pytest
@@ -62,7 +62,7 @@ def register_profiles() -> None:
 
 
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
-    """Return an equal map whose layers are stored from another start index, as after moves."""
+    """Return an equal map whose layers are stored with another start index, as after moves."""
     result = grid_map.copy()
     shift = np.subtract(start_index, grid_map.start_index)
     for layer in result:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, short
 
 Layer: TypeAlias = NDArray[np.float32]
-"""(rows, cols) float32, Fortran order; row along -x, column along -y; NaN means no data."""
+"""(rows, cols) float32, Fortran order; rows run along -x, columns along -y; NaN means no data."""
 
 Mask: TypeAlias = NDArray[np.bool_]
 """Booleans, one per cell or per point."""
@@ -37,9 +37,9 @@ Pair: TypeAlias = tuple[float, float]
 """x, y in meters, map frame, as plain numbers."""
 
 _ROTATION_TOLERANCE = 1e-3
-"""Tolerance of R^T R = I for a rotation R given with rounded numbers."""
+"""Largest deviation of R^T R from I that passes as rounding of a rotation R."""
 
-_EXACT = 2**53  # integers up to this one are exact in float64
+_EXACT = 2**53  # integers up to this value are exact in float64
 
 _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
 
@@ -143,7 +143,7 @@ def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[A
 
 
 def as_floats(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return numbers as an array: float32 stays float32, all others become float64."""
+    """Return numbers as an array: float32 stays float32, other types become float64."""
     numbers = as_numbers(values, name)
     return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)
 
@@ -199,7 +199,7 @@ def plain_cell(values: Any) -> Size | None:
         if type(row) is int and type(column) is int:
             inside = -_EXACT <= row <= _EXACT and -_EXACT <= column <= _EXACT
             return (row, column) if inside else None
-        # Elements of arrays of indices.
+        # Elements of an index array.
         if type(row) is np.int64 and type(column) is np.int64:
             return int(row), int(column)
     return None
@@ -209,9 +209,9 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
     """Return cells as (rows, cols).
 
     Args:
-        values: a tuple (rows, cols), as for NumPy indexing, or (N, 2) rows and columns; one cell is
-            (row, col).
-        name: name of the parameter, for error messages.
+        values: a tuple (rows, cols), as for NumPy indexing, or an (N, 2) array of rows and columns;
+            a single cell is (row, col).
+        name: parameter name for error messages.
     """
     if isinstance(values, tuple):
         numbers = [_as_integers(value, name) for value in values]
@@ -230,7 +230,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or a (rows, cols) array to a layer; warn if a value exceeds float32's range."""
+    """Copy a scalar or a (rows, cols) array to a layer; warn if it exceeds the float32 range."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""
@@ -270,7 +270,7 @@ def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names in `layers` without duplicates; None means all available ones."""
+    """Return the names in `layers` without duplicates; None selects all available layers."""
     if layers is None:
         return tuple(available)
     names = as_names(layers)

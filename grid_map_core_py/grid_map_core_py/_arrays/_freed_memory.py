@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reuse of freed memory with glibc."""
+"""Makes glibc keep freed memory for reuse."""
 
 import ctypes
 from contextlib import suppress
@@ -7,17 +7,17 @@ from contextlib import suppress
 _M_TRIM_THRESHOLD, _M_MMAP_MAX = -1, -4  # options of `mallopt`
 
 LARGEST_BLOCK = 2**25
-"""Size [bytes] above which glibc returns each freed block to the system."""
+"""Size [bytes] above which glibc, by default, returns each freed block to the system."""
 
 
 def keep_memory() -> None:
     """Make glibc keep up to 1 GB of freed memory, for messages above 32 MB and for tiles.
 
-    By default, glibc returns each large freed block to the system, which then clears the pages of
-    the next block; this takes longer than copying a message. The subscriptions of this suite call
-    this function for large messages; nodes that only publish large messages must call it.
+    By default, glibc returns each large freed block to the system. The kernel then clears the pages
+    of the next block, which takes longer than copying a message. The subscriptions of this suite
+    call this function for large messages; nodes that only publish large messages must call it.
     """
-    with suppress(AttributeError):  # Other C libraries have no such function.
+    with suppress(AttributeError):  # Other C libraries have no `mallopt`.
         mallopt = ctypes.CDLL(None).mallopt
         mallopt(_M_MMAP_MAX, 0)
         mallopt(_M_TRIM_THRESHOLD, 2**30)

@@ -60,7 +60,7 @@ def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]
     """Enumerate the members of all groups in order, in chunks of at most `limit` members.
 
     Args:
-        counts: (G,) number of members of each group.
+        counts: (G,) size of each group.
 
     Yields:
         groups: (n,) group number of each member.

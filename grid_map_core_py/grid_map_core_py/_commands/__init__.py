@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Command line `grid-map`, for the packages of the suite; `commands` is the public part."""
+"""Internals of the `grid-map` command line, shared by the suite; `commands` is the public API."""
 
 from ._arguments import (
     add_destination as add_destination,

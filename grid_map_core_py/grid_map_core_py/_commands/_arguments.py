@@ -15,7 +15,7 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
 
     Args:
         parser: parser of the command.
-        which: help text that says which map of a bag is read without `--index`.
+        which: help text naming the map that is read from a bag without `--index`.
     """
     parser.add_argument("source", help="file or folder of any format, or - for .npz from a pipe")
     group = parser.add_argument_group("reading")
@@ -89,7 +89,7 @@ def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:
 
 
 def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> None:
-    """Set the `completer` of an argument for argcomplete."""
+    """Set the argcomplete completer of an argument."""
     action.completer = completer  # type: ignore[attr-defined]
 
 

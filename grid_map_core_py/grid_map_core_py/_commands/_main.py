@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Entry point of the command line, and handling of the signals that end it."""
+"""Entry point of the command line, and its signal handling."""
 
 import argparse
 import ctypes
@@ -60,7 +60,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def make_parser(words: Sequence[str]) -> Parser:
-    """Create the parser of the command line; only the command in `words` gets arguments."""
+    """Create the command-line parser; only the command in `words` gets arguments."""
     parser = Parser(
         prog=PROGRAM, description="Look at grid maps in files, convert, filter and draw them."
     )
@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             warnings.showwarning = lambda text, *_, **__: message(f"warning: {text}")
             return _run(sys.argv[1:] if arguments is None else arguments)
     except OSError as error:
-        # Standard output is broken; without this Python would try to flush it again at exit.
+        # Standard output is broken; redirect it, or Python would try to flush it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NO_READER if isinstance(error, BrokenPipeError) else _failed(_text_of(error))
     finally:
@@ -110,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """Remove temporary files and end the process, without an exception that could be caught."""
+    """Remove temporary files and end the process, without raising a catchable exception."""
     remove_all()
     signal.signal(number, signal.SIG_DFL)
     signal.raise_signal(number)
@@ -169,7 +169,7 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
     """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
     A SIGHUP that is ignored, as under `nohup`, stays ignored.
-    A handler must not use locks, such as in `threading.Event`, because the interrupted thread may
+    A handler must not acquire locks, as `threading.Event` does, because the interrupted thread may
     hold them.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
@@ -179,14 +179,14 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
-    """Return a `preexec_fn`: Linux sends the child this signal when the parent thread ends."""
+    """Return a `preexec_fn` that makes Linux signal the child when the parent thread ends."""
     set_parent_death_signal = 1
     # Loaded before the fork, because the child should do little before its program starts.
     parent, control = os.getpid(), ctypes.CDLL(None).prctl
 
     def prepare() -> None:
         control(set_parent_death_signal, number)
-        # The parent may have ended already; in a container it may also be process 1.
+        # Detect a parent that has ended already; in a container, the parent may be process 1.
         if os.getppid() != parent:
             os._exit(0)
 

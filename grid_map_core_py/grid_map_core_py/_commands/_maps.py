@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reading and writing of the map files given on a command line.
+"""Reads and writes the map files given on a command line.
 
 Modules that are slow to import are imported inside functions.
 """
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from ..map import GridMap
 
 TimedMap: TypeAlias = "tuple[int | None, GridMap]"
-"""A map and its recording time [ns], None if unknown."""
+"""Recording time [ns], or None if unknown, and the map."""
 
 STANDARD = "-"
-"""File name that stands for standard input or output, in the format npz."""
+"""File name that means standard input or output, in npz format."""
 
 _READING = (
     *("topic", "index", "recover", "resolution", "black", "white", "height_layer"),
@@ -40,7 +40,7 @@ _WRITING = (
     *("black", "white"),
 )
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
-"""Format options whose name differs from the name of the command-line option."""
+"""Maps command-line options to format options, where their names differ."""
 
 _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 
@@ -52,7 +52,7 @@ def _choose(
 
     Args:
         options: the arguments.
-        of_source: for the destination, names of the options that the source uses.
+        of_source: names of the options that the source uses; set only for the destination.
     """
     from ..files._formats import (
         find_format,
@@ -99,7 +99,7 @@ def source_format(options: argparse.Namespace) -> str:
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the map given by the arguments of `add_source`; `layers` None means all layers."""
+    """Read the map given by the `add_source` arguments; `layers=None` reads all layers."""
     found, given = _choose(options)
     with _source(options.source) as path:
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
@@ -139,7 +139,7 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield records of the maps to copy from the source to the destination.
 
-    If source and destination are bags and `--index` is not given, all maps are copied, else one.
+    All maps are copied if source and destination are bags without `--index`, otherwise one map.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)
@@ -191,11 +191,11 @@ def _source(path: str) -> Iterator[Path | str]:
 
 
 class Destination:
-    """Destination of maps, given by the arguments of `add_destination`.
+    """Map destination, given by the `add_destination` arguments.
 
     Args:
         options: the arguments.
-        usual_topic: default topic of the maps in a bag; None means the topic of the source if it
+        usual_topic: default topic of the maps in a bag; None means the source topic if the source
             is a bag, else `/grid_map`.
     """
 
@@ -233,7 +233,7 @@ class Destination:
         return self.format.save_all is not None and self._holds_many and is_whole
 
     def write_all(self, options: argparse.Namespace) -> None:
-        """Write all messages of the source, and print their number."""
+        """Copy all messages from the source, and print the message count."""
         given = {"recover": True} if options.recover else {}
         count = self.format.save_all(options.source, self.path, **given)  # type: ignore[misc]
         message(f"{count} messages in {self.path}")
@@ -260,7 +260,7 @@ class Destination:
         return count
 
     def tell(self, count: int) -> None:
-        """Print the number of maps that were written, unless they went to a pipe."""
+        """Print the number of maps written, unless the destination is a pipe."""
         if self.path != STANDARD:
             message(f"{count} {'map' if count == 1 else 'maps'} in {self.path}")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tables, JSON, messages, errors and progress of the command line."""
+"""Command-line output: tables, JSON, messages, errors and progress."""
 
 import json
 import math
@@ -11,9 +11,9 @@ from typing import TextIO
 
 from ..errors import GridMapError, cut
 
-_BAR = 30  # characters of a progress bar
-_PERIOD = 0.1  # time between two updates of its line [s]
-_JSON_PERIOD = 1.0  # time between two lines of JSON [s]
+_BAR = 30  # length of a progress bar [characters]
+_PERIOD = 0.1  # time between updates of the progress line [s]
+_JSON_PERIOD = 1.0  # time between JSON lines [s]
 
 
 class CommandError(GridMapError):
@@ -21,7 +21,7 @@ class CommandError(GridMapError):
 
 
 class UsageError(CommandError):
-    """Arguments that are invalid independently of the files; exit code 2."""
+    """Invalid arguments, whatever the files contain; exit code 2."""
 
 
 def message(text: str) -> None:
@@ -34,7 +34,7 @@ def print_json(value: object) -> None:
 
 
 def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """Return rows as a table; the columns `numbers` are aligned to the right."""
+    """Format rows as a table; the columns with the indices `numbers` are right-aligned."""
     columns = [
         [f"{cell:{'>' if number in numbers else '<'}{max(map(len, column))}}" for cell in column]
         for number, column in enumerate(zip(*rows, strict=True))
@@ -47,7 +47,7 @@ def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> N
 
 
 def shown(text: str) -> str:
-    """Escape the control characters of a text and shorten it to at most 500 characters."""
+    """Escape the control characters in a text and shorten it to at most 500 characters."""
     return cut("".join(one if one.isprintable() else repr(one)[1:-1] for one in cut(text)))
 
 
@@ -56,7 +56,7 @@ def number(value: float) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Format a length or coordinate [m] with 12 digits: millimeters even for UTM northings."""
+    """Format a length or coordinate [m] with 12 digits, enough for UTM northings to the mm."""
     return f"{value:.12g}"
 
 
@@ -80,9 +80,9 @@ class ProgressBar:
         clock: function that returns the time [s].
         quiet: whether to show nothing.
         unit: name of the counted items.
-        cells: number of cells per unit, to show the rate in cells; the first call then reports how
-            many units were finished before.
-        as_json: print a line of JSON every second and at the end.
+        cells: number of cells per unit, to show the rate in cells. The first call must then report
+            how many units were already finished.
+        as_json: print a JSON line every second and at the end.
     """
 
     def __init__(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Command-line options and execution of computations on tiles."""
+"""Command-line options for tiled computation, and its execution."""
 
 import argparse
 import logging
@@ -64,9 +64,9 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 
 
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the rectangle given by the arguments of `add_rectangle`.
+    """Read the rectangle given by the `add_rectangle` arguments.
 
-    From stores and rasters, only the chunks that the rectangle overlaps are read.
+    For stores and rasters, only the chunks that overlap the rectangle are read.
     """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
@@ -99,8 +99,8 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    Zarr stores and GeoTIFF files are read window by window. Without a destination, and from
-    GeoTIFF to GeoTIFF, small files are read as a whole unless `also_small` is set.
+    Zarr stores and GeoTIFF files are read window by window. Small files are read as a whole if no
+    destination is given, or for GeoTIFF to GeoTIFF, unless `also_small` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -135,10 +135,10 @@ def write_tiles(
     Args:
         tiled_map: the map.
         destination: a Zarr store or a GeoTIFF file.
-        options: the arguments of `add_tiles`, and `layers`.
-        threads: number of threads of this process, unless there are workers; None means one per
+        options: the `add_tiles` arguments, and `layers`.
+        threads: thread count of this process if there are no workers; None means one per
             processor.
-        progress: arguments of the `ProgressBar`.
+        progress: `ProgressBar` arguments.
     """
     if options.memory and not options.workers:
         raise UsageError("--memory goes with --workers")
@@ -158,7 +158,7 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Compute with the processes or cluster of the `add_tiles` arguments within the context."""
+    """Within the context, compute with the processes or cluster that `add_tiles` selects."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles", _REMEDY).config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):

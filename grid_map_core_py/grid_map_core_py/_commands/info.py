@@ -65,7 +65,7 @@ def _print_cloud(facts: dict[str, Any]) -> None:
 
 
 def _span(topics: list[dict[str, Any]]) -> str:
-    """Return the start and duration of the messages on topics."""
+    """Format the duration and start time of the recorded messages."""
     first = min((one["first"] for one in topics if one["first"] is not None), default=None)
     last = max((one["last"] for one in topics if one["last"] is not None), default=None)
     if first is None or last is None:
@@ -112,7 +112,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Format a time as a date; "" outside 2001 to 2106, where it is not a system time."""
+    """Format a time as a date; return "" before 2001 or after 2106 (not a system time)."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""

@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
 def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dict[str, Any]:
     """Return statistics and a histogram of the finite values of a layer as JSON values.
 
-    For packed colors and without finite values, the values are None and the histogram is empty.
+    For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
     """
     import numpy as np
 
@@ -78,7 +78,7 @@ def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dic
     if is_color or not finite.size:
         return found
     lowest, highest = float(finite.min()), float(finite.max())
-    # If all values are equal, the value is in the middle of the histogram.
+    # If all values are equal, center the histogram on them.
     margin = max(0.5, 1e-3 * abs(lowest)) if lowest == highest else 0.0
     counts, edges = np.histogram(finite, bins, (lowest - margin, highest + margin))
     mean, deviation = float(finite.mean()), float(finite.std())

@@ -21,13 +21,13 @@ Costs: TypeAlias = NDArray[np.uint8]
 
 FREE = 0
 INSCRIBED = 253
-"""Cost of a cell where the robot collides at any heading if its center is in the cell."""
+"""Cost of a cell where a robot centered in it collides at any heading."""
 LETHAL = 254
 UNKNOWN = 255
 
 
 class CostCodec(Protocol):
-    """Interface of the conversion between layer values and costs."""
+    """Interface for conversion between layer values and costs."""
 
     def to_costs(self, values: ArrayLike) -> Costs:
         """Convert values (...) to costs (...) uint8; NaN becomes 255."""
@@ -40,7 +40,7 @@ class CostCodec(Protocol):
 class CostTable:
     """Maps layer values to the named costs of costmap_2d and nav2; linear from free to inscribed.
 
-    The defaults match the scale of occupancy grids. Use `CostTable(0, 253, 254, 255)` for layers
+    The defaults match the occupancy grid scale. Use `CostTable(0, 253, 254, 255)` for layers
     that store costs.
 
     Attributes:
@@ -50,8 +50,8 @@ class CostTable:
         unknown: layer value of cost 255; may be NaN.
 
     Raises:
-        GeometryError: `free`, `inscribed` and `lethal` do not ascend, or `unknown` equals the value
-            of another cost.
+        GeometryError: `free`, `inscribed` and `lethal` are not in ascending order, or `unknown`
+            equals the value of another cost.
     """
 
     free: float = 0.0
@@ -128,7 +128,7 @@ class CostRange:
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Convert costs (...) to the smallest value (...) float32 of each cost; 255 becomes NaN."""
+        """Convert costs to values (...) float32: 0 to `data_min`, 254 to `data_max`, 255 to NaN."""
         known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
         table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))

@@ -2,18 +2,18 @@
 """Convert layers to images and images to layers, and change the resolution of maps.
 
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
-is +x, left is +y. Images of maps that have moved look the same.
+is +x, left is +y. A moved map is unwrapped first, so its image has the same orientation.
 
 **Color images are BGR by default**, the order of `cv2.imread` and `cv2.imwrite`. For images from
 Matplotlib, Pillow or ROS `rgb8`, pass `order="rgb"`. A fourth channel is always alpha.
 
-Gray values: the range [`lower`, `upper`] of a layer becomes [0, 255] in uint8, [0, 65535] in uint16
+Gray values: the layer range [`lower`, `upper`] becomes [0, 255] in uint8, [0, 65535] in uint16
 and [0, 1] in float32 and float64 images. A float image created without `lower` and `upper` contains
 the layer values unchanged.
 
 NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. The alpha of a NaN cell is
 0; all other cells are opaque. Infinities become the bounds of the range. When an image is read,
-pixels whose alpha is less than half of the largest value become NaN.
+pixels whose alpha is below half the maximum become NaN.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Image: TypeAlias = NDArray[Any]
 Order: TypeAlias = Literal["bgr", "rgb"]
 
 COLOR_LAYER = "color"
-"""Conventional name of the layer with packed colors."""
+"""Conventional name of a packed-color layer."""
 
 _LARGEST = {"uint8": 255, "uint16": 65535, "float32": 1, "float64": 1}
 _TO_GRAY = {
@@ -173,7 +173,7 @@ def _range(
     """Return `lower` and `upper`; a bound that is None becomes the finite minimum or maximum."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
-    # All values are beyond the given bound, or there are no finite values.
+    # `fmin` and `fmax` handle values that are all beyond the given bound, or not finite.
     if lower is None:
         low = float(np.fmin(min_of_finites(values), high))
     if upper is None:
@@ -207,7 +207,7 @@ def from_image(
         image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colors are
             converted to luma (ITU-R BT.601, OpenCV's `cvtColor`).
         resolution: side of a pixel [m].
-        lower, upper: layer values of pixel value 0 and of 255, 65535 or 1.0. With 0 and 1, the
+        lower, upper: layer values for pixel value 0 and for 255, 65535 or 1.0. With 0 and 1, the
             values of a float image are copied unchanged.
         position: (2,) center of the map [m].
         alpha_threshold: pixels with a smaller alpha become NaN (1 is opaque). For integer images,
@@ -325,8 +325,8 @@ def change_resolution(
 
     Layers are interpolated as float images with OpenCV's `resize`. If the nearest cell in the
     original map is NaN or infinite, the new cell gets that value; all other cells are interpolated
-    from finite cells only. The layer `color` always uses the nearest color. For other layers of
-    packed colors, pass `cv2.INTER_NEAREST_EXACT`.
+    from finite cells only. The layer `color` always uses the nearest color. For other
+    packed-color layers, pass `cv2.INTER_NEAREST_EXACT`.
 
     Args:
         resolution: new side of a cell [m].

@@ -18,10 +18,10 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import fitting_geometry
 
-# Number of triangles, or of triangle-cell pairs, in a chunk whose temporaries fit into the cache.
+# Triangles, or triangle-cell pairs, per chunk, so that the temporaries fit into the cache.
 _TRIANGLES = _PAIRS = 1 << 13
 
-_ROUNDING = 1e-9  # bound of the rounding error of the distance to an edge [cells]
+_ROUNDING = 1e-9  # largest rounding error of a distance to an edge [cells]
 
 
 def rasterize_triangles(
@@ -29,9 +29,9 @@ def rasterize_triangles(
 ) -> GridMap:
     """Return a map with a layer that holds the highest point of a mesh at each cell center.
 
-    A vertical ray through the center hits a triangle up to 1e-9 m outside the triangle's edges, so
-    that no cell between adjacent triangles is missed. Triangles that are vertical, have zero area
-    or are not finite are ignored.
+    A vertical ray through the center hits a triangle even up to 1e-9 m outside its edges, so that
+    no cell between adjacent triangles is missed. Triangles that are vertical, have zero area or are
+    not finite are ignored.
 
     Args:
         vertices: (V, 3) x, y, z [m], map frame.
@@ -41,7 +41,7 @@ def rasterize_triangles(
 
     Returns:
         A map with the layer; cells that no triangle covers are NaN. The map shares all other layers
-        with `grid_map` as described at `GridMap.with_layers`.
+        with `grid_map`, as described in `GridMap.with_layers`.
 
     Raises:
         GeometryError: an array has the wrong shape or type, or a vertex index is out of range.
@@ -94,7 +94,7 @@ def from_mesh(
 
     Raises:
         GridMapError: no face has a finite vertex, or an error as in `rasterize_triangles`.
-        LimitError: the map would have too many cells, or as in `rasterize_triangles`.
+        LimitError: the map would have too many cells, or an error as in `rasterize_triangles`.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -158,7 +158,7 @@ class _Triangles(NamedTuple):
 def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
 ) -> _Triangles:
-    """Return the triangles that are finite, not vertical and have an area.
+    """Return the triangles that are finite, not vertical and of nonzero area.
 
     Args:
         rows, columns, z: (3, T) positions of the corners [cells], with cell centers at integers,
@@ -169,7 +169,7 @@ def _prepared(
     along_rows, along_columns = _edges(rows), _edges(columns)
     area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
     lengths = np.hypot(along_rows, along_columns)
-    # Triangles thinner than the tolerance count as vertical or without area.
+    # Triangles thinner than the tolerance are treated as vertical or of zero area.
     kept = np.isfinite(z).all(axis=0) & (np.abs(area) > tolerance * lengths.max(axis=0))
     rows, columns, z, along_rows, along_columns, lengths, area = (
         np.compress(kept, values, axis=-1)
@@ -189,7 +189,7 @@ def _prepared(
 
 
 def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the cell numbers (n,), column by column, and the heights (n,) of hits."""
+    """Yield the column-major cell numbers (n,) and the heights (n,) of hits."""
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides

@@ -66,7 +66,7 @@ def join_channels(red: Any, green: Any, blue: Any) -> Any:
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Split bits into red, green, blue uint32 in [0, 255]; filters compile this with numba.
+    """Shift red, green, blue into the low byte of a uint32 each; filters compile it with numba.
 
     Args:
         bits: uint32 number or array, 0x00RRGGBB.

@@ -20,7 +20,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import fitting_geometry
 
-_POINTS = 1 << 16  # number of points in a chunk, which bounds memory; cells are never split
+_POINTS = 1 << 16  # points per chunk, to bound memory; cells are never split
 _NEIGHBORS = 8  # number of nearest neighbors to which clustering links each point initially
 
 _Triple = tuple[float, ...]
@@ -60,7 +60,7 @@ class _OutlierRemoval:
 
 @dataclass(frozen=True, kw_only=True)
 class _Downsampling:
-    """Parameters of the voxel filter: sides x, y, z of a voxel [m]."""
+    """Voxel filter parameters: voxel sides x, y, z [m]."""
 
     is_downsample_cloud: bool = False
     voxel_size: _Triple = (0.05, 0.05, 0.05)
@@ -76,7 +76,7 @@ class _ClusterExtraction:
 
     Attributes:
         cluster_tolerance: longest step from point to point within a cluster [m].
-        min_num_points, max_num_points: clusters of fewer or more points are ignored.
+        min_num_points, max_num_points: clusters with fewer or more points are ignored.
         use_max_height_as_cell_elevation: with height type 0, use the highest cluster of a cell
             instead of the lowest.
     """
@@ -93,7 +93,7 @@ class _ClusterExtraction:
 
 @dataclass(frozen=True, kw_only=True)
 class _Grid:
-    """Resolution of the map, and the rule for the height of a cell.
+    """Map resolution, and the rule for cell heights.
 
     Attributes:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
@@ -120,7 +120,7 @@ class _Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudPipeline:
-    """Creates a map from a raw point cloud; fields as in the parameter file of `grid_map_pcl`.
+    """Creates a map from a raw point cloud; fields as in `grid_map_pcl` parameter files.
 
     If enabled, outliers are removed and the cloud is downsampled. The cloud is then transformed to
     the map frame, and the points of each cell are clustered. The height of a cell is the mean
@@ -185,7 +185,7 @@ class PointCloudPipeline:
             timestamp: timestamp of the map [ns].
 
         Raises:
-            GridMapError: no point is finite.
+            GridMapError: no finite point remains.
             LimitError: the map would have too many cells.
         """
         cloud = self.prepared(points)
@@ -223,7 +223,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks, without cells with too few or too many points."""
+        """Yield point indices (n,) in chunks, skipping cells with too few or too many points."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -335,7 +335,7 @@ def remove_outliers(
         return cloud
     from scipy.spatial import cKDTree  # slow to import
 
-    # A search tree cannot split identical points, and sensors may deliver thousands of these.
+    # A search tree cannot split identical points, and sensors may deliver thousands of them.
     places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
     # SciPy marks a missing neighbor with infinite distance and the index `len(points)`.
     copies = np.append(copies, neighbors)
@@ -359,12 +359,12 @@ def euclidean_clusters(
 ) -> Integers:
     """Return the cluster number (n,) of each point, from 0 in arbitrary order.
 
-    Two points of a group are in the same cluster if a chain of points of the group connects them
-    with steps no longer than the tolerance.
+    Two points are in the same cluster if a chain of points in their group connects them with steps
+    no longer than the tolerance.
 
     Args:
         points: (n, 3) finite x, y, z [m].
-        groups: (n,) group of each point, not negative; clusters never span several groups.
+        groups: (n,) nonnegative group number of each point; a cluster never spans several groups.
         tolerance: longest step [m]; steps up to 1e-9 m longer are accepted.
         workers: number of threads that search for neighbors.
     """
@@ -372,7 +372,7 @@ def euclidean_clusters(
 
     if not len(points):
         return np.zeros(0, np.int64)
-    # A search tree cannot split identical points, and sensors may deliver thousands of these.
+    # A search tree cannot split identical points, and sensors may deliver thousands of them.
     distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
     points, groups = distinct[:, :3], distinct[:, 3].astype(np.int64)
     reach = tolerance + BORDER_TOLERANCE
@@ -403,8 +403,8 @@ def _missing_links(
 ) -> _Edges:
     """Return links between crowded points of different clusters in the same group.
 
-    For each pair of clusters, the nearest point of the larger cluster is searched from each point
-    of the smaller cluster. This is cheap because there are few such clusters.
+    For each pair of clusters, each point of the smaller one is linked to the nearest point of the
+    larger one within `reach`. Few clusters have crowded points, so this is cheap.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -435,7 +435,7 @@ def _missing_links(
 
 
 def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
-    """Return points (n, 4); the fourth coordinate moves groups further apart than `reach`."""
+    """Return points (n, 4); the fourth coordinate separates groups by more than `reach`."""
     return np.column_stack([points, 2.0 * reach * groups])
 
 

@@ -48,7 +48,7 @@ HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
 """Default layers: `elevation`, the largest height in each cell."""
 
 COLOR_FIELDS = ("rgb", "rgba", "color")
-"""Names of fields with packed colors: 0x00RRGGBB, as integers or as the bits of float32."""
+"""Names of packed-color fields: 0x00RRGGBB, as integers or as float32 bits."""
 
 _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
@@ -69,17 +69,16 @@ def rasterize(
     Args:
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
         layers: maps layer names to reductions of the heights [m].
-        fields: values (N,) of the points by field name; each field becomes a layer of the same
-            name. Values that are not finite are ignored. The fields `rgb`, `rgba` and `color` are
-            packed colors; alpha is dropped.
+        fields: maps field names to point values (N,); each field becomes a layer of the same name.
+            Values that are not finite are ignored. The fields `rgb`, `rgba` and `color` are packed
+            colors; alpha is dropped.
         field_reductions: maps field names to reductions. The default is `mean`; the mean of colors
             is computed per channel. Colors support only `mean`, `first`, `last` and `count`.
-        min_height, max_height: smallest and largest height of points [m], both inclusive; other
-            points are ignored.
+        min_height, max_height: inclusive height range [m]; points outside it are ignored.
 
     Returns:
         A map with these layers, which replace layers of the same names. The map shares all other
-        layers with `grid_map` as described at `GridMap.with_layers`.
+        layers with `grid_map`, as described in `GridMap.with_layers`.
 
     Raises:
         GeometryError: an array has the wrong shape or is not numeric.
@@ -169,7 +168,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
     """Return packed colors without alpha.
 
     Args:
-        values: (N,) 0xAARRGGBB as integers or as the bits of float32; the usual NaN is no color.
+        values: (N,) 0xAARRGGBB as integers or as float32 bits; the default NaN means no color.
         name: name of the values in error messages.
     """
     given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
@@ -200,7 +199,7 @@ def fitting_geometry(
             whole cells then needs an additional row and column.
         align: True to align the borders with multiples of the resolution, False to center the grid
             on the rectangle.
-        layers: number of layers to be created, for the check of the memory limit.
+        layers: number of layers to be created, for the memory limit check.
 
     Raises:
         LimitError: the grid or the layers would be too large.
@@ -259,10 +258,10 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return the flat cells (n,) of the points on the map within limits, and their mask (N,)."""
+    """Return flat cells (n,) of the points on the map and within limits, and their mask (N,)."""
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)
-    # NumPy rounds the limits to the type of the heights for comparisons.
+    # For comparisons, NumPy rounds the limits to the data type of the heights.
     rounded = points.dtype.type(limits).tolist()
     half, center = (0.5 * geometry.length).tolist(), geometry.position.tolist()
     frame = *rounded, *half, *center, -geometry.resolution

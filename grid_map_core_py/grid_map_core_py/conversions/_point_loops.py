@@ -8,10 +8,10 @@ import numpy as np
 from .._loops import Compiled, Loop, loop
 
 _MANY = 1_000_000
-"""Number of points that a process handles before loading the compiled loops pays off."""
+"""Number of points that a process must handle before loading the compiled loops pays off."""
 
 _FEW = 64
-"""Largest number of points in a cell for insertion sort, which takes quadratic time."""
+"""Largest number of points per cell that is sorted by insertion, which takes quadratic time."""
 
 _handled = 0
 
@@ -33,7 +33,7 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 
     Args:
         xyz: (3, n) coordinates of points [m], float32 or float64.
-        frame: limits of z, half the length and the center of the map along x and y, and minus the
+        frame: z limits, half the length and the center of the map along x and y, and the negated
             resolution [m].
         size: number of rows and columns.
         cells: (n,) receives the flat cells of the points on the map, without gaps.

@@ -62,7 +62,7 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
         find(cells, values, np.cumsum(numbers) - numbers, np.empty_like(values), layer)
         return layer
     # A 64-bit key, with the cell in the upper half and the value in the lower half, sorts by cell
-    # and value at once; more than ten times as fast as `np.lexsort`.
+    # and value at once. This is more than ten times as fast as `np.lexsort`.
     bits = values.view(np.uint32)
     keys = cells.astype(np.uint64) << np.uint64(32)
     keys |= np.where(bits & _SIGN, ~bits, bits | _SIGN)  # integers that sort like the values

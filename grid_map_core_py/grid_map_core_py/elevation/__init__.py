@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation maps that move with a robot.
 
-`ElevationMapper` fuses scans of range sensors into heights with variances, and clears cells that
-beams pass through. `Parameters` configures the mapper, and an `UpdateReport` summarizes one update.
-A `SensorModel` describes the noise of a sensor: `LaserModel`, `StructuredLightModel`,
+`ElevationMapper` fuses range sensor scans into heights with variances, and clears cells that beams
+pass through. `Parameters` configures the mapper, and an `UpdateReport` summarizes one update.
+A `SensorModel` describes the sensor noise: `LaserModel`, `StructuredLightModel`,
 `StereoModel`, `ConstantModel`, or `PerfectModel` (no noise).
 
 `RollingMap` stores the largest, smallest, mean or last height of each cell.

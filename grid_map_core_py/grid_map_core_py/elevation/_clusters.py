@@ -25,7 +25,7 @@ RELIEF = 0.4
 """Height difference, relative to the resolution, that a slope causes within a cell."""
 
 NONE = -1
-"""Index that stands for "no cluster"."""
+"""Index that means "no cluster"."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Sorted:
         order: (n,) indices of the points before sorting.
         heights, variances: (n,) heights [m] and variances [m^2] of the points.
         cells: (m,) cells that contain points, ascending.
-        begins, ends: (m,) slice of the points of each cell, `begins` to `ends` (exclusive).
+        begins, ends: (m,) bounds of each cell's slice of points; `ends` is exclusive.
     """
 
     order: Integers
@@ -89,7 +89,7 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
 def deal(
     cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Sort points by cell, and the points of each cell as described at `Sorted`.
+    """Sort points by cell, and the points of each cell as described in `Sorted`.
 
     Args:
         cells: (count,) cells of the points.
@@ -118,7 +118,7 @@ def deal(
 
 
 def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) -> None:
-    """Sort a slice of points by descending height, then by variance, with Shell's method.
+    """Sort a slice of points by descending height, then by variance, with Shellsort.
 
     Args:
         begin, end: the slice.
@@ -198,7 +198,7 @@ class Clusters:
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the point indices of some clusters (k,), and where each cluster starts in them."""
+        """Return the point indices of clusters (k,), and the start of each cluster among them."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -267,8 +267,8 @@ def _grow_arrays(
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
     """Write the size and the sums of each cluster at the index of its first point.
 
-    `sums` are the sums of the weights, of the weighted height offsets from the first point, and of
-    the weighted squared offsets.
+    `sums` are the sums of weights, of weighted height offsets from the first point, and of weighted
+    squared offsets.
     """
     begins, ends = borders
     z, r = points

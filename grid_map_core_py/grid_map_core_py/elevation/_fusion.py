@@ -2,20 +2,20 @@
 """Fuse the points of a scan with the heights of their cells.
 
 The surface of a cell depends only on the scan: it is the highest cluster with support. A cluster
-has support if it contains at least `conflict_points` points, and at least the share `min_support`
-of the number of points in the cell's densest cluster. `Clusters.agree` defines when a cluster
-agrees with a height. Each cell with points gets one of these outcomes:
+has support if it contains at least `conflict_points` points, and at least `min_support` times as
+many points as the cell's densest cluster. `Clusters.agree` defines when a cluster agrees with a
+height. Each cell with points gets one of these outcomes:
 
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
 - `STARTED`: the cell was unknown. The height becomes the surface, or the highest cluster if no
   cluster has support.
-- `RAISED`: the surface is higher than the height; or a smaller cluster of at least
-  `conflict_points` points above the surface (a candidate) was seen at the same height in three
-  scans within half a second.
-- `LOWERED`: the surface is lower than the height, and the height was not confirmed for
-  `scanning_duration`, or at most `conflict_points` points ever supported the height. In the first
-  case, only points whose beams entered the cell above the old height count.
+- `RAISED`: the surface is higher than the height; or a smaller cluster above the surface, with at
+  least `conflict_points` points (a candidate), was seen at the same height in three scans within
+  half a second.
+- `LOWERED`: the surface is lower than the height, and either the height was not confirmed for
+  `scanning_duration`, or at most `conflict_points` points ever supported it. In the first case,
+  only points whose beams entered the cell above the old height count.
 - `CONTRADICTED`: none of the above; the height stays.
 
 `RAISED`, `LOWERED` and `CONTRADICTED` are conflicts; each adds `multi_height_noise`.
@@ -151,7 +151,7 @@ class Fusion:
         return used
 
     def _decide(self, surface: Integers, is_large: Mask) -> None:
-        """Set `outcomes` and `chosen`, without candidates, which `_merge` evaluates."""
+        """Set `outcomes` and `chosen`, except for candidates, which `_merge` evaluates."""
         clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
         agrees = clusters.agree(old, self.state.variances[self._cells])
         smaller = is_large & (self._numbers < surface[groups])
@@ -170,7 +170,7 @@ class Fusion:
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
         """Return a mask (k,) of the cells whose height a lower cluster may replace."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
-        # A higher neighbor indicates an obstacle that covers a part of the cell.
+        # A higher neighbor indicates an obstacle that covers part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
         alone = beside <= self.clusters.means[chosen] + self.geometry.resolution
         gives = alone & (self.state.memory.support[cells] <= given.conflict_points)
@@ -206,9 +206,9 @@ class Fusion:
         support[grown] = SIGHTINGS * clusters.counts[found[grown]]
 
         state.heights[cells], state.memory.support[cells] = heights, support
-        # Points are spread over the cell. If u is the largest height difference to a neighbor, at
-        # most the resolution, the mean of n points has the variance u^2 / (12 n) around the height
-        # at the center. A cell with few points beside a cell with many contains only the noise tail
+        # Points are spread over the cell. With the largest height difference u to a neighbor (at
+        # most the resolution), the mean of n points has variance u^2 / (12 n) around the height at
+        # the center. A cell with few points next to a cell with many contains only the noise tail
         # of the neighbor's points, which does not average out.
         size, low = self.geometry.size, heights.astype(np.float32)
         above = highest_around(state.heights, size)[cells] - low

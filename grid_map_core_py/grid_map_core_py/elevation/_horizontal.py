@@ -2,7 +2,7 @@
 """Heights and bounds that account for the horizontal uncertainty of cells.
 
 Each cell becomes a mixture of the cells around it. The weight of a neighbor is the probability that
-a normal error with the cell's `horizontal_variance` along each axis ends in the neighbor.
+a normal position error (the cell's `horizontal_variance` along each axis) ends in that neighbor.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from scipy.special import ndtr
 from .._arrays._checks import Layer
 from ..limits import check_cells
 
-_REACH = 3.0  # standard deviations from the cell to the farthest neighbor
-_FARTHEST = 4  # cells to the farthest neighbor
+_REACH = 3.0  # largest distance to a neighbor [standard deviations]
+_FARTHEST = 4  # largest distance to a neighbor [cells]
 _TAIL = 0.01  # probability beyond a bound
 
 Cells = NDArray[np.float64]
@@ -62,7 +62,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield weights, heights and variances (k,), one neighbor of all known cells at a time."""
+    """Yield weights, heights and variances (k,) of one neighbor of each known cell at a time."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
@@ -87,7 +87,7 @@ def _share(step: int, deviations: Cells) -> Cells:
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the smallest value (k,) such that larger values weigh at most `_TAIL`."""
+    """Return the smallest value (k,) above which the total weight is at most `_TAIL`."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.argmax(above > _TAIL, axis=0)

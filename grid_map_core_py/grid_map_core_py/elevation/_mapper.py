@@ -43,7 +43,7 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 _LOOPS = deal, grow_clusters, cover, trace
 
 LATE = 10**9
-"""If all scans of this period [ns] are earlier than a previous scan, the clock restarts."""
+"""If scans stay earlier than a previous scan for longer than this [ns], the clock restarts."""
 
 KEPT = "time", *BOUNDS
 """Layers that `masked_replace` does not copy from the other map."""
@@ -77,11 +77,11 @@ class UpdateReport:
 
 
 class ElevationMapper:
-    """Map of heights with variances from the scans of range sensors, around a moving robot.
+    """Elevation map with variances around a moving robot, built from range sensor scans.
 
     The layers are `elevation` [m], `variance` of the elevation [m^2], `time` of the last
-    confirmation [s since the first scan], `upper_bound` and `lower_bound` of the height with a
-    probability of 99 % [m], and one layer for each value of the points. NaN means unknown.
+    confirmation [s since the first scan], `upper_bound` and `lower_bound` of the height with 99 %
+    probability [m], and one layer for each point value. NaN means unknown.
 
     Args:
         geometry: size, resolution and initial position of the map.
@@ -90,7 +90,7 @@ class ElevationMapper:
         value_fusions: maps value names or regular expressions to a fusion method: `average`,
             `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is `color` for
             `rgb`, `rgba` and `color`, and `average` for all other values.
-        parameters: fields of the elevation mapping parameters, such as `min_variance`.
+        parameters: elevation mapping parameters, such as `min_variance`.
 
     Raises:
         ConfigError: a parameter is unknown or invalid.
@@ -183,7 +183,7 @@ class ElevationMapper:
                 `RuntimeWarning`.
             pose_covariance: (6, 6) covariance of x, y, z [m], roll, pitch, yaw [rad] of the sensor;
                 rotations are about the map axes. None means an exact pose.
-            values: further values (N,) of the points by layer name.
+            values: further point values (N,) by layer name.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             sensor: noise model; None uses the model passed to the constructor.
             limits: parameters whose range and height limits apply to this scan; None uses the
@@ -191,7 +191,7 @@ class ElevationMapper:
 
         Raises:
             GridMapError: an argument is invalid; the message names the argument.
-            LimitError: the layers of the values would be too large.
+            LimitError: the value layers would be too large.
         """
         clock = _Stages()
         with clock.stage("points"):
@@ -222,7 +222,7 @@ class ElevationMapper:
             hidden = in_map_order(self._hidden, moved.position)
             height, noise = self._noise, covariance
             if covariance is not None:
-                # Drift of the odometry is not noise: drift compensation shifts the map with it.
+                # Odometry drift is not noise: drift compensation shifts the map along with it.
                 height = min(height, float(covariance.matrix[0, 0]))
                 noise = covariance.with_height(min(height, self._parameters.largest_share))
             limits = limits or self._parameters
@@ -243,7 +243,7 @@ class ElevationMapper:
         return report
 
     def configure(self, **parameters: Any) -> None:
-        """Change parameters except `horizontal_variances`; after an error all are unchanged."""
+        """Change parameters, except `horizontal_variances`; if an error occurs, none changes."""
         new = build(Parameters, {**vars(self._parameters), **parameters})
         has_layer = self._parameters.horizontal_variances
         kept = new.horizontal_variances == has_layer
@@ -272,9 +272,9 @@ class ElevationMapper:
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace the layers of this map with the layers of another map where the maps overlap.
 
-        All layers that exist in both maps are replaced. Each cell gets the value, NaN included, of
-        the other map's cell that contains the cell center. If the other map has no layer
-        `variance`, the variance of new heights is `min_variance`.
+        All layers that exist in both maps are replaced. Each cell gets the value (even NaN) of the
+        other map's cell that contains its center. If the other map has no layer `variance`, the
+        variance of new heights is `min_variance`.
 
         Args:
             grid_map: the other map, in the same frame.
@@ -315,7 +315,7 @@ class ElevationMapper:
     def fused_map(self) -> GridMap:
         """Return a copy of the map that accounts for the horizontal uncertainty of cells.
 
-        Each known cell becomes a mixture of the cells that it may coincide with. The layers
+        Each known cell becomes a mixture of the cells within its horizontal uncertainty. The layers
         `elevation` and `variance` describe the mixture, and each bound excludes 1 % of the mixture.
         Other layers stay unchanged.
 
@@ -334,7 +334,7 @@ class ElevationMapper:
     # Stages
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
-        """Age the cells; return the start of the clock and the time of the scan [ns]."""
+        """Age the cells; return the clock start and the scan time [ns]."""
         start = stamp if self._start is None else self._start
         first = stamp if self._late is None else self._late
         self._late = first if stamp < last else None

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters of elevation mapping, and sensor models, which predict the variance of heights.
+"""Elevation mapping parameters, and sensor models, which predict the variance of heights.
 
 A model describes the covariance S (3, 3) of a point in the sensor frame. Elevation mapping uses
-only the variance along the vertical of the map, `axis @ S @ axis`. `axis` (3,), the vertical in the
-sensor frame, is the third row of the rotation from the sensor to the map frame.
+only the variance along the map's vertical, `axis @ S @ axis`, where `axis` (3,) is the vertical in
+the sensor frame: the third row of the rotation from the sensor to the map frame.
 """
 
 from __future__ import annotations
@@ -36,16 +36,15 @@ class Parameters:
         time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
-        conflict_points: number of points of one scan that must agree to replace a height.
-        min_support: number of points that a higher cluster needs to become the surface at once, as
-            a share of the points in the cell's densest cluster. Smaller clusters must be seen in
-            three scans.
-        overhang_clearance: gap above the ground from which a higher cluster is an overhang [m]:
-            the cell keeps the ground, and the layer `overhang` holds the lower side of the
+        conflict_points: number of points in one scan that must agree to replace a height.
+        min_support: share of the points in the cell's densest cluster that a higher cluster needs
+            to become the surface at once. Smaller clusters must be seen in three scans.
+        overhang_clearance: gap above the ground beyond which a higher cluster is an overhang [m]:
+            the cell keeps the ground height, and the layer `overhang` holds the underside of the
             overhang; with 0, the cell gets the highest surface.
         max_time_jump: time difference between two scans above which the map clock restarts [s].
         enable_visibility_cleanup: clear cells that beams have passed through.
-        max_ray_length: length up to which beams clear cells [m].
+        max_ray_length: distance from the sensor up to which beams clear cells [m].
         cleanup_min_angle: smallest angle between a surface and the beams that clear it [rad].
         enable_drift_compensation: shift the map vertically to match the scans.
         max_drift: largest offset between scan and map to compensate [m].
@@ -58,7 +57,7 @@ class Parameters:
         max_range: largest distance of points from the sensor [m].
         horizontal_variances: keep the layer `horizontal_variance`, which
             `ElevationMapper.fused_map` needs.
-        exponential_alpha: weight of the last scan in the fusion `exponential`, 0 to 1.
+        exponential_alpha: weight of the last scan in `exponential` fusion, 0 to 1.
     """
 
     min_variance: float = 9e-6
@@ -125,7 +124,7 @@ Numbers = NDArray[np.float64]
 
 
 class SensorModel(Protocol):
-    """Interface of the noise model of a range sensor; implement it for custom sensors."""
+    """Interface for range sensor noise models; implement it for custom sensors."""
 
     def vertical_variances(self, points: Numbers, distances: Numbers, axis: Numbers) -> Numbers:
         """Return the vertical variances (n,) of points [m^2].
@@ -136,7 +135,7 @@ class SensorModel(Protocol):
             axis: (3,) unit vector of the map's vertical, sensor frame.
 
         Returns:
-            Variances; NaN for points that the sensor cannot measure, which are dropped.
+            Variances; NaN for points that the sensor cannot measure. These points are dropped.
         """
 
 
@@ -161,14 +160,14 @@ class _Model:
 
 @dataclass(frozen=True, kw_only=True)
 class LaserModel(_Model):
-    """Lidar: noise along the beam, and a beam that widens with the distance.
+    """Lidar: noise along the beam, and a beam that widens with distance.
 
-    Each point has the direction of its own beam, so the model also fits spinning lidars.
+    Each point has its own beam direction, so the model also fits spinning lidars.
 
     Attributes:
         min_radius: standard deviation along the beam [m].
         beam_constant: standard deviation across the beam at distance 0 [m].
-        beam_angle: growth of the standard deviation across the beam with the distance [rad].
+        beam_angle: growth of the standard deviation across the beam with distance [rad].
     """
 
     min_radius: float = 0.018
@@ -283,7 +282,7 @@ class PerfectModel(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantModel(_Model):
-    """Vertical variance of `sensor_noise_factor` times the squared distance, in all directions.
+    """Vertical variance that grows with the squared distance, independent of the direction.
 
     Attributes:
         sensor_noise_factor: vertical variance at a distance of 1 m [m^2].

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans: covariances of sensor poses, and the assignment of points to map cells."""
+"""Scans: sensor pose covariances, and the assignment of points to map cells."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LEAST_VARIANCE = 1e-12
 """Lower limit of the variance of a point [m^2], so that weights stay finite."""
 
 _TOLERANCE = 1e-6
-"""Tolerance of symmetry and of negative eigenvalues, relative to the largest element."""
+"""Tolerance for asymmetry and negative eigenvalues, relative to the largest element."""
 
 _HEIGHT_AND_TILT, _LEVEL = np.array([2, 3, 4]), np.array([0, 1, 5])
 """Indices of (z, roll, pitch) and of (x, y, yaw) in a pose (x, y, z, roll, pitch, yaw)."""
@@ -33,7 +33,7 @@ _HEIGHT_AND_TILT, _LEVEL = np.array([2, 3, 4]), np.array([0, 1, 5])
 
 @dataclass(frozen=True)
 class Covariance:
-    """Covariance of the pose of a sensor; rotations are about the map axes.
+    """Sensor pose covariance; rotations are about the map axes.
 
     Attributes:
         matrix: (3, 3) covariance of z [m], roll and pitch [rad].
@@ -44,10 +44,10 @@ class Covariance:
     level: NDArray[np.float64]
 
     def of_points(self, x: Any, y: Any) -> Any:
-        """Return the variance of the height of points due to the pose [m^2].
+        """Return the height variance of points due to the pose [m^2].
 
         A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
-        result is `J_q Q J_q^T` with J_q = (y, -x), plus the variance of z.
+        result is `J_q Q J_q^T`, with J_q = (y, -x) and Q = cov(roll, pitch), plus the z variance.
 
         Args:
             x, y: positions relative to the sensor [m], map frame.
@@ -62,7 +62,7 @@ class Covariance:
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the variance of cell heights due to the pose [m^2], with covariances of z."""
+        """Return the variance of cell heights due to the pose [m^2], including covariances of z."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
@@ -108,7 +108,7 @@ def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covaria
     """Return the covariance that the motion from one pose to the next adds.
 
     The old covariance is propagated to the new position: a tilt lifts the sensor by
-    `roll * dy - pitch * dx`. Nothing is added where the new pose is more certain than the result.
+    `roll * dy - pitch * dx`. Nothing is added where the new covariance is smaller.
 
     Args:
         old, new: covariances of both poses.

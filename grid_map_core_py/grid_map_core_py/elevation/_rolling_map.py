@@ -40,9 +40,9 @@ class RollingMap:
             clouds the same weight, and adds the layers `variance` (population variance [m^2]) and
             `count` (number of points).
         reduction: reduces the points of one cloud in a cell to one height: `max`, `min`, `mean`,
-            `median`, `first` or `last`. The fusion `mean` ignores the reduction.
-        max_count: for the fusion `mean`, maximum weight of earlier clouds in points, so that the
-            map follows changes of the ground; 0 means no limit.
+            `median`, `first` or `last`. `mean` fusion ignores the reduction.
+        max_count: for `mean` fusion, maximum weight of earlier clouds [points], so that the map
+            follows changes in the ground; 0 means no limit.
         min_height, max_height: points below or above these heights are ignored [m], map frame.
 
     Raises:
@@ -107,8 +107,8 @@ class RollingMap:
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
                 map are ignored.
-            columns: further values (N,) of the points by layer name; these layers hold the mean
-                from the last cloud with values in the cell.
+            columns: further point values (N,) by layer name; these layers hold the mean from the
+                last cloud with values in the cell.
             transform: (4, 4) from the sensor to the map frame; None for points in the map frame.
             min_range, max_range: smallest and largest distance of points from the sensor [m];
                 other points are ignored.
@@ -130,7 +130,7 @@ class RollingMap:
             # The identity transform is skipped, so that the points keep their type.
             if not np.array_equal(matrix, np.eye(4)):
                 cloud = (rotated(cloud, matrix[:3, :3]) + matrix[:3, 3:4]).T
-        # All steps that can fail precede the move of the map.
+        # All steps that can fail come before the map is moved.
         geometry = self._map.geometry
         if position is not None:
             geometry = geometry.shifted(geometry.index_shift(position))
@@ -168,7 +168,7 @@ def _newer(old: Layer, new: Layer) -> Layer:
 
 
 def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
-    """Return the mean, variance and number of old and new points together.
+    """Return the mean, variance and count of the old and new points combined.
 
     Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
     """
@@ -193,4 +193,4 @@ _FUSIONS: dict[str, Callable[[_Layers, _Layers, float], _Layers]] = {
     "mean": _mean,
     "last": lambda old, new, _: {name: _newer(old[name], new[name]) for name in new},
 }
-"""Functions that fuse the layers of the map with the layers of a new cloud, by fusion name."""
+"""Maps fusion names to functions that fuse the map layers with the layers of a new cloud."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Working copy of the layers of an elevation map during an update, and neighbors of cells."""
+"""Working copy of the elevation map layers during an update, and neighborhood functions."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HORIZONTAL = "horizontal_variance"
 OVERHANG = "overhang"
 
 _OLDEST = 2.0**24
-"""Upper limit of ages [ms]; float32 represents all integers up to this one."""
+"""Upper limit of ages [ms]; float32 represents all integers up to this value."""
 
 
 @dataclass
@@ -173,14 +173,14 @@ def at_centers(
     """Return the heights (n,) of points, moved along the slope to their cell centers [m].
 
     The slope along each axis is the smaller of the height differences to both neighbors. If the
-    differences have opposite signs, or one is within the gate, the slope is 0: the cell is at a
-    step.
+    differences have opposite signs, or one is within the gate, the slope is 0: the cell is level
+    or at a step.
 
     Args:
         points: (3, n) points on the map.
         cells: (n,) cells of the points.
         heights, variances: (cells,) heights and variances of the map.
-        threshold: threshold of the gate.
+        threshold: gate threshold [standard deviations].
     """
     seen = np.zeros(len(heights), np.bool_)
     seen[cells] = True
@@ -203,7 +203,7 @@ def at_centers(
         smaller = np.where(np.abs(one) < np.abs(other), one, other)
         slopes[known] = np.where(one * other > 0.0, smaller, 0.0)
         sloping = np.flatnonzero(slopes[cells])
-        # Rows and columns are in the direction of descending x and y.
+        # Rows and columns run along descending x and y.
         away = (centers[place[sloping]] - points[axis, sloping]) / geometry.resolution
         result[sloping] -= slopes[cells[sloping]] * away
     return result

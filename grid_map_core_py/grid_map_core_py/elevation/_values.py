@@ -6,7 +6,7 @@ height is replaced loses its earlier values. Fusion methods:
 
 - `average`: mean over all scans, weighted by the inverse variances of the heights.
 - `latest`: the same mean over the last scan with points in the cell.
-- `exponential`: weighted sum of `latest`, with weight `exponential_alpha`, and the old value.
+- `exponential`: weighted sum of `latest` (weight `exponential_alpha`) and the old value.
 - `max`: the largest value.
 - `color`: packed colors; the mean of each channel over the last scan with points in the cell.
 - `class_bayesian`: class probabilities. All layers that match one pattern form a set of classes.
@@ -51,7 +51,7 @@ class Chosen:
 
 
 class ValueFusion:
-    """Fuses values of points into layers.
+    """Fuses point values into layers.
 
     Args:
         fusions: maps value names, or regular expressions that match the whole name, to a fusion
@@ -84,7 +84,7 @@ class ValueFusion:
         """Fuse point values (n,) into flat layers (cells,).
 
         Args:
-            values: values of all points on the map, in the order before sorting, by layer name.
+            values: unsorted values of all points on the map, by layer name.
             layers: layers by name; updated in place.
             weights: weights of `average` by layer name, and counts of `class_bayesian` by class
                 pattern; updated in place.
@@ -174,7 +174,7 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of the fused points, in an order-independent sequence."""
+    """Return cells, values and weights of fused points, sorted independently of the scan order."""
     points = chosen.points
     # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)

@@ -8,17 +8,17 @@ clears a cell that was not confirmed for `scanning_duration`, unless
 
 - the point of the beam lies in the cell,
 - a point of this scan in the cell or its 8 neighbors is higher than the beam, or at most one
-  resolution lower: the beam passed beside a remaining obstacle, such as a wall that covers a part
-  of the cell,
+  resolution lower: the beam passed next to a remaining obstacle, such as a wall that covers part of
+  the cell,
 - another cell, at most two cells away, still contains an obstacle: no beam crossed that cell below
-  its foot, and the foot is higher than the beam or at most one resolution lower, and more than one
+  its foot, which is higher than the beam or at most one resolution lower, and more than one
   resolution above the lowest neighbor (beams along a wall pass between the points of the wall), or
 - the beam grazes the surface: the angle between the beam and the plane through the neighbors is
   less than `cleanup_min_angle`.
 
-The end of a beam is raised by three standard deviations of its point. Where a beam is below the
-surface of a cell that this scan confirmed, or of a neighbor, the beam was reflected; from there on
-it clears no cells.
+The end of a beam is raised by three standard deviations of its point. Where a beam runs below the
+feet of all cells in the 3 x 3 neighborhood that this scan confirmed, the beam was reflected; from
+there on it clears no cells.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def cleared_cells(
         _trace_arrays(ways, frame, size, surface)
     proven = np.flatnonzero(proofs < np.inf)
     found, beams = candidates[proven], proofs[proven]
-    # Keep cells next to an obstacle that no beam crossed; they may be a part of the obstacle.
+    # Keep cells next to an obstacle that no beam crossed; they may be part of the obstacle.
     feet[candidates[crossed.view(np.bool_)]] = np.nan
     ground = -highest_around(-heights, size)[found]
     beside = highest_around(feet, size, 2)[found]
@@ -181,7 +181,7 @@ def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -
 def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
     """Return whether the angle between a beam and the surface of a cell is large enough.
 
-    The sine of the angle is the component of the beam along the normal, divided by its length.
+    The sine of the angle is the beam's component along the normal, divided by the beam length.
     """
     x, y = x * resolution, y * resolution
     across = x * normals[place] + y * normals[place + 1] + rise * normals[place + 2]
@@ -192,7 +192,7 @@ MARGIN = 1e-9
 """Safety margin [m] for rounding when `last_ring` skips rings that a beam cannot clear."""
 
 SECTORS, RINGS = 512, 32
-"""Number of polar bins around the sensor; a beam above all cells of the outer bins skips them."""
+"""Number of polar bins around the sensor; a beam above all cells in the outer bins skips these."""
 
 
 def direction(x: Any, y: Any) -> Any:
@@ -244,7 +244,7 @@ def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the beam parameter at the end of the last ring where it can clear cells, or 0."""
+    """Return the beam parameter at the end of the last ring where a beam can clear cells, or 0."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))
@@ -272,13 +272,13 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
         ways: x, y and z of the vectors from the sensor to the points [m].
         count: number of beams.
         frame: row, column and height of the sensor, the resolution, the sine of the smallest angle,
-            and the maximum length of beams.
+            and the maximum beam length.
         size: rows and columns of the map.
         table: result of `cover`.
         surface: for each cell, the height below which beams clear the cell, and its index among the
             candidates; floors and normals of the candidates; for each cell, the height below which
-            beams end. The last two are results for the candidates: the height of the lowest beam
-            that proves the candidate to be free, and 1 if a beam crossed the candidate.
+            beams end. The last two arrays are results for the candidates: the height of the lowest
+            beam that proves a candidate to be free, and 1 if a beam crossed the candidate.
     """
     rows, columns = size
     width = ring_width(frame, size)

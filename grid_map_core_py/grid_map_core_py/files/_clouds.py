@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Loading of point clouds and meshes, as arrays or as maps.
+"""Loads point clouds and meshes as arrays or maps.
 
 The package `pypcd4` reads PCD files, and `trimesh` reads PLY, OBJ and STL files.
 """
@@ -22,7 +22,7 @@ from ..map._grid_map import GridMap
 from ._shared import naming, package_for, storage_errors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
-"""Mapping from field names to the (N,) values of the points."""
+"""Maps field names to point values (N,)."""
 
 _MESHES = (".ply", ".obj", ".stl")
 
@@ -88,7 +88,7 @@ def load_mesh(path: str | PathLike[str]) -> tuple[npt.NDArray[np.float64], npt.N
 
     Returns:
         vertices: (V, 3) x, y, z.
-        faces: (F, 3) indices of vertices.
+        faces: (F, 3) vertex indices.
     """
     file = Path(path)
     meshes = [mesh for mesh in _read_meshes(file) if hasattr(mesh, "faces")]
@@ -116,12 +116,11 @@ def load_cloud(
 
     Args:
         path: a PCD, PLY, OBJ or STL file.
-        layers: names of the layers to create, from the heights and fields of the points; None
-            means all.
+        layers: names of the layers to create from the point heights and fields; None means all.
         resolution: side of a cell [m]; required.
         kind: "points" or "mesh"; None means "mesh" if the file has faces.
-        height_layer: name of the layer of the heights.
-        reduction: reduction of the heights of the points in a cell, as in `from_points`.
+        height_layer: name of the height layer.
+        reduction: reduction of the point heights in a cell, as in `from_points`.
         min_height, max_height: smallest and largest height of points that are used [m].
         tight: for points; True centers the map on the points, False aligns its borders with
             multiples of the resolution.
@@ -163,7 +162,7 @@ def load_cloud(
 
 
 def describe_cloud(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the numbers of points and faces, the fields and the extent of a cloud or mesh file."""
+    """Return the point and face counts, the fields and the extent of a cloud or mesh file."""
     mesh = _mesh(path, required=False)
     points, fields = load_points(path)
     lower, upper = _extent(path, points)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Table of file formats; `load` and `save` choose a format by the file name."""
+"""Registry of file formats; `load` and `save` choose a format from the file name."""
 
 import inspect
 import warnings
@@ -24,10 +24,10 @@ GROUP = "grid_map_core_py.formats"
 
 
 class MapRecord(Protocol):
-    """A map in a file that has not been read yet."""
+    """A map in a file, not read yet."""
 
     time: int
-    """Time of recording [ns]."""
+    """Recording time [ns]."""
 
     def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
         """Read the map; `unwrap=False` keeps the stored start index."""
@@ -45,14 +45,14 @@ class Format:
         endings: file name endings, in lower case, such as ".npz".
         reads: function that returns whether a path can be read, for folders and for endings that
             several formats share; None means that the endings decide.
-        writes: function that returns whether a path can be written; None as for `reads`.
-        load: `load(path, layers=None, **options)` returns one map; None if the format is not read.
-        save: `save(grid_map, path, **options)` writes one map; None if it is not written.
-        describe: `describe(path, **options)` quickly returns the metadata of a file as JSON values;
-            "map" contains the metadata of the map. If None, the map is loaded.
+        writes: function that returns whether a path can be written; None as in `reads`.
+        load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
+        save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
+        describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
+            "map" contains the map metadata. If None, the map is loaded.
         open_maps: for formats with several maps per file: `open_maps(path, **options)` accepts the
-            options of `load` except `layers` and `index`, and returns a context manager of a
-            sequence of `MapRecord` with an attribute `topic`.
+            options of `load` except `layers` and `index`, and returns a context manager that yields
+            a sequence of `MapRecord` with an attribute `topic`.
         save_maps: for formats with several maps: `save_maps(path, maps, **options)` writes pairs of
             time [ns] (or None) and map, one at a time, and returns their number.
         save_all: for formats that also store other messages: `save_all(source, path, **options)`
@@ -114,8 +114,8 @@ def save(
 ) -> None:
     """Write a map to a file or folder; the name selects the format.
 
-    The file or folder is written atomically; an existing one of the same format is
-    replaced. If several formats share an ending, the first that accepts all options is used.
+    The file or folder is written atomically, and replaces an existing one of the same format. If
+    several formats share an ending, the first that accepts all options is used.
 
     Args:
         grid_map: the map.
@@ -134,10 +134,10 @@ def save(
 
 @cache
 def formats() -> dict[str, Format]:
-    """Return all formats by name: first built-in formats, then formats of entry points.
+    """Return all formats by name: first built-in formats, then formats from entry points.
 
-    A package adds a format through an entry point of the group `grid_map_core_py.formats`, which
-    has its name and refers to a `Format`. A format that cannot be loaded is skipped with a warning.
+    An entry point in the group `grid_map_core_py.formats` adds a format: it has the format's name
+    and refers to a `Format`. A format that cannot be loaded is skipped with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
     # Built-in formats come first, because any folder may be a bag.
@@ -146,7 +146,7 @@ def formats() -> dict[str, Format]:
     for entry in sorted(entries, key=lambda one: (not one.value.startswith(own), one.name)):
         try:
             known.setdefault(entry.name, entry.load())
-        # Any error of a plug-in leaves the other formats usable.
+        # Any error in a plug-in leaves the other formats usable.
         except Exception as error:
             warnings.warn(
                 f"format {entry.name!r} of {entry.value}: cannot be loaded: {error}", stacklevel=2

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """GeoTIFF files with one float32 band per layer; the band description is the layer name.
 
-NaN is no data. Rows of a raster run towards -y and columns towards +x. A tag stores the frame, time
-and basic layers. The raster defines the position, so rasters cropped by other programs are correct.
-
-The first part of this module reads and writes whole maps. `grid_map_core_py.tiled` reads and writes
-windows with the functions of the second part.
+NaN means no data. Raster rows run towards -y and columns towards +x. A tag stores the frame, time
+and basic layers. The geotransform defines the position, so rasters cropped by other programs load
+correctly. The first part of this module reads and writes whole maps; `grid_map_core_py.tiled` uses
+the second part to read and write windows.
 """
 
 import json
@@ -73,19 +72,19 @@ def save_geotiff(
 
 
 def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
-    """Load a map from a GeoTIFF file of `save_geotiff` or another program.
+    """Load a map from a GeoTIFF file written by `save_geotiff` or another program.
 
     A single band without a name becomes the layer `elevation`; several become `band_1` and so on.
-    Masked pixels become NaN. Scales and offsets of bands are applied. The function warns if the
+    Masked pixels become NaN. Band scales and offsets are applied. The function warns if the
     coordinates are not in meters.
 
     Args:
-        path: the file, or a virtual file of GDAL, such as `/vsicurl/https://...`.
+        path: the file, or a GDAL virtual file, such as `/vsicurl/https://...`.
         layers: names of the layers to read; None means all.
 
     Raises:
         GridMapError: the file is damaged or not a GeoTIFF, its pixels are not axis-aligned squares,
-            it lacks a layer, or rasterio is not installed.
+            a layer is missing, or rasterio is not installed.
     """
     with _opened(path) as (_, stored):
         return stored.load(layers)
@@ -120,7 +119,7 @@ def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
 
 
 def gdal(path: str | PathLike[str], **options: Any) -> Any:
-    """Return a rasterio environment with a small block cache, in which GDAL logs errors."""
+    """Return a rasterio environment with a small block cache, which also logs GDAL errors."""
     if "GDAL_CACHEMAX" not in os.environ:
         options["GDAL_CACHEMAX"] = _CACHE
     return package_for(path, "GeoTIFF", "rasterio").Env(**options)
@@ -159,7 +158,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 
 
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
-    """Return the origin of the map frame in the reference system [m]; None if both coincide."""
+    """Return the map frame's origin in the reference system [m]; None if the origins coincide."""
     tags = _tags_of(raster)
     if "origin" not in tags:
         return None
@@ -177,7 +176,7 @@ def _tags_of(raster: Any) -> dict[str, Any]:
 
 
 def unit_of(raster: Any) -> str:
-    """Return the coordinate unit of a raster; empty for meters and if unknown."""
+    """Return the coordinate unit of a raster; empty if it is meters or unknown."""
     if raster.crs and raster.crs.is_geographic:
         return "degrees"
     if raster.crs and raster.crs.is_projected:
@@ -214,13 +213,13 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
 def read_pixels(
     raster: Any, bands: Sequence[int], window: tuple[slice, slice], images: Sequence[Layer]
 ) -> None:
-    """Read a window of several bands; mask pixels as NaN, and apply scales and offsets.
+    """Read a window of several bands; masked pixels become NaN, scales and offsets are applied.
 
     Args:
         raster: the open dataset.
         bands: band numbers, starting at 1.
-        window: slices of the lines and pixels of the raster.
-        images: arrays to fill, one per band: (lines, pixels) float32, of any strides.
+        window: line and pixel slices of the raster.
+        images: arrays to fill, one per band: (lines, pixels) float32, with any strides.
 
     Raises:
         ValueError: a band contains complex numbers.
@@ -228,7 +227,7 @@ def read_pixels(
     rectangle = import_module("rasterio.windows").Window.from_slices(*window)
     kinds = {flag.name for flags in raster.mask_flag_enums for flag in flags}
     is_plain = kinds == {"nodata"} and all(map(math.isnan, raster.nodatavals))
-    # All bands at once; otherwise GDAL unpacks interleaved blocks once for each band.
+    # Read all bands at once; otherwise GDAL unpacks interleaved blocks once for each band.
     found = raster.read([*bands], window=rectangle, masked=not is_plain)
     if np.iscomplexobj(found):
         raise ValueError(f"expected real numbers, got {found.dtype}")
@@ -268,8 +267,8 @@ def describe_raster(raster: Any, layers: Sequence[str], facts: dict[str, Any]) -
     Args:
         raster: the open dataset.
         layers: names of the bands.
-        facts: frame_id, timestamp, basic_layers; for a frame with another origin, also
-            its position `origin` [m] in the reference system `crs`.
+        facts: frame_id, timestamp, basic_layers; for a map frame with its own origin, also the
+            `origin` [m] in the reference system `crs`.
     """
     raster.update_tags(**{_TAG: json.dumps(facts)})
     raster.descriptions = tuple(layers)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Height maps stored as gray images, and image reading and writing for all formats.
 
-In files, up is +y and right is +x, as in GeoTIFF, nav2's `map_server` and RViz's view from above.
-In arrays of `grid_map_core_py.conversions`, up is +x, as in the images of the C++ package.
+In files, up is +y and right is +x, as in GeoTIFF, nav2's `map_server` and the RViz top-down view.
+In `grid_map_core_py.conversions` arrays, up is +x, as in the images of the C++ package.
 
 A height image stores only pixels; the caller provides the resolution and the heights of black and
 white.
@@ -32,7 +32,7 @@ HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 
 _PNM_HEAD = re.compile(rb"P([1-6])\s+(?:#.*\s+)*(\d+)\s+(?:#.*\s+)*(\d+)\s+(?:(?:#.*\s+)*(\d+)\s)?")
-"""PNM header: kind, width, height, value of white (not in bitmaps); comments may be between."""
+"""PNM header: kind, width, height, white value (not in bitmaps), with optional comments between."""
 
 _TIFF_SHORT = 3
 """TIFF type code of 16-bit integers."""
@@ -55,7 +55,7 @@ def load_height_image(
     Colors are converted to luma.
 
     Args:
-        path: a PNG, TIFF, BMP or PGM file of uint8, uint16, float32 or float64.
+        path: a PNG, TIFF, BMP or PGM file with uint8, uint16, float32 or float64 pixels.
         layers: None, or the name of the only layer.
         resolution: side of a pixel [m]; required.
         lower, upper: heights of black and white [m]; invalid for floating-point images, which

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Occupancy maps of nav2's `map_server`: a YAML file and an image beside it.
+"""Occupancy maps of nav2's `map_server`: a YAML file and an image next to it.
 
 The YAML file defines how pixels are converted to occupancies. `shade` is the mean of the color
 channels, from 0 (black) to 1 (white); `occ` is `1 - shade`, or `shade` with `negate`. Modes:
 
-- `trinary`: 100 if `occ` is above `occupied_thresh`, 0 below `free_thresh`, else unknown. Alpha is
-  a fourth channel of the mean.
+- `trinary`: 100 if `occ` is above `occupied_thresh`, 0 below `free_thresh`, else unknown. Alpha
+  counts as a fourth channel of the mean.
 - `scale`: the same outside the thresholds; between them, linear from 0 to 100, rounded to the
   nearest integer, ties to even. Pixels that are not opaque are unknown.
-- `raw`: the value of the pixel if it is 0 to 100, else unknown. `negate` has no effect.
+- `raw`: the pixel value if it is 0 to 100, else unknown. `negate` has no effect.
 
 In the map, occupancies are 0 to 100, and unknown is NaN.
 Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
@@ -44,7 +44,7 @@ _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.19
 """Default thresholds (occupied, free), with which loading restores all saved values."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
-"""Pixel values of occupied, unknown and free cells that `map_saver` writes in mode trinary."""
+"""Pixel values of occupied, unknown and free cells that `map_saver` writes in `trinary` mode."""
 
 
 def load_map_server(
@@ -101,7 +101,7 @@ def save_map_server(
 ) -> None:
     """Write a layer as an occupancy map of nav2's `map_server`.
 
-    The image is a PGM file beside the YAML file, or a PNG file in mode `scale`, which needs alpha.
+    The image next to the YAML file is a PGM file, or a PNG file in `scale` mode, which needs alpha.
     The YAML file is replaced last; until then, the old map stays intact.
 
     Args:
@@ -111,9 +111,9 @@ def save_map_server(
             values are unknown. None means `occupancy`, or the only layer.
         mode: `trinary` keeps occupied, free and unknown; `scale` and `raw` keep all values.
         negate: whether white means occupied.
-        occupied_thresh, free_thresh: thresholds of occupied and free, 0 to 1. None means 0.65 and
-            0.196, or 1 and 0 in mode `scale`. Loading restores scaled values exactly if the
-            thresholds are at least 0.4 apart.
+        occupied_thresh, free_thresh: thresholds for occupied and free cells, 0 to 1. None means
+            0.65 and 0.196, or 1 and 0 in `scale` mode. Loading restores scaled values exactly if
+            the thresholds are at least 0.4 apart.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")
@@ -216,7 +216,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
         gray = np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5))
         return np.dstack([gray, gray, gray, 255 * known]).astype(np.uint8)
-    # Between the thresholds, because the usual pixel value of unknown cells may be outside.
+    # Between the thresholds, because the usual pixel value of unknown cells may lie outside them.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)

@@ -53,7 +53,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
     }
     arrays[_METADATA] = np.array(json.dumps(metadata))
     compression = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
-    # `numpy.savez` of NumPy 1.26 does not close the archive after an error.
+    # In NumPy 1.26, `numpy.savez` does not close the archive after an error.
     with (
         storage_errors(Path(path), "written"),
         new_file(path) as temporary,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Helpers of the file formats: errors, metadata, lazily read maps, atomic writing and YAML."""
+"""Helpers for the file formats: errors, metadata, lazily read maps, atomic writing and YAML."""
 
 import os
 import re
@@ -64,7 +64,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 @contextmanager
 def naming(path: str | PathLike[str]) -> Iterator[None]:
-    """Prefix the messages of errors with the path of a file."""
+    """Prefix error messages with the path of a file."""
     try:
         yield
     except GridMapError as error:
@@ -157,7 +157,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Replace the folder `target` with `temporary`; a hidden name keeps the old one meanwhile."""
+    """Replace the folder `target` with `temporary`; meanwhile, the old folder has a hidden name."""
     old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
     target.rename(old)
     try:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .._arrays._checks import Mask, Positions
 
 Coordinate = TypeVar("Coordinate", float, NDArray[Any])
-"""One coordinate [m] or an array of coordinates. NumPy and Python round both equally."""
+"""One coordinate [m] or an array of coordinates; rounding is the same for both."""
 
 BORDER_TOLERANCE = 1e-9
 """Distance [m] within which an edge or rim counts as lying on a cell border or center."""
@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    All attributes are plain numbers, which are several times faster than NumPy scalars; in the
-    result of `both_axes`, they are arrays.
+    All attributes are plain numbers, which are several times faster than NumPy scalars, or arrays
+    in the result of `both_axes`.
 
     Attributes:
         size: number of cells.
@@ -50,7 +50,7 @@ class Axis:
         """Return whether coordinates are on the map; False for NaN.
 
         The + border belongs to the map, the - border does not. Rounding is as in the C++
-        library, so that a position on a border falls on the same side.
+        library, so that a position on a border falls on the same side in both.
         """
         offset = self.offset(x)
         return (offset >= 0.0) & (offset < self.length)

@@ -83,7 +83,7 @@ class GridGeometry:
     def from_size(
         cls, size: Size, resolution: float, position: ArrayLike = (0.0, 0.0)
     ) -> GridGeometry:
-        """Create a geometry from the numbers of rows and columns, `size`."""
+        """Create a geometry from `size`, the number of rows and columns."""
         (rows, columns), resolution = as_size(size, "size"), as_number(resolution, "resolution")
         return cls((rows * resolution, columns * resolution), resolution, position)
 
@@ -236,7 +236,7 @@ class GridGeometry:
         """
         cells = as_cells(cells, name)
         if not cells[0].size or all(
-            # As unsigned integers, negative numbers are too large as well.
+            # Viewed as unsigned integers, negative numbers are too large, too.
             int(numbers.view(np.uint64).max()) < count
             for numbers, count in zip(cells, self.size, strict=True)
         ):
@@ -283,7 +283,7 @@ class GridGeometry:
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point of the map nearest to each of (..., 2) positions [m]."""
+        """Return the point of the map nearest to each position (..., 2) [m]."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")

@@ -52,14 +52,14 @@ class GridMap(MutableMapping[str, Layer]):
     `unwrapped(layer)` and `set_unwrapped(layer, values)` use map order instead.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
-    equal; NaN equals NaN. The order of the layers and the start index do not matter. Maps are
-    mutable and not hashable.
+    equal; NaN equals NaN. Layer order and start index do not matter. Maps are mutable and not
+    hashable.
 
     Args:
         length: (2,) side lengths along x and y [m], rounded to whole cells.
         resolution: side of a cell [m].
         position: (2,) center of the map [m], in `frame_id`.
-        layers: names of layers to add without data, or a mapping of names to values.
+        layers: names of layers to add without data, or a mapping from names to values.
         basic_layers: names of the layers that must be finite for a cell to be valid.
         frame_id: coordinate frame that all positions refer to.
         timestamp: time of the data [ns].
@@ -315,8 +315,8 @@ class GridMap(MutableMapping[str, Layer]):
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a new map with these layers added or replaced.
 
-        Both maps share the other layers, so neither map should be modified afterwards. Float32
-        arrays in Fortran order are used without a copy.
+        Both maps share all other layers, so neither should be modified afterwards. Float32 arrays
+        in Fortran order are used without a copy.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
@@ -353,7 +353,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Positions and indices
 
     def is_inside(self, positions: ArrayLike) -> bool | Mask:
-        """Return whether each of (2,) or (N, 2) positions [m] is inside the map.
+        """Return whether each (2,) or (N, 2) position [m] is inside the map.
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
         """
@@ -406,7 +406,7 @@ class GridMap(MutableMapping[str, Layer]):
     def axes(self) -> tuple[Positions, Positions]:
         """Return the x of each row (rows,) and the y of each column (cols,) of the layers [m].
 
-        Both are in the order in which layers are stored, also after `move`:
+        Both are in the order in which layers are stored, even after `move`:
 
             x, y = grid_map.axes()
             grid_map["elevation"] = np.sin(x[:, None]) * y
@@ -539,7 +539,7 @@ class GridMap(MutableMapping[str, Layer]):
             self._layers[layer] = ring_buffer.unwrapped(self._adopt(layer, value), back)
 
     def with_start_index(self, index: ArrayLike) -> GridMap:
-        """Return a copy of the map whose layers are stored from another start index.
+        """Return a copy of the map whose layers are stored with another start index.
 
         `with_start_index((0, 0))` stores all layers in map order.
         """
@@ -618,7 +618,7 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map gets the finite values of the other map at the center of the cell.
+        Each cell of this map gets the other map's finite values at the cell center.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.
@@ -642,7 +642,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Each cell with a finite height is a 3-D point with the values of the other layers. If
         several points fall into one cell, the highest one is used; among equal heights, the point
-        with the last column, then the last row. Points outside the new map are dropped.
+        from the last source column, then row. Points outside the new map are dropped.
 
         Args:
             transform: (4, 4) rotation and translation [m] from the frame of this map to the new
@@ -658,7 +658,7 @@ class GridMap(MutableMapping[str, Layer]):
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
-    # Datasets of xarray
+    # xarray
 
     def to_xarray(self, *, crs: str = "") -> xarray.Dataset:
         """Return the map as an xarray dataset.
@@ -722,7 +722,7 @@ class GridMap(MutableMapping[str, Layer]):
                 `elevation`, or the first layer.
             ax: axes to draw on; None means the current axes, or new axes for "surface".
             style: "flat", "surface" or "relief", or a style that another package adds.
-            options: of `plot`, `plot_3d` or `plot_relief` in `grid_map_visualization_py.pictures`.
+            options: for `plot`, `plot_3d` or `plot_relief` in `grid_map_visualization_py.pictures`.
 
         Raises:
             MissingPackageError: grid_map_visualization_py or Matplotlib is not installed.
@@ -787,7 +787,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Return `data` reordered to the start index `start`; no copy if it is unchanged."""
+        """Return `data` reordered to the start index `start`; not copied if already in order."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

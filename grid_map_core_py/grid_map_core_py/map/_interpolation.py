@@ -30,7 +30,7 @@ Places: TypeAlias = NDArray[np.intp]
 _PADDING = 2  # number of times that an axis repeats each border cell
 
 REACH = 3
-"""Largest distance between the cell of a position and a cell that affects its value [cells]."""
+"""Largest distance between a position's cell and a cell that affects the value there [cells]."""
 
 
 class Interpolation(Enum):
@@ -49,7 +49,7 @@ class Interpolation(Enum):
     """Bicubic Hermite polynomial between the 4 nearest cell centers.
 
     The slopes are central differences. The result differs from `CUBIC_CONVOLUTION` only within half
-    a cell of the border, where the slopes continue.
+    a cell of the border, where the slope of the border cell continues.
     """
 
 
@@ -217,7 +217,7 @@ class Surface:
 def _shape(method: Interpolation) -> tuple[int, bool]:
     """Return the number of cells that a method uses along an axis, and whether it is `CUBIC`.
 
-    As in C++, `CUBIC` treats a position on a line of centers as below the line, others as above.
+    As in C++, `CUBIC` assigns a position on a cell center to the interval below it, others above.
     """
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Extension of maps, and copying of data between maps."""
+"""Extends maps, and copies data between maps."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def add_data_from(
 
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
-    """Return `grid_map` extended to cover `other`; `grid_map` itself if nothing is missing."""
+    """Return `grid_map` extended to cover `other`, or `grid_map` itself if it already does."""
     check_frames(grid_map.frame_id, other)
     inner, outer = grid_map.geometry, other.geometry
     # Far from the origin, coordinates are less precise than the usual tolerance.

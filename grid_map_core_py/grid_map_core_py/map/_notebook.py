@@ -18,8 +18,8 @@ from .._arrays._checks import as_text
 from .._arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
 from ._grid_map import GridMap
 
-THUMBNAIL = 96  # pixels of the longer side of a layer's picture in the table
-PICTURE = 480  # pixels of the longer side of the single picture
+THUMBNAIL = 96  # longer side of a layer's picture in the table [pixels]
+PICTURE = 480  # longer side of the single picture [pixels]
 _OPAQUE = 255
 
 
@@ -71,7 +71,7 @@ def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
 
         pixels = np.stack(color_value_to_bytes(seen)[::-1], axis=-1)
     else:
-        # Scaled to the range of the whole layer; `fmax` and `fmin` turn NaN into the bound.
+        # Scaled to the range of the whole layer; `fmax` and `fmin` turn NaN into a bound.
         low, high = min_of_finites(grid_map[layer]), max_of_finites(grid_map[layer])
         factor = _OPAQUE / (high - low) if high > low else 0.0
         with np.errstate(over="ignore", invalid="ignore"):

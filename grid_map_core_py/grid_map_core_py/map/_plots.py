@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Loads drawing functions from another package, to avoid a circular dependency.
 
-Each entry point of the group `grid_map_core_py.plots` adds a style: a drawing function with the
+Each entry point in the group `grid_map_core_py.plots` adds a style: a drawing function with the
 parameters map, layer name, axes and options.
 """
 

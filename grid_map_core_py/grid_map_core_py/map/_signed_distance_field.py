@@ -22,8 +22,8 @@ Nodes: TypeAlias = NDArray[np.float32]
 
 _Coordinates: TypeAlias = list[Positions]  # three (N,): coordinates of N points along each axis
 
-_MOST_NODES = 2**31  # largest number of nodes (8 GiB); a larger field is a mistake in its heights
-_STRIP = 1 << 16  # number of cells in a strip, which fit into the cache
+_MOST_NODES = 2**31  # largest number of nodes (8 GiB); a larger field means wrong height limits
+_STRIP = 1 << 16  # cells per strip; a strip fits into the cache
 
 
 class SignedDistanceField:
@@ -155,7 +155,7 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        The derivatives are those of the interpolation in `value`. At planes through nodes (within
+        These are the derivatives of the interpolation in `value`. At planes through nodes (within
         1e-9 m), where the derivative is discontinuous, the result is the mean of both sides.
 
         Args:
@@ -311,13 +311,13 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
 
 
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
-    """Return the distance of each cell to the nearest far end of a vertical gap in any cell.
+    """Return the distances (rows, cols) from the nodes of a level to the nearest ground or air.
 
-    The gap of a cell extends from `lower` up to `upper`; one is a number, the other (rows, cols).
-    If `lower` exceeds `upper`, the gap height f(c) is 0. The squared distance of a cell is the
-    minimum of (distance to the center of c)^2 + f(c)^2 over all cells c: the generalized distance
-    transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions,
-    2012), computed along one axis after the other.
+    For ground, `upper` is the z of the level and `lower` the heights (rows, cols); for air, the two
+    are swapped. The vertical gap in cell c is f(c) = max(upper - lower, 0). The squared
+    distance of a node is the minimum of (distance to the center of c)^2 + f(c)^2 over all cells c:
+    the generalized distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
+    Sampled Functions, 2012), computed along one axis after the other.
     """
     # In float64, because the difference of large heights may be small.
     shape = np.broadcast_shapes(np.shape(upper), np.shape(lower))

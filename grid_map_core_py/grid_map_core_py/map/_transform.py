@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Transformation of maps to another coordinate frame."""
+"""Transforms maps to another coordinate frame."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ._geometry import GridGeometry
 if TYPE_CHECKING:
     from ._grid_map import GridMap
 
-_BLOCK = 1 << 14  # number of cells transformed at a time, whose points fit into the cache
+_BLOCK = 1 << 14  # cells transformed at a time; their points fit into the cache
 
 _Indices: TypeAlias = NDArray[np.intp]
 
@@ -85,7 +85,7 @@ def _seen_from_above(
         height_layer: name of the layer with the heights.
         geometry: the new grid.
         matrix: (3, 4) rotation and translation.
-        steps: offsets (dx, dy) [m] of the points of a cell from its center.
+        steps: offsets (dx, dy) [m] of a cell's points from its center.
     """
     heights = grid_map.unwrapped(height_layer)
     x, y = grid_map.geometry.axes_in_map_order()

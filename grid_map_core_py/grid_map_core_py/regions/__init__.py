@@ -8,7 +8,6 @@
   `OutOfMapError` for indices outside the map.
 - Windows around every cell: `sliding_windows`, `window_array`.
 - `Polygon`: a polygon in the plane of the map.
-- `half_chords` and `BORDER_TOLERANCE`: the rounding of discs and borders in all packages.
 """
 
 from ._polygon import Polygon as Polygon

@@ -15,7 +15,7 @@ from .._arrays._pieces import slices
 from ..errors import GeometryError, short
 from ..map._axis import BORDER_TOLERANCE
 
-_CHUNK = 2**16  # number of point-edge pairs in a chunk, which fits into the cache
+_CHUNK = 2**16  # point-edge pairs per chunk; a chunk fits into the cache
 
 
 class BoundingBox(NamedTuple):
@@ -72,7 +72,7 @@ class Polygon:
 
     @classmethod
     def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
-        """Create a circle of `n` vertices, counter-clockwise; the last vertex equals the first.
+        """Create a circle with `n` vertices, counter-clockwise; the last vertex equals the first.
 
         Args:
             center: (2,) center [m].
@@ -86,7 +86,7 @@ class Polygon:
     def convex_hull_of_two_circles(
         cls, center1: ArrayLike, center2: ArrayLike, radius: float, n: int = 20
     ) -> Polygon:
-        """Create the convex hull of two circles of the same radius.
+        """Create the convex hull of two circles with the same radius.
 
         Args:
             center1, center2: (2,) centers [m].
@@ -106,7 +106,7 @@ class Polygon:
 
     @classmethod
     def convex_hull(cls, *polygons: Polygon | ArrayLike) -> Polygon:
-        """Return the convex hull of polygons, counter-clockwise from the vertex of smallest x, y.
+        """Return the convex hull of polygons, counter-clockwise from the vertex with smallest x, y.
 
         Vertices in the middle of an edge are omitted (Andrew's monotone chain).
 

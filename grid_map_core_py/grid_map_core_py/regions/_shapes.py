@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells of the whole map, of blocks, discs, ellipses, polygons and lines; masks of cells."""
+"""Cells of whole maps, blocks, discs, ellipses, polygons and lines; cell masks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ..map._grid_map import GridMap
 from ..map._ring_buffer import lines, place
 from ._polygon import Polygon, edge_x
 
-_BAND = 2**13  # number of cells in a band, whose temporaries fit into the cache
+_BAND = 2**13  # cells per band; its temporaries fit into the cache
 _FLIP = np.uint8(1)  # has the type of the array, which avoids a conversion
 
 
@@ -41,7 +41,7 @@ def map_cells(grid_map: GridMap) -> Cells:
 
 
 def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) of a block that are on the map, row by row of the map.
+    """Return the cells (rows, cols) of a block that are on the map, row by row in map order.
 
     Args:
         start_index: buffer index of the block's cell with the largest x and y.
@@ -164,7 +164,7 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     x, y = grid_map.geometry.negated_axes
     x, y, vertices = x[rows], y[columns], -polygon._closed.T
     # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
-    # As in `Polygon.is_inside`, an edge crosses a column if only one of its ends is above it.
+    # As in `Polygon.is_inside`, an edge crosses a column if only one end is above the column.
     below = y.searchsorted(vertices[1], side="right")
     before, after = below[:-1], below[1:]
     counts, crossed = _runs(np.minimum(before, after), np.maximum(before, after))

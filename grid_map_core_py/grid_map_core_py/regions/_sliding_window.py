@@ -29,7 +29,7 @@ def sliding_windows(
     """Return an iterator over the windows around all cells, in the order of `map_cells`.
 
     Each item is the buffer index (row, column) of a cell and the window around it: a read-only
-    float32 array in map order. Later changes of the layer have no effect.
+    float32 array in map order. Later changes to the layer have no effect.
 
     Args:
         layer: name of the layer.
@@ -37,7 +37,7 @@ def sliding_windows(
             "crop" crops them, "empty" pads them with NaN, and "mean" pads with the mean of the
             window's finite values.
         window_size: side of the window [cells], odd.
-        window_length: alternative to `window_size` [m]; rounded to cells, plus 1 if even.
+        window_length: alternative to `window_size` [m]; rounded to whole cells, plus 1 if even.
     """
     _check_edge_handling(edge_handling, get_args(EdgeHandling))
     size = _window_cells(grid_map.resolution, window_size, window_length)

@@ -16,7 +16,7 @@ from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
 from ._shapes import checked_radius, circle_cells, empty_cells
 
-# Smaller spirals are cut out of a cached spiral of this size (0.8 MB), which avoids sorting.
+# Smaller spirals are cut out of a cached spiral with this many rings (0.8 MB), to avoid sorting.
 KEPT_RINGS = 128
 
 # Largest distance [cells] from the map, so that squares of distances are exact integers.
@@ -67,7 +67,7 @@ def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
 
 
 def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cells:
-    """Return the part of the cached spiral in a disc; only outer rings are distance-tested."""
+    """Return the part of the cached spiral inside a disc; only outer rings are distance-tested."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:

@@ -35,7 +35,7 @@ def with_box(
         height: height of the object above the mean ground below it [m]; higher ground sticks out.
         yaw: rotation of the object relative to the map [rad].
         layer: name of the height layer. A cell belongs to the object if the cell center does;
-            cells of the object without ground also get a height.
+            object cells without ground also get a height.
 
     Raises:
         GeometryError: an argument is not finite.

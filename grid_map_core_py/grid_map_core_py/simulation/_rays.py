@@ -36,7 +36,7 @@ def cast_rays(
         origins: (N, 3) start points of the beams, or (3,) for a common start point [m], map frame.
         directions: (N, 3) directions of any nonzero length, map frame.
         layer: name of the height layer [m].
-        max_range: range from which beams do not return [m].
+        max_range: range beyond which beams do not return [m].
 
     Returns:
         (N,) ranges [m]; NaN for beams that do not return, start on or below the surface, or are not

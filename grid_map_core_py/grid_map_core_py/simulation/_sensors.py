@@ -38,7 +38,7 @@ class SpinningLidar:
 
     @property
     def directions(self) -> Positions:
-        """(rings * azimuths, 3) unit vectors, ring by ring from the lowest, each from x to y."""
+        """(rings * azimuths, 3) unit vectors: rings from the lowest up, each from x towards y."""
         elevations = np.linspace(self.lowest, self.highest, self.rings)
         azimuths = np.linspace(0.0, 2.0 * np.pi, self.azimuths, endpoint=False)
         elevation, azimuth = np.meshgrid(elevations, azimuths, indexing="ij")
@@ -95,11 +95,11 @@ def scan(
         grid_map: the terrain; `cast_rays` defines the surface.
         directions: (N, 3) beam directions, sensor frame, such as `SpinningLidar().directions`.
         transform: (4, 4) from the sensor frame to the map frame.
-        sensor: noise model. The noise is normal with the model's covariance at the true point;
+        sensor: noise model. The noise is Gaussian, with the model's covariance at the true point;
             points that the sensor cannot measure become NaN. None means no noise.
-        random: random generator of the noise; None creates a new generator in each call.
+        random: random generator for the noise; None creates a new generator for each call.
         layer: name of the height layer [m].
-        max_range: range from which beams do not return [m].
+        max_range: range beyond which beams do not return [m].
 
     Returns:
         (N, 3) in the order of the beams, sensor frame; NaN for beams that do not return.

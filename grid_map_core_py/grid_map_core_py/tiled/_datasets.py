@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversion of maps to xarray datasets, and datasets as sources of layers.
+"""Converts maps to xarray datasets, and reads layers from datasets.
 
 Layers are variables with the dimensions ("x", "y") in map order: both coordinates descend.
 """
@@ -40,7 +40,7 @@ CRS_VARIABLE = "spatial_ref"
 """Name of the variable with the coordinate reference system, as in rioxarray."""
 
 _BAND = "band"
-"""Band dimension of rioxarray."""
+"""Band dimension in rioxarray."""
 
 _ENCODED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 """Attributes of variables whose values xarray has not decoded."""
@@ -51,10 +51,10 @@ _LARGEST_DIFFERENCE = 1e-3
 _WKT = re.compile(r"\s*[A-Z]\w*\s*\[", re.IGNORECASE)
 
 _DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
-"""Matches the start of the WKT of a geographic reference system."""
+"""Matches the start of WKT for a geographic reference system."""
 
 _ORIGINS = WeakValueDictionary[tuple[str, str], TiledData]()
-"""Tiled maps by layer name and name of the Dask array."""
+"""Tiled maps by layer name and Dask array name."""
 
 # --- from maps ------------------------------------------------------------------------------------
 
@@ -149,8 +149,8 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Convert a dataset or data array to a dataset with one variable per band.
 
-    A band without a name gets the name of the variable and a number. Values marked as missing
-    become NaN; scale factors and offsets are applied.
+    A band without a name gets the variable name and a number. Values marked as missing become NaN;
+    scale factors and offsets are applied.
     """
     xr = required("xarray", "a dataset", REMEDY)
     dataset: Any = data
@@ -223,7 +223,7 @@ def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
-    """Return the cell size: from the attributes if they fit the coordinates, else computed."""
+    """Return the attribute `resolution` if it fits the coordinates, else their spacing."""
     steps = [abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes if axis.size > 1]
     if steps and max(steps) - min(steps) > _LARGEST_DIFFERENCE * min(steps):
         raise GeometryError(
@@ -353,7 +353,7 @@ def open_dataset(
             "dataset.rio.reproject(...) of rioxarray projects it",
             stacklevel=3,
         )
-    # Coordinates would be pickled and sent to every process.
+    # Drop the coordinates, which would be pickled and sent to every process.
     bare = dataset.drop_vars([*dataset.coords])[[*layers]]
     ordered = bare.transpose(*DIMENSIONS, missing_dims="ignore")
     return TiledData(

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs a function on many tiles with the Dask scheduler that the program has chosen.
 
-The default is a thread pool in this process. A `dask.distributed.Client` in the program selects the
-cluster of the client; `dask.config.set(scheduler=...)` selects another local scheduler.
+The default is a thread pool in this process. A `dask.distributed.Client` in the program selects its
+cluster; `dask.config.set(scheduler=...)` selects another local scheduler.
 """
 
 import itertools
@@ -33,10 +33,10 @@ _TASKS = 4
 """Number of running and queued tasks per thread of a cluster."""
 
 _PER_TASK = 8
-"""Maximum number of calls per task; the scheduler of a cluster needs about 1 ms for each task."""
+"""Maximum number of calls per task; a cluster scheduler needs about 1 ms for each task."""
 
 _PERIOD = 1.0
-"""Interval between counts of the threads of a cluster, whose number may change [s]."""
+"""Interval between counts of the cluster threads, whose number may change [s]."""
 
 
 def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
@@ -75,7 +75,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
         try:
             while True:
                 for part in itertools.islice(rest, _AHEAD * threads - len(running)):
-                    # The context includes, for example, the limits set by the caller.
+                    # The context includes, for example, the thread count of a filter chain.
                     running[pool.submit(copy_context().run, function, part)] = part
                 if not running:
                     return
@@ -90,7 +90,7 @@ def _on_cluster(
 ) -> Iterator[tuple[P, T]]:
     from distributed import as_completed
 
-    # Pickled in advance, because schedulers may unpickle the arguments of tasks.
+    # Pickled in advance, because schedulers may unpickle task arguments.
     call = required("cloudpickle", "tiled maps on a cluster", REMEDY).dumps(function)
     running: dict[Any, list[P]] = {}
     completed: Any = as_completed

@@ -36,11 +36,11 @@ def open_map(
         path: a Zarr store (a folder or an fsspec URL), one or more GeoTIFF files (including GDAL
             virtual files such as `/vsicurl/https://.../dem.tif`), or an xarray dataset.
         chunks: side of the tiles in which the map is computed and written [cells]. The default is
-            the chunk size of the store; 1024 for maps without chunks.
+            the chunk size of the store, or 1024 for maps without chunks.
         crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
             when they are read, with bilinear interpolation and square pixels.
-        origin: latitude and longitude [deg, WGS 84] of the origin of the map frame; None
-            keeps the coordinates of the reference system. See `TiledMap.with_origin`.
+        origin: latitude and longitude [deg, WGS 84] of the map frame origin; None keeps the
+            coordinates of the reference system. See `TiledMap.with_origin`.
 
     Raises:
         ConfigError: `crs` is malformed, or is given for a map that is not a GeoTIFF file.

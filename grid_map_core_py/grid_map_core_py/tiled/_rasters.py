@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GeoTIFF files: reads rasters on one grid as a tiled map, and writes maps window by window."""
+"""Reads GeoTIFF rasters on one grid as a tiled map, and writes maps window by window."""
 
 import itertools
 import math
@@ -50,7 +50,7 @@ _MOST_OPEN = 64
 """Maximum number of rasters that a process keeps open."""
 
 _WIDEST_STRIP = 8192
-"""Width of compressed strips above which a window unpacks many times its own size [pixels]."""
+"""Width of compressed strips above which reading a window unpacks many times its size [pixels]."""
 
 _WARPING: dict[str, Any] = {
     "dtype": "float32",
@@ -84,7 +84,7 @@ class _Part(NamedTuple):
     transform: Any
     """`Affine` transform of the cells after projection; None reads the raster unprojected."""
     overview: int | None = None
-    """Number of the overview to read; None reads the raster itself."""
+    """Overview number to read; None reads the raster itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class RasterSource:
     """Source that reads layers from the bands of rasters on one grid.
 
     Args:
-        parts: the rasters; where rasters overlap, a cell gets the first value.
+        parts: the rasters; where rasters overlap, a cell gets the first value that is not NaN.
         layers: names of the bands.
         crs: reference system to which rasters are projected; empty reads rasters unprojected.
     """
@@ -148,7 +148,7 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """First rows and columns, and end rows and columns, of the rasters; each (N, 2)."""
+        """First and end (exclusive) rows and columns of the rasters, each (N, 2)."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
@@ -226,7 +226,7 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
     Returns:
         overview: map of the overview, accurate to half a cell; `tiled_map` itself if the map is a
             mosaic, is projected, or has no such overview.
-        factor: side of a cell of the overview [cells of `tiled_map`].
+        factor: side of an overview cell [cells of `tiled_map`].
     """
     source = tiled_map.source
     if not isinstance(source, RasterSource) or len(source.parts) > 1 or source.parts[0].transform:
@@ -259,7 +259,7 @@ class _Header(NamedTuple):
     crs: str
     stamp: tuple[int, int] | None
     origin: tuple[float, float] | None = None
-    """Coordinates of the origin of the map frame in the reference system [m]."""
+    """Coordinates of the map frame origin in the reference system [m]."""
 
     @property
     def geometry(self) -> GridGeometry:
@@ -316,7 +316,7 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
 
     Args:
         header, first: headers of the raster and of the first raster of the mosaic.
-        exact: require the raster to lie on the grid; False includes all cells that it touches.
+        exact: require the raster to lie on the grid; False includes all cells the raster touches.
 
     Raises:
         ValueError: the layers, reference systems, pixel sizes or grids of the rasters differ.

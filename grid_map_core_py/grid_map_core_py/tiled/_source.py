@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sources of layers that are read window by window, and functions for windows."""
+"""Layer sources that are read window by window, and window functions."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ __all__ = ["shape", "widened", "within"]
 """Names that other packages of the suite may import."""
 
 Window: TypeAlias = tuple[slice, slice]
-"""Row and column slices of a rectangle of cells in map order, with start and stop, without step."""
+"""Row and column slices (start, stop, no step) of a rectangle of cells in map order."""
 
 Progress = Callable[[int, int], Any]
 """Function called after each tile with the number of finished tiles and the total number."""
@@ -36,7 +36,7 @@ class Source(Protocol):
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Names of the layers in their order."""
+        """Layer names, in order."""
 
     def describe(self) -> str:
         """Return a text that is equal in another process if and only if the data are equal."""
@@ -71,7 +71,7 @@ class TiledData:
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Names of the layers in their order."""
+        """Layer names, in order."""
         return self.source.layers
 
     @property

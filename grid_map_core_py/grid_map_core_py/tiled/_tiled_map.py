@@ -45,7 +45,7 @@ T = TypeVar("T")
 
 
 class Chain(Protocol):
-    """Protocol of filter chains for maps and tiled maps: `FilterChain` of grid_map_filters_py."""
+    """Protocol for filter chains on maps and tiled maps: `FilterChain` in grid_map_filters_py."""
 
     @property
     def on_tiles(self) -> Callable[..., Any]:
@@ -165,13 +165,13 @@ class TiledMap(TiledData):
     ) -> float | Positions:
         """Return the values of a layer at positions; only nearby cells are read.
 
-        The values equal the results of `GridMap.at_position`, also at tile borders. The Dask
-        scheduler of the program reads the tiles.
+        The values equal the results of `GridMap.at_position`, even at tile borders. The program's
+        Dask scheduler reads the tiles.
 
         Args:
             layer: name of the layer.
             positions: (2,) or (N, 2) x, y [m].
-            interpolation: interpolation method, or the value of the method such as "linear".
+            interpolation: interpolation method, or its name such as "linear".
 
         Returns:
             A float for one position, otherwise an (N,) float64 array.
@@ -223,9 +223,9 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        A cell of the result is `step` times as large as the original cell that it is copied from,
-        and has the same center. If a raster has overviews, the overviews are read. If more than
-        about 4000 tiles would have to be read, a larger step is used.
+        Each cell of the result has the center of the original cell it is copied from, and is `step`
+        times as large. If a raster has overviews, the overviews are read. If more than about 4000
+        tiles would have to be read, a larger step is used.
 
         Args:
             step: rows and columns of the map per row and column of the result.
@@ -246,7 +246,7 @@ class TiledMap(TiledData):
     ) -> list[T]:
         """Apply `function` to the map of every tile and return the results in tile order.
 
-        The Dask scheduler of the program computes the tiles.
+        The program's Dask scheduler computes the tiles.
 
         Args:
             function: called with a `GridMap` of a tile; pickled if other processes call it.
@@ -343,9 +343,9 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write it to a GeoTIFF file, window by window.
 
-        The file is renamed to `path` once it is complete. Each layer is a float32 band with the
-        name of the layer; the nodata value is NaN. A tag stores frame, time and basic layers, so
-        that `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
+        The file is renamed to `path` once it is complete. Each layer is a float32 band named after
+        the layer; the nodata value is NaN. A tag stores frame, time and basic layers, so that
+        `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
         temporarily requires additional disk space for the uncompressed layers.
 
         Args:
@@ -363,7 +363,7 @@ class TiledMap(TiledData):
         to_geotiff(self, path, names, progress, overwrite=overwrite, **options)
 
     def position_of(self, latitude: ArrayLike, longitude: ArrayLike) -> Positions:
-        """Convert latitudes and longitudes to positions in the frame of the map.
+        """Convert latitudes and longitudes to positions in the map frame.
 
         Args:
             latitude, longitude: numbers or (N,) arrays [deg, WGS 84].
@@ -389,7 +389,7 @@ class TiledMap(TiledData):
         """Convert positions to latitudes and longitudes; the inverse of `position_of`.
 
         Args:
-            positions: (2,) or (N, 2) x, y [m], in the frame of the map.
+            positions: (2,) or (N, 2) x, y [m], map frame.
 
         Returns:
             (2,) or (N, 2) latitude and longitude [deg, WGS 84].
@@ -399,7 +399,7 @@ class TiledMap(TiledData):
         return _pairs(latitude, longitude)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
-        """Return the map in a frame whose origin is at a latitude and longitude.
+        """Return the map in a frame whose origin is at the given latitude and longitude.
 
         Coordinates in a reference system can be millions of meters; in a frame near the robot,
         coordinates are small. The directions of the axes do not change. Datasets, stores and
@@ -501,7 +501,7 @@ class GridMapAccessor:
         return filtered
 
     def get_submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
-        """Return a rectangular part of the dataset, not copied; see `TiledMap.get_submap`."""
+        """Return a rectangular part of the dataset without copying; see `TiledMap.get_submap`."""
         geometry, ascends = geometry_of(self._dataset)
         window = geometry.overlapped(position, length)
         stored = zip(DIMENSIONS, mirrored(window, geometry.size, ascends), strict=True)

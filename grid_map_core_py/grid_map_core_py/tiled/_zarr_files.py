@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes tiled maps to new Zarr stores tile by tile; files and locks of stores.
+"""Writes tiled maps to new Zarr stores tile by tile, and manages store files and locks.
 
 Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file stores a block of a
 layer in Fortran order; zarr-python writes the chunk under a temporary name and renames the file.
@@ -37,11 +37,11 @@ _RUN = ".run.json"
 """File that describes the run in an unfinished store; the writing process locks the file."""
 
 _NEAR = 4
-"""Side of the squares of tiles in which tiles are computed consecutively [tiles]."""
+"""Side of the square groups of tiles that are computed consecutively [tiles]."""
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
-    """Create an empty store and return the path of the store; see `TiledMap.create`."""
+    """Create an empty store and return its path; see `TiledMap.create`."""
     target = check_local(path)
     check_ending(target, ".zarr")
     with data_errors(target, "written"), new_folder(target, _refuse) as folder:
@@ -174,7 +174,7 @@ class _Write:
 
 
 def is_local(name: str) -> bool:
-    """Return whether the name of a store is a local path, not an fsspec URL."""
+    """Return whether a store name is a local path, not an fsspec URL."""
     return "://" not in name and "::" not in name
 
 

@@ -26,7 +26,7 @@ _OPENED = 16
 """Number of stores that a process keeps open; opening a store takes as long as reading a window."""
 
 _LARGEST_DIFFERENCE = 1e-6
-"""Maximum relative difference between equal resolutions."""
+"""Maximum relative difference between resolutions that count as equal."""
 
 
 @dataclass(frozen=True)
