@@ -32,7 +32,7 @@ from ._step import Step, message_of, own_layer, read_only
 from .errors import FilterError
 
 _CORNER = 3
-"""Side of the small map for a trial run of the chain [cells]."""
+"""Side of the small map on which the chain is tried [cells]."""
 
 _MOST = 1.05
 """Ratio of computed to requested cells above which a map is cropped."""

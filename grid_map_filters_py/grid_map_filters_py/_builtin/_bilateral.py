@@ -16,10 +16,10 @@ from ..parts._side_by_side import side_by_side
 # to preserve edges.
 
 _FAR = np.float32(12.0)
-"""Standard deviations beyond which a value counts as missing; its weight would be 5e-32."""
+"""Difference at which a value counts as missing [standard deviations]; its weight is 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Mean difference that counts as 0 [standard deviations], since missing values may cause it."""
+"""Mean differences below this become 0 [standard deviations]; missing values can cause them."""
 
 _PIECE = 2**16
 """Number of cells computed at once, so that temporary arrays fit into the cache."""
@@ -34,9 +34,9 @@ class Bilateral(LayerFilter):
     "Bilateral filtering for gray and color images", ICCV 1998). Non-finite cells become NaN.
 
     Attributes:
-        sigma_space: standard deviation of the Gaussian of distances [m].
-        sigma_range: standard deviation of the Gaussian of differences, in the unit of the layer:
-            steps much higher than this stay sharp.
+        sigma_space: standard deviation of the distance Gaussian [m].
+        sigma_range: standard deviation of the difference Gaussian, in the unit of the layer; much
+            higher steps stay sharp.
         radius: radius of the disc [m]; 3 `sigma_space` by default.
     """
 
@@ -74,9 +74,9 @@ class Bilateral(LayerFilter):
         return result
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
-        """Return the weighted means of a block; `around` is the block with the margin of a disc."""
+        """Return the weighted means of a block; `around` is the block plus a one-radius margin."""
         sigma, (rows, columns) = np.float32(self.sigma_range), center.shape
-        # Each cell itself has weight 1.
+        # The cell itself has weight 1.
         weights, total = np.ones_like(center), np.zeros_like(center)
         distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
         shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)

@@ -23,11 +23,11 @@ class ColorBlending(CellFilter):
     Where only one of the two layers has a color, the result is that color.
 
     Attributes:
-        background_layer: layer with the colors below.
-        foreground_layer: layer with the colors above.
-        blend_mode: "normal" mixes both; "hard_light" multiplies with dark colors of the foreground
-            and screens with bright ones; "soft_light" is Pegtop's formula.
-        opacity: opacity over the background, from 0 to 1.
+        background_layer: layer with the background colors.
+        foreground_layer: layer with the foreground colors.
+        blend_mode: "normal" mixes both; "hard_light" multiplies by dark foreground colors and
+            screens with bright ones; "soft_light" uses Pegtop's formula.
+        opacity: foreground opacity, from 0 to 1.
         output_layer: layer for the result.
     """
 
@@ -85,7 +85,7 @@ def _blended(
     front: tuple[Value, ...],
     weights: tuple[Value, ...],
 ) -> Value:
-    """Return the color of a cell; `front` are the channels after blending, in [0, 1]."""
+    """Return the color of a cell; `front` holds the blended channels before opacity, in [0, 1]."""
     r = FULL * (back[0] * weights[1] + front[0] * weights[0])
     g = FULL * (back[1] * weights[1] + front[1] * weights[0])
     b = FULL * (back[2] * weights[1] + front[2] * weights[0])

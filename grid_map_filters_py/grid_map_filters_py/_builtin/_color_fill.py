@@ -19,9 +19,9 @@ class ColorFill(CellFilter):
     """Fill a layer with one color.
 
     Attributes:
-        red, green, blue: component of the color, clamped to [0, 1].
-        mask_layer: cells get the color where this layer is finite, and NaN elsewhere; all cells get
-            it if this is empty.
+        red, green, blue: color component, clamped to [0, 1].
+        mask_layer: cells get the color where this layer is finite, and NaN elsewhere; if empty, all
+            cells get the color.
         output_layer: layer for the result.
     """
 

@@ -26,7 +26,7 @@ class GaussianBlur(AroundTypicalValue):
     Attributes:
         sigma: standard deviation of the Gaussian [m].
         radius: reach of the weights along x and along y [m]; 3 `sigma` by default.
-        compute_empty_cells: also fill cells that are not finite, if a finite value is in reach.
+        compute_empty_cells: also fill non-finite cells if a finite value is within reach.
     """
 
     sigma: float

@@ -16,14 +16,14 @@ from ..parts._colors import FULL, or_none, pack
 
 @dataclass(frozen=True, kw_only=True)
 class LightIntensity(CellFilter):
-    """Shade a map in gray with the cosine between the surface normal and the light direction.
+    """Shade a map in gray: cosine of the angle between the normal and the direction to the light.
 
     Cells without a normal get no color.
 
     Attributes:
         input_layers_prefix: prefix of the normals; `x`, `y` and `z` follow.
         output_layer: layer for the result.
-        light_direction: x, y, z of the direction in which the light travels; of any length but 0.
+        light_direction: x, y, z of the direction in which light travels, with any nonzero length.
     """
 
     input_layers_prefix: str

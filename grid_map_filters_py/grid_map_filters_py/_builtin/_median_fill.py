@@ -37,8 +37,8 @@ class MedianFill:
         filter_existing_values: also replace finite cells of the mask by their median.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
-        fill_mask_layer: mask of the cells that may change; computed if the map does not have it.
-        num_erode_dilation_iterations: iterations of the closing, one cell each.
+        fill_mask_layer: mask of the cells that may change; computed if the map lacks this layer.
+        num_erode_dilation_iterations: morphological closing iterations, one cell each.
         debug: also store the mask before the closing.
         debug_infill_mask_layer: layer for that mask; required with `debug`.
     """
@@ -108,7 +108,7 @@ class MedianFill:
 
 
 def _mask(layer: Layer, iterations: int) -> Layer:
-    """Return a mask of the cells to fill (0 or 1), closed with the number of `iterations`."""
+    """Return a mask of the cells to fill (0 or 1), after `iterations` closing iterations."""
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))
 

@@ -25,12 +25,12 @@ class NormalVectors:
     Attributes:
         input_layer: heights [m].
         output_layers_prefix: prefix of the normals; `x`, `y` and `z` follow.
-        normal_vector_positive_axis: normals point to the positive side of this axis. In a parameter
-            file of ROS write `'y'`: without quotes it means *true* there.
-        algorithm: "area" fits a plane to the disc around each cell, "raster" takes the slopes to
+        normal_vector_positive_axis: normals point to the positive side of this axis. In a ROS
+            parameter file, quote `'y'`: an unquoted `y` means *true*.
+        algorithm: "area" fits a plane to the disc around each cell, "raster" uses the slopes to
             the four neighbors.
         radius: radius of the disc [m]; 0 or less means "raster".
-        parallelization_enabled, thread_number: parameter of the C++ filter, without effect.
+        parallelization_enabled, thread_number: parameter of the C++ filter; ignored.
     """
 
     input_layer: str

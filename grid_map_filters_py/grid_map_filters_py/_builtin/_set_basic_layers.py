@@ -15,7 +15,7 @@ class SetBasicLayers(CellFilter):
 
     Attributes:
         layers: names of the basic layers; may be empty.
-        layer: name of `layers` in the C++ filter; give exactly one of the two.
+        layer: C++ name of `layers`; give exactly one of the two.
     """
 
     layers: tuple[str, ...] | None = None

@@ -17,13 +17,13 @@ class SlidingWindowMathExpression(LayerFilter):
     """Compute a layer with an expression that returns a scalar for the window around each cell.
 
     Attributes:
-        input_layer: layer to filter, and name of the window in the expression.
+        input_layer: layer to filter; in the expression, its name means the window.
         expression: for example `meanOfFinites(elevation)`.
         compute_empty_cells: also compute cells that are NaN in the input.
-        edge_handling: for windows beyond the border: "inside" makes the cell NaN, "crop" uses
-            the part on the map, "empty" pads with NaN, "mean" with the mean of the finite values.
-        window_size: side of the window in cells, odd.
-        window_length: side of the window [m], instead of `window_size`; rounded to an odd number
+        edge_handling: at the border, "inside" returns NaN, "crop" uses the part on the map,
+            "empty" pads with NaN, and "mean" pads with the mean of the finite values.
+        window_size: window side [cells], odd.
+        window_length: window side [m], instead of `window_size`; rounded to an odd number
             of cells.
     """
 

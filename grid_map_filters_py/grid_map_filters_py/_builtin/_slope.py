@@ -27,9 +27,9 @@ class Slope:
 
     Attributes:
         input_layer: heights [m].
-        input_layers_prefix: instead of `input_layer`: prefix of the normals; `x`, `y`, `z` follow.
+        input_layers_prefix: prefix of the normals, instead of `input_layer`; `x`, `y`, `z` follow.
         output_layer: layer for the result.
-        radius: radius of the disc of each plane [m]; 0 uses the four neighbors.
+        radius: radius of the plane-fitting disc [m]; 0 uses the four neighbors.
     """
 
     input_layer: str | None = None

@@ -19,10 +19,10 @@ class Threshold(CellFilter):
 
     Attributes:
         layer: condition layer and output layer.
-        condition_layer: instead of `layer`: layer compared with the threshold.
-        output_layer: instead of `layer`: existing layer in which cells are set.
-        lower_threshold: cells below it are set.
-        upper_threshold: cells above it are set; give exactly one of the two thresholds.
+        condition_layer: layer compared with the threshold, instead of `layer`.
+        output_layer: existing layer in which cells are set, instead of `layer`.
+        lower_threshold: set cells below this value.
+        upper_threshold: set cells above this value; give exactly one of the two thresholds.
         set_to: new value of the cells; may be `.nan` or `.inf`.
     """
 

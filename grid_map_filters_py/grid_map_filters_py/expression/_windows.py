@@ -130,7 +130,7 @@ def skips_missing(root: Node, name: str) -> bool:
     is possible if every use of the window ends in a reduction that skips NaN, and all functions
     before the reduction keep NaN. The result is False if this simple analysis cannot decide.
     """
-    # If a layer has the name of a function, its parentheses mean indexing, not a call.
+    # If a layer hides a function, parentheses after the name mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)
 
 

@@ -78,7 +78,7 @@ class Disc:
 
     @cached_property
     def half_widths(self) -> tuple[Field, Field]:
-        """Half-lengths of the lines of the disc along rows and along columns [cells].
+        """Half-lengths of the disc lines along rows and along columns [cells].
 
         The index is the distance of the line from the center [cells].
         """

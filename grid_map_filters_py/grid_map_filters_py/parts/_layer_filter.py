@@ -102,7 +102,7 @@ class FillingDiscFilter(DiscFilter):
     """Base class for disc filters that can also fill holes.
 
     Attributes:
-        compute_empty_cells: also fill cells that are not finite, if their disc has a finite value.
+        compute_empty_cells: also fill non-finite cells whose disc contains a finite value.
     """
 
     compute_empty_cells: bool = False

@@ -48,8 +48,8 @@ def area_normals(layer: Layer, offset: float, radius: float, resolution: float) 
 def raster_normals(layer: Layer, resolution: float) -> Fields:
     """Return the normals computed from slopes between neighboring cells.
 
-    Slopes are central differences, even across an unknown cell, and one-sided beside an unknown
-    cell. Normals are NaN at the layer border, and where a slope lacks two finite cells.
+    Slopes are central differences, even across an unknown cell, and one-sided next to an
+    unknown cell. Normals are NaN at the layer border, and where a slope lacks two finite cells.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
