@@ -21,7 +21,7 @@ from .colors import check_color
 
 @dataclass(frozen=True, kw_only=True)
 class LineMarker:
-    """Base class of visualizations that draw lines of one color.
+    """Base class of visualizations that draw single-color lines.
 
     Attributes:
         color: 0xRRGGBB.

@@ -6,7 +6,7 @@ triangles if all four heights are finite, one triangle if three are finite, and 
 The square is split along the diagonal with the smaller height difference (the higher diagonal if
 the differences are equal), so that edges and ridges are straight.
 
-If a map has more than `max_drawn_cells` cells, only every n-th row and column is kept, and the
+If a map has more than `max_drawn_cells` cells, only every n-th row and column is kept, plus the
 first and last ones, so that the surface covers the map. Values are not averaged. Rows and columns
 are chosen by position in the map frame, so that the surface of a moving map does not flicker.
 """
@@ -176,7 +176,7 @@ class Surface:
             return 1
 
         def lines(cells: int, step: int) -> int:
-            # Every n-th line is kept, and up to two border lines.
+            # Every n-th line is kept, plus up to two border lines.
             return min(cells, -(-cells // step) + 2)
 
         return next(n for n in count(2) if lines(rows, n) * lines(columns, n) <= most)

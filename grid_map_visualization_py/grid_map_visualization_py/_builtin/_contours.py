@@ -30,10 +30,10 @@ class ContoursVisualization(LineMarker):
 
     Attributes:
         layer: the layer, usually heights [m].
-        interval: difference between neighboring lines; their values are multiples of it.
-        levels: values of the lines, in any order, instead of `interval`.
-        flat: draw the lines at height zero, for layers that are not heights. Otherwise a line
-            is at the height of its value.
+        interval: step between line values, which are multiples of this step.
+        levels: line values, in any order, instead of `interval`.
+        flat: draw the lines at height zero, for layers that are not heights. Otherwise,
+            lines are drawn at the height of their value.
 
     Raises:
         ConfigError: the interval is not positive, or a level is not finite.
@@ -58,7 +58,7 @@ class ContoursVisualization(LineMarker):
 
         Raises:
             LayerNotFoundError: the map lacks the layer.
-            GridMapError: the interval is too small for the range of the values.
+            GridMapError: the interval is too small for the value range.
         """
         values = grid_map.unwrapped(self.layer).T
         low, high = min_of_finites(values), max_of_finites(values)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Three-dimensional surface of triangles."""
+"""Three-dimensional triangle surface."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -34,7 +34,7 @@ class SurfaceVisualization:
         invert: swap the ends of the color map.
         color: 0xRRGGBB.
         opacity: from 0 (invisible) to 1 (opaque).
-        max_drawn_cells: limit to which larger maps are thinned out; 0 means no limit.
+        max_drawn_cells: maximum cell count; larger maps are thinned out. 0 means no limit.
 
     Raises:
         ConfigError: the color map is unknown, or a number is out of range.

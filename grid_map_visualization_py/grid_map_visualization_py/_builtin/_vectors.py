@@ -20,7 +20,7 @@ class VectorsVisualization(LineMarker):
     Attributes:
         layer_prefix: prefix of the component layers; `x`, `y` and `z` follow.
         position_layer: heights [m] at which the lines start.
-        scale: length of the line of a vector of length 1 [m].
+        scale: line length of a unit vector [m].
 
     Raises:
         ConfigError: the scale is not finite.

@@ -27,33 +27,33 @@ TF = frozenset({"/tf", "/tf_static"})
 """Topics that are always shown, because the poses of other messages depend on them."""
 
 PERIOD = 0.5
-"""Period of the checks for new topics and for the end of Rerun [s]."""
+"""Period at which the node checks for new topics and whether Rerun has ended [s]."""
 
 
 class RerunViewerNode(ConfiguredNode):
-    """Passes the messages of the requested topics, by default all that can be shown, to Rerun."""
+    """Forwards the requested topics to Rerun; by default, all topics of supported types."""
 
     def __init__(self) -> None:
         super().__init__("rerun_viewer")
         about = (
-            "topics that are shown, besides `/tf` and `/tf_static`; "
-            "empty: all topics of types that can be shown, also those that appear later"
+            "topics to show in addition to `/tf` and `/tf_static`; "
+            "empty means all topics of supported types, including later ones"
         )
         topics = read_parameter(self, "topics", list[str], [], description=about)
         self._chosen = {
             self.resolve_topic_name(check_topic(self, "topics", topic)) for topic in topics
         }
-        about = "layer of the heights; empty: `elevation`, or the first layer of the map"
+        about = "height layer; empty means `elevation`, or the first layer of the map"
         height_layer = self.read("height_layer", "", about)
-        about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
+        about = "initial color layer, packed if its name ends in `color`; empty means the heights"
         color_layer = self.read("color_layer", "", about)
-        about = "color map of this layer, a name of Matplotlib; others have the default"
+        about = "Matplotlib color map of the color layer; other layers use the default"
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
         about = "factor that scales heights in the 3-D view"
         exaggeration = self.read_positive("exaggeration", 1.0, about)
         about = (
-            "limit of the cells of a surface and of each image, to which larger maps are thinned "
-            "out; 0 for no limit"
+            "maximum cell count of a surface and of each image; larger maps are thinned out; "
+            "0 means no limit"
         )
         max_drawn_cells = self.read("max_drawn_cells", 50_000, about)
         style = Style(
@@ -64,7 +64,7 @@ class RerunViewerNode(ConfiguredNode):
             max_drawn_cells=max_drawn_cells,
             max_image_cells=max_drawn_cells,
         )
-        about = "largest rate at which a topic is shown [Hz]; of faster ones, the newest message is"
+        about = "maximum rate at which a topic is shown [Hz]; faster topics show the newest message"
         max_rate = self.read_positive("max_rate", 5.0, about)
         self._log = LogThrottle(self.get_logger())
         self._has_shown = False
@@ -81,12 +81,12 @@ class RerunViewerNode(ConfiguredNode):
     def _serve(self) -> Server:
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
         host = self.read("host", "127.0.0.1", about)
-        port = self.read_number("port", 9876, 0, 65535, "port of the page; 0 for any free one")
-        about = "size of the messages that are kept for the timeline, such as `512MB` or `10%`"
+        port = self.read_number("port", 9876, 0, 65535, "port of the page; 0 selects a free port")
+        about = "maximum size of the messages kept for the timeline, such as `512MB` or `10%`"
         memory_limit = self.read("memory_limit", "512MB", about)
         about = (
-            "names under which browsers may open the page, besides IP addresses, `localhost`, "
-            "`host` and the name of the machine, with or without `.local`"
+            "additional host names for the page; IP addresses, `localhost`, "
+            "`host` and the machine name, with or without `.local`, are always allowed"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         remedy = "pip install 'grid_map_visualization_py[rerun]', or use web_viewer"

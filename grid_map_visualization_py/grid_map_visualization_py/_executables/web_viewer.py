@@ -33,28 +33,28 @@ class WebViewerNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        about = "topic of the maps at first; the page offers all others"
+        about = "initial map topic; the page offers all others"
         topic = self.resolve_topic_name(self.read_topic("grid_map_topic", "/grid_map", about))
-        about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
+        about = "maximum cell count; larger maps are thinned out; 0 means no limit"
         max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
         check_max_drawn_cells(max_drawn_cells)
-        about = "largest rate at which the page is updated [Hz]"
+        about = "maximum rate at which the page is updated [Hz]"
         period = 1 / self.read_positive("update_rate", 20.0, about)
-        self._robot_frame = self.read("robot_frame", "", "frame of the robot in tf; empty for none")
+        self._robot_frame = self.read("robot_frame", "", "tf frame of the robot; empty for none")
         if self._robot_frame and not has_tf():
             remedy = "install tf2_ros_py of your ROS distribution, or leave it empty"
             raise MissingPackageError("tf2_ros", "robot_frame", remedy)
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
         host = self.read("host", "127.0.0.1", about)
-        port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 for any free one")
-        height_layer = self.read("height_layer", "elevation", "initial layer of the heights")
-        about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
+        port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 selects a free port")
+        height_layer = self.read("height_layer", "elevation", "initial height layer")
+        about = "initial color layer, packed if its name ends in `color`; empty means the heights"
         color_layer = self.read("color_layer", "", about)
-        about = "initial color map, a name of Matplotlib"
+        about = "initial Matplotlib color map"
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
         about = (
-            "names under which browsers may open the page, besides IP addresses, `localhost`, "
-            "`host` and the name of the machine, with or without `.local`"
+            "additional host names for the page; IP addresses, `localhost`, "
+            "`host` and the machine name, with or without `.local`, are always allowed"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         self._page = Page(host, port, height_layer, color_layer, color_map, names, topic)

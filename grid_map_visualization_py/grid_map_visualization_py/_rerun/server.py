@@ -39,7 +39,7 @@ BUFFER, STEP = 8_000_000, 250_000
 """Maximum data queued for a slow page, and data that the page must accept per `STALL` [bytes]."""
 
 STALL = 10.0
-"""Time [s] to accept `STEP` bytes; slower connections are closed, as they block all pages."""
+"""Time [s] to accept `STEP` bytes; slower connections, which block all pages, are closed."""
 
 Address = tuple[str, int]
 
@@ -141,7 +141,7 @@ class Server:
 
 
 class _Relay:
-    """Forwards requests to the address of the data or of the page, in a background thread."""
+    """Forwards requests to the data address or the page address, in a background thread."""
 
     def __init__(
         self, listener: socket.socket, names: Container[str], data: Address, page: Address

@@ -97,7 +97,7 @@ def paint(
     means, opacity = reduced(layer, side, is_color=is_color)
     values = np.ma.masked_invalid(means[..., 0])
     x0, x1, y0, y1 = extent_of(grid_map)
-    # Blocks start at the largest x and y; blocks at the smallest may extend beyond the map.
+    # Blocks start at the largest x and y; the last blocks may extend beyond the map.
     cells = side * grid_map.resolution
     height, width = opacity.shape
     reach = x1 - cells * width, x1, y1 - cells * height, y1
@@ -220,7 +220,7 @@ def add_scale_bar(axes: Any, *, has_north: bool) -> None:
     x0, x1 = axes.get_xlim()
     most = (x1 - x0) / 4
     power = 10.0 ** math.floor(math.log10(most))
-    # The logarithm may have been rounded up; `power` is then the fallback.
+    # If the logarithm was rounded up, `power` is the fallback.
     length = max((n * power for n in (2, 5) if n * power <= most), default=power)
     units = {1000.0: "km", 1.0: "m", 0.01: "cm", 0.001: "mm"}
     unit = next((unit for unit in units if length >= unit), 0.001)
