@@ -65,7 +65,7 @@ class FilteredTiles:
     steps: tuple[_TileStep, ...]
     options: TileOptions
     _bound: dict[int, Filter] = field(default_factory=dict, repr=False)
-    """Filters for tiles by step number; they include the quantities of the whole map."""
+    """Tile filters by step number; they contain the required quantities of the whole map."""
 
     @property
     def layers(self) -> tuple[str, ...]:

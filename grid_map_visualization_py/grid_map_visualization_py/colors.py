@@ -58,7 +58,7 @@ def check_color(color: int) -> None:
 
 @dataclass(frozen=True)
 class Coloring:
-    """How cells are colored: by a color map, by packed colors, or in one color.
+    """Cell coloring with a color map, with packed colors, or with one color.
 
     Attributes:
         mode: "intensity" maps the values of `layer` to colors of `color_map`, "color" unpacks the
@@ -95,7 +95,7 @@ class Coloring:
         """Return the lower and upper end of the color map for an array of layer values.
 
         A bound that is None is the smallest or the largest finite value, limited by the other bound
-        so that lower <= upper. Both are 0 if no bound is given and no value is finite.
+        so that lower <= upper. Both bounds are 0 if none is given and no value is finite.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper

@@ -132,10 +132,10 @@ class Surface:
     def colors(self, coloring: Coloring) -> Colors:
         """Return red, green, blue (columns * rows, 3) of all shown cells.
 
-        If the coloring has no layer, the heights are colored.
+        If the coloring has no layer, the heights determine the colors.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer of the colors.
+            LayerNotFoundError: the map lacks the color layer.
         """
         layer = "" if coloring.mode == "flat" else coloring.layer
         if coloring.mode == "intensity" and self._step > 1:
@@ -148,7 +148,7 @@ class Surface:
         """Return the values at the ends of the color map, computed from all cells of the map.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer of the colors.
+            LayerNotFoundError: the map lacks the color layer.
         """
         return coloring.bounds(self.grid_map[coloring.layer or self.height_layer])
 
@@ -156,7 +156,7 @@ class Surface:
         """Return the surface as a colored triangle mesh.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer of the colors.
+            LayerNotFoundError: the map lacks the color layer.
         """
         origin = self.grid_map.position
         valid = self.valid.ravel()

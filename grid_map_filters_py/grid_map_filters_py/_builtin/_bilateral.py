@@ -12,8 +12,8 @@ from ..parts._disc import Disc, disc_reach
 from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side
 
-# OpenCV's bilateral filter propagates NaN, and a single outlier makes the weight table too coarse
-# to preserve edges.
+# OpenCV's bilateral filter is unsuitable: it propagates NaN, and a single outlier makes its weight
+# table too coarse to preserve edges.
 
 _FAR = np.float32(12.0)
 """Difference at which a value counts as missing [standard deviations]; its weight is 5e-32."""

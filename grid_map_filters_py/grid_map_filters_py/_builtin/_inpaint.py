@@ -279,9 +279,9 @@ def _fill(
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     """Yield strips of columns, each with a mask of the holes that are filled together.
 
-    A cell is filled from cells within the radius and the neighbors of these cells. Groups of holes
-    that are further apart do not affect each other, so that filling the columns around a group
-    gives exactly the same values as filling the whole layer.
+    A cell is filled from cells within the radius and the neighbors of these cells. Hole groups
+    that are further apart do not affect each other, so filling only the columns around a group
+    yields exactly the same values as filling the whole layer.
 
     Args:
         holes: (rows, columns) mask of all holes.

@@ -32,7 +32,7 @@ class StepHeight(DiscFilter):
         input_layer: heights [m].
         second_window_radius: radius of the second disc [m]; requires `critical_value`.
         critical_value: height above which a difference counts as a step [m].
-        critical_cell_number: number of cells that make a step.
+        critical_cell_number: number of critical cells that count as a full step.
     """
 
     second_window_radius: float | None = None

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser, "all, if the destination is a bag, else the last one")
     add_destination(parser)
     parser.add_argument(
-        "--name", default="filters", help="parameter that holds the chain (%(default)s)"
+        "--name", default="filters", help="parameter that contains the chain (%(default)s)"
     )
     about = "number of threads that the filters may use (1; on tiles, one per processor)"
     parser.add_argument("--threads", type=int, help=about)

@@ -35,8 +35,8 @@ class Expression:
         text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
 
     Raises:
-        ExpressionError: the text is not an expression, or the expression is invalid for any
-            layers; the message shows the position.
+        ExpressionError: the text is not an expression, or the expression is invalid regardless of
+            the layers; the message shows the position.
 
     Example:
         >>> Expression("1 + 2 * [1, 2]")({})

@@ -133,7 +133,7 @@ class Disc:
         Args:
             values: array returned by `padded`.
             axis: direction of the lines, 0 for rows.
-            moments: weight each value with its signed distance from the middle of the line.
+            moments: weight each value by its signed distance from the middle of the line.
 
         Yields:
             distance: distance of the line from the center [cells].

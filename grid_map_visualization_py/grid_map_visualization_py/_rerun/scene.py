@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Write maps and messages to a Rerun recording, and create a viewer layout that shows them.
 
-Each topic is an entity path, `grid_map/...` for `/grid_map`. A map has these child entities:
+Each topic becomes an entity path, `grid_map/...` for `/grid_map`. A map has these child entities:
 
 - `surface`: a mesh with the colors of each layer.
 - `layers/NAME`: values of a layer as an invisible image (x right, y up) above the visible image

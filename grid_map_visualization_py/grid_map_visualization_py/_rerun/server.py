@@ -57,7 +57,7 @@ class Server:
         allowed_hosts: additional host names under which browsers may open the page.
 
     Attributes:
-        recording: the recording, a `rerun.RecordingStream`, whose methods may block on the program.
+        recording: a `rerun.RecordingStream`, whose methods may block while the program hangs.
         page_url: URL of the page; Rerun options such as `?renderer=webgl` may be appended.
         is_public: True if other machines can reach the page.
 

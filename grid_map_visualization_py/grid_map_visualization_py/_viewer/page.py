@@ -57,7 +57,7 @@ AMBIENT = 0.3
 """Fraction of ambient light on level ground."""
 
 TO_SUN = (-1.0, 0.6, 1.2)
-"""Direction to the directional light."""
+"""Direction towards the directional light."""
 
 SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 

@@ -58,7 +58,7 @@ class Blocks(NamedTuple):
 
 
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
-    """Return the number of rows and columns of the blocks that are drawn as one pixel.
+    """Return the side of the blocks that are drawn as one pixel [cells].
 
     Args:
         axes: axes on which the map is drawn.
@@ -77,13 +77,13 @@ def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) ->
 def paint(
     axes: Any, grid_map: GridMap, coloring: Coloring, side: int, heights: str, exaggeration: float
 ) -> tuple[Any, bool]:
-    """Draw a map on axes without limits.
+    """Draw a map on axes, and set the axis limits to the map.
 
     Args:
         axes: axes on which the map is drawn.
         grid_map: the map.
         coloring: colors of the cells.
-        side: number of rows and columns of the blocks that are drawn as one pixel.
+        side: side of the blocks that are drawn as one pixel [cells].
         heights: height layer for hillshading; empty means no hillshading.
         exaggeration: factor by which the heights are scaled.
 
@@ -165,7 +165,7 @@ def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
 
     Args:
         layer: (rows, columns) values.
-        side: number of rows and columns per block, counted from the largest x and y.
+        side: block side [cells]; blocks start at the largest x and y.
         is_color: True if the layer contains packed colors; channels are red, green and blue.
     """
     turned = layer.T
