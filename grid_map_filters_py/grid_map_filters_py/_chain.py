@@ -39,7 +39,7 @@ class FilterChain:
     Filters get maps with read-only layers: a filter that writes into a layer fails.
 
     Args:
-        steps: filters in the order in which they run.
+        steps: filters in execution order.
         threads: maximum number of threads, from 1 to 1000. Small maps use one thread. Results do
             not depend on the number of threads.
 
@@ -105,7 +105,7 @@ class FilterChain:
                 `FilterWarning`.
 
         Raises:
-            FilterError: a filter failed; the message names it.
+            FilterError: a filter failed; the message names the filter.
         """
         result, start = self.without_copies(grid_map, observer, warnings=warnings)
         if start != (0, 0):

@@ -29,7 +29,7 @@ WHOLE_MAP = math.inf
 
 
 class Filter(Protocol):
-    """Callable that takes a map and returns a map.
+    """Callable that filters a map and returns the result.
 
     Filters for YAML are frozen dataclasses, whose fields are the YAML parameters:
     `grid_map_core_py.plugins.build` checks names and types, `__post_init__` checks values. A filter
@@ -124,11 +124,11 @@ class TileOptions:
 
 
 class FilterWarning(UserWarning):
-    """Warning about the result of a filter."""
+    """Warning about a filter result."""
 
 
 _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", default=("", None))
-"""Name of the step that this thread runs, and the list that collects warnings of the step."""
+"""Name of the step that this thread runs, and the list that collects its warnings."""
 
 
 @contextmanager
@@ -142,7 +142,7 @@ def running(step: object, collected: list[str] | None) -> Iterator[None]:
 
 
 def warn(message: str) -> None:
-    """Warn the user about the result of a filter.
+    """Warn the user about a filter result.
 
     In a chain, the message names the filter and is appended to the list that the caller of the
     chain passed as `warnings`. Without a list or a chain, the message is issued as a Python

@@ -69,7 +69,7 @@ class FilteredTiles:
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Names of the layers in their order."""
+        """Layer names, in order."""
         return self.steps[-1].layers if self.steps else self.tiled_map.layers
 
     @property

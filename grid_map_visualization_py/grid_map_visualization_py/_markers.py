@@ -44,7 +44,7 @@ class LineMarker:
     def marker(
         self, grid_map: GridMap, points: npt.NDArray[np.float64], kind: int, namespace: str
     ) -> bytes:
-        """Return a serialized `visualization_msgs/Marker` in the frame of the map.
+        """Return a serialized `visualization_msgs/Marker` in the map frame.
 
         Args:
             grid_map: the map.

@@ -65,7 +65,7 @@ class Surface:
 
     Args:
         grid_map: the map.
-        height_layer: layer of heights [m]; cells without a finite height are holes.
+        height_layer: height layer [m]; cells without a finite height are holes.
         flat: draw the surface at height zero, with the same holes.
         max_drawn_cells: maximum number of cells, at least 9; 0 means no limit.
 

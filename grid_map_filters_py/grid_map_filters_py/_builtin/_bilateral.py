@@ -30,7 +30,7 @@ class Bilateral(LayerFilter):
     """Smooth a layer while preserving edges.
 
     Each finite cell becomes the mean of the finite values in the surrounding disc, weighted with a
-    Gaussian of the distance and a Gaussian of the difference in value (C. Tomasi and R. Manduchi,
+    Gaussian of the distance and a Gaussian of the value difference (C. Tomasi and R. Manduchi,
     "Bilateral filtering for gray and color images", ICCV 1998). Non-finite cells become NaN.
 
     Attributes:

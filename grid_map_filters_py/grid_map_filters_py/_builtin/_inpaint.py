@@ -61,7 +61,7 @@ class Inpaint(LayerFilter):
 
     Attributes:
         radius: radius of the neighborhood from which a cell is filled [m], at least one cell.
-        enclosed_holes_only: do not fill holes that reach the border of the map.
+        enclosed_holes_only: do not fill holes that reach the map border.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
 
@@ -160,7 +160,7 @@ class _InpaintTiles:
         return _BEYOND + self._margin
 
     def missing(self, tile: GridMap, window: "Window") -> int:
-        """Return the number of cells by which to widen the tile; 0 if it is large enough.
+        """Return the number of cells by which to widen the tile; 0 if the tile is large enough.
 
         A tile is large enough if it contains every hole that reaches into the window, with a margin
         around the hole. Holes longer than `max_hole` are ignored.
@@ -286,7 +286,7 @@ def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     Args:
         holes: (rows, columns) mask of all holes.
         near: distance within which holes affect each other [cells].
-        count: maximum number of strips; wide groups reduce it.
+        count: maximum number of strips; wide groups reduce the number.
     """
     columns = holes.shape[1]
     if count == 1:

@@ -114,7 +114,7 @@ class SquaredDeviations(WindowMatrix):
         too_large = ~np.isfinite(total)
         if too_large.any():
             # Squares beyond the double-precision range are not finite and do not count. Results of
-            # other cells are kept, so that they do not depend on the block.
+            # other cells are kept, so that results do not depend on the block.
             for result, exact in zip(results, super().reduce(folds), strict=True):
                 np.copyto(result, exact, where=too_large)
         return [*results]

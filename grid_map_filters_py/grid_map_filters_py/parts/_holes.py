@@ -37,7 +37,7 @@ class Holes:
         return lengths
 
     def touch_border(self, size: Size) -> Mask:
-        """Return an (n,) mask of the holes that touch the border of a map."""
+        """Return an (n,) mask of the holes that touch the map border."""
         touch: Mask = ((self.starts == 0) | (self.ends == size)).any(axis=1)
         return touch
 

@@ -96,7 +96,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
 
 
 def _arrival(times: Any, one: Any, other: Any) -> Any:
-    """Return the arrival time of a front from two neighbors of a cell at right angles."""
+    """Return the arrival time at a cell, from two of its neighbors at right angles."""
     first, second = np.float64(times[one]), np.float64(times[other])
     difference = first - second
     if abs(difference) < 1.0:

@@ -128,7 +128,7 @@ def _animate(options: argparse.Namespace) -> None:
     from ..pictures import save_animation
 
     with ExitStack() as stack, open_recording(options) as records, _telling(options.picture):
-        # The progress bar starts with the first map, so that it does not precede an error text.
+        # The progress bar starts with the first map, so that error messages do not follow a bar.
         start = cache(lambda: stack.enter_context(ProgressBar()))
         progress = lambda done, total: start()(done, total)  # noqa: E731
         if not len(records):

@@ -27,7 +27,7 @@ from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from .scene import rerun
 
 SETTINGS = Path(__file__).with_name("settings")
-"""Settings folder for the program `rerun`, with usage statistics disabled; it is only read."""
+"""Read-only settings folder for the program `rerun`, with usage statistics disabled."""
 
 START_TIME = 30.0
 """Maximum startup time of the program `rerun` [s]."""

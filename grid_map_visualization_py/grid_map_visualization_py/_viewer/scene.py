@@ -92,7 +92,7 @@ class SurfaceScene:
     """Arrays that the page draws for a map; positions are relative to `mesh.origin` [m].
 
     Attributes:
-        mesh: the surface; it may have no faces.
+        mesh: the surface, possibly without faces.
         glb: content of a GLB file with the surface; None if the surface has no faces.
         grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
         vectors: (N, 2, 3) ends of the vectors; empty unless requested.

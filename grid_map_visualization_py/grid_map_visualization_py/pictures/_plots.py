@@ -34,7 +34,7 @@ RELIEF_SIZE = (1200, 560)
 """Default width and height of relief pictures [pixels]."""
 
 _GRAY = {"facecolor": 3 * (MISSING / 255,)}
-"""Legend style of cells without a value on surfaces and in relief pictures."""
+"""Legend style for cells without a value on surfaces and in relief pictures."""
 
 
 def plot(
@@ -70,7 +70,7 @@ def plot(
         color_map: name of a Matplotlib color map.
         lower, upper: values at the ends of the color map; None means smallest and largest value.
         invert: swap the ends of the color map.
-        hillshade: name of the layer of heights [m] used for hillshading. None uses `layer` if its
+        hillshade: name of the height layer [m] used for hillshading. None uses `layer` if its
             name indicates heights: it starts with elevation, height, altitude, DEM, DSM or DTM and
             contains no word such as variance, slope or color. True also shades other layers, with
             the heights of `elevation` or the first height layer. False disables hillshading.
@@ -135,7 +135,7 @@ def plot_3d(
 
     Args:
         grid_map: as for `plot`.
-        height_layer: layer of heights [m]; empty means `elevation`, or else the first layer.
+        height_layer: height layer [m]; empty means `elevation`, or else the first layer.
         ax: Matplotlib axes with projection "3d"; None creates new axes.
         color_layer: layer with the colors; empty means the heights.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
@@ -210,7 +210,7 @@ def plot_relief(
 
     Args:
         grid_map: as for `plot`.
-        height_layer: layer of heights [m]; empty means `elevation`, or else the first layer. Holes
+        height_layer: height layer [m]; empty means `elevation`, or else the first layer. Holes
             are drawn at the height of the nearest cell.
         ax: Matplotlib axes to draw on; None means the current axes.
         color_layer: layer with the colors; empty means the heights. Cells without a value are gray.
