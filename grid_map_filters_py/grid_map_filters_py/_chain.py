@@ -23,7 +23,7 @@ from .errors import FilterConfigError
 from .parts._side_by_side import use_threads
 
 _FEWEST_CELLS = 1000**2
-"""Minimum map size for several threads [cells]; on smaller maps, waking threads costs more time."""
+"""Minimum map size for threads [cells]; on smaller maps, waking threads costs more time."""
 
 _MOST_THREADS = 1000
 """Maximum number of threads; all threads start, even without work."""
@@ -39,7 +39,7 @@ class FilterChain:
     Filters get maps with read-only layers: a filter that writes into a layer fails.
 
     Args:
-        steps: filters in the order in which they run.
+        steps: filters in execution order.
         threads: maximum number of threads, from 1 to 1000. Small maps use one thread. Results do
             not depend on the number of threads.
 
@@ -68,7 +68,7 @@ class FilterChain:
         """Create a chain from the mapping under `filters:`, or a list of {name, type, params}.
 
         Raises:
-            FilterConfigError: the message names the filter, its type and the parameter.
+            FilterConfigError: the chain is invalid; the message names filter, type and parameter.
         """
         return cls(map(Step.from_config, parse_steps(config)), threads=threads)
 
@@ -84,7 +84,7 @@ class FilterChain:
             threads: see `FilterChain`.
 
         Raises:
-            FilterConfigError: the message names the filter, the filter type and the parameter.
+            FilterConfigError: the chain is invalid; the message names filter, type and parameter.
             OSError: the file cannot be read.
         """
         return cls.from_config(read_chain(path, name), threads=threads)
@@ -100,12 +100,12 @@ class FilterChain:
 
         Args:
             grid_map: map to filter; not changed.
-            observer: called after each step with the step and the duration of the step [s].
-            warnings: list to which warnings of the filters are appended; None issues each warning
-                as a `FilterWarning`.
+            observer: called after each step with the step and its duration [s].
+            warnings: list to which filter warnings are appended; None issues each warning as a
+                `FilterWarning`.
 
         Raises:
-            FilterError: a filter failed; the message names it.
+            FilterError: a filter failed; the message names the filter.
         """
         result, start = self.without_copies(grid_map, observer, warnings=warnings)
         if start != (0, 0):
@@ -171,7 +171,7 @@ class FilterChain:
         return filtered_tiles(self.steps, tiled_map, options)
 
     def reach(self, resolution: float) -> float:
-        """Return the reach of the chain: the sum of the reaches of all filters [cells].
+        """Return the reach of the chain [cells]: the sum of all filter reaches.
 
         A cell of the result depends only on input cells that are at most this number of rows and
         columns away, except for rounding: some filters subtract a typical value of the whole layer.
@@ -193,7 +193,7 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return parameter descriptions by names such as `filter1.params.radius`.
+    """Return parameter descriptions by name, for example `filter1.params.radius`.
 
     Unknown parameters are omitted.
     """

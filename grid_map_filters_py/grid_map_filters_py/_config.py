@@ -31,13 +31,13 @@ class StepConfig:
 
 
 def parse_steps(config: object) -> list[StepConfig]:
-    """Return the steps of a chain in the order in which they run.
+    """Return the steps of a chain in execution order.
 
     Args:
         config: the mapping `{filter1: step, filter2: step, ...}` or a list of steps.
 
     Raises:
-        FilterConfigError: the message names the filter, the expected value and the actual value.
+        FilterConfigError: invalid chain; the message names filter, expected and actual value.
     """
     if isinstance(config, Mapping):
         numbered = {}

@@ -29,7 +29,7 @@ WHOLE_MAP = math.inf
 
 
 class Filter(Protocol):
-    """Callable that takes a map and returns a map.
+    """Callable that filters a map and returns the result.
 
     Filters for YAML are frozen dataclasses, whose fields are the YAML parameters:
     `grid_map_core_py.plugins.build` checks names and types, `__post_init__` checks values. A filter
@@ -62,7 +62,7 @@ class LocalFilter(Filter, Protocol):
 
 @runtime_checkable
 class GlobalFilter(Filter, Protocol):
-    """Filter that needs quantities of the whole map, such as a mean, but otherwise is local."""
+    """Filter that needs quantities of the whole map, such as a mean, but is otherwise local."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
         """Compute the quantities, and return a `LocalFilter` for the tiles.
@@ -124,16 +124,16 @@ class TileOptions:
 
 
 class FilterWarning(UserWarning):
-    """Warning about the result of a filter."""
+    """Warning about a filter result."""
 
 
 _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", default=("", None))
-"""Name of the step that this thread runs, and the list that collects warnings of the step."""
+"""Name of the step that this thread runs, and the list that collects its warnings."""
 
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Let `warn` prefix messages with `step` and, unless it is None, append to `collected`."""
+    """Make `warn` prefix messages with `step`, and append them to `collected` if it is a list."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield
@@ -142,11 +142,11 @@ def running(step: object, collected: list[str] | None) -> Iterator[None]:
 
 
 def warn(message: str) -> None:
-    """Warn the user about the result of a filter.
+    """Warn the user about a filter result.
 
     In a chain, the message names the filter and is appended to the list that the caller of the
-    chain passed as `warnings`. Without a list or a chain, it becomes a Python warning of the class
-    `FilterWarning`.
+    chain passed as `warnings`. Without a list or a chain, the message is issued as a Python
+    warning of the class `FilterWarning`.
     """
     step, collected = _running.get()
     pass_on([step + message], collected, stacklevel=3)
@@ -170,16 +170,16 @@ _kept = [0]
 def in_map_order(call: C) -> C:
     """Decorator for the `__call__` of filters that need maps in map order.
 
-    A map with another start index than (0, 0) is reordered; the result gets the original start
-    index. Filters that read neighboring cells need the decorator when used without a chain; chains
-    do the same. Freed memory is kept for the next filter.
+    A map whose start index is not (0, 0) is reordered; the result gets the original start index.
+    Filters that read neighboring cells need the decorator only outside chains, because a chain
+    reorders maps itself. Freed memory is kept for the next filter.
     """
 
     @functools.wraps(call)
     def wrapped(self: object, grid_map: GridMap) -> GridMap:
         # glibc keeps freed memory up to twice the largest freed block, here 64 bytes per cell and
-        # at most 64 MB. Otherwise the system would clear the pages of all temporary arrays, which
-        # takes half of the run time of a chain on 400 x 400 cells.
+        # at most 32 MB. Otherwise, the system would clear the pages of all temporary arrays, which
+        # takes half the run time of a chain on a 400 x 400 map.
         block = min(64 * math.prod(grid_map.size), 2**25 - 2**16)
         if block > _kept[0]:
             _kept[0] = block

@@ -2,7 +2,7 @@
 """Runs filter chains without a node on many maps from bags, folders or generators.
 
 `filter_maps` accepts any iterable, and a function `load` that converts each item to a map. For a
-bag, the items are records; `load` decodes one record at a time, and each result refers to a record.
+bag, the items are records: `load` decodes one at a time, and each result includes its record.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -79,7 +79,7 @@ def filter_maps(
     total = len(items) if isinstance(items, Sized) else None
     index = -1
     for item in items:
-        # `enumerate` would keep an item in memory until the next one is read.
+        # `enumerate` would keep an item in memory until the next item is read.
         index += 1  # noqa: SIM113
         grid_map = result = None
         try:

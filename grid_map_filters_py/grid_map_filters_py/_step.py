@@ -29,7 +29,7 @@ class Step:
         """Create the filter described by a configuration.
 
         Raises:
-            FilterConfigError: the message names the filter, the filter type and the parameter.
+            FilterConfigError: invalid configuration; the message names filter, type and parameter.
         """
         try:
             kind: Any = FILTERS[config.type]
@@ -82,11 +82,11 @@ class Step:
 
 
 StepObserver = Callable[[Step, float], None]
-"""Function called after every step with the step and the duration of the step [s]."""
+"""Function called after every step with the step and its duration [s]."""
 
 
 def message_of(error: Exception) -> str:
-    """Return the message of an error, prefixed with the type for errors of other packages."""
+    """Return the message of an error, prefixed with the type for errors from other packages."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
 
 
@@ -99,11 +99,11 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a read-only layer as a writeable one, copied if the memory belongs to another layer.
+    """Return a writeable view of a layer, or a copy if another layer uses the same memory.
 
     Args:
         layer: layer returned by a filter, or a layer of the input.
-        taken: addresses of memory used by the input or other layers; `layer` is added.
+        taken: memory addresses used by the input or other layers; the address of `layer` is added.
     """
     own, address = layer.view(), address_of(layer)
     try:

@@ -32,7 +32,7 @@ from ._step import Step, message_of, own_layer, read_only
 from .errors import FilterError
 
 _CORNER = 3
-"""Side of the small map for a trial run of the chain [cells]."""
+"""Side of the small map on which the chain is tried [cells]."""
 
 _MOST = 1.05
 """Ratio of computed to requested cells above which a map is cropped."""
@@ -65,11 +65,11 @@ class FilteredTiles:
     steps: tuple[_TileStep, ...]
     options: TileOptions
     _bound: dict[int, Filter] = field(default_factory=dict, repr=False)
-    """Filters for tiles by step number; they include the quantities of the whole map."""
+    """Tile filters by step number; they contain the required quantities of the whole map."""
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Names of the layers in their order."""
+        """Layer names, in order."""
         return self.steps[-1].layers if self.steps else self.tiled_map.layers
 
     @property

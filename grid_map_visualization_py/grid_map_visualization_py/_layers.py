@@ -27,12 +27,12 @@ def usual_layer(site: "GridMap | TiledMap") -> str:
 
 
 def is_heights(layer: str) -> bool:
-    """Return True if the name of a layer indicates that the layer contains heights."""
+    """Return True if a layer name indicates heights."""
     return bool(_HEIGHTS.match(layer)) and not _NO_HEIGHTS.search(layer)
 
 
 def titled(layer: str) -> str:
-    """Return the name of a layer, followed by the unit if the layer contains heights."""
+    """Return the layer name, followed by the unit if the name indicates heights."""
     return f"{layer} [m]" if is_heights(layer) else layer
 
 

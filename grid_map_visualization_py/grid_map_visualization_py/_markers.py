@@ -21,7 +21,7 @@ from .colors import check_color
 
 @dataclass(frozen=True, kw_only=True)
 class LineMarker:
-    """Base class of visualizations that draw lines of one color.
+    """Base class of visualizations that draw single-color lines.
 
     Attributes:
         color: 0xRRGGBB.
@@ -44,7 +44,7 @@ class LineMarker:
     def marker(
         self, grid_map: GridMap, points: npt.NDArray[np.float64], kind: int, namespace: str
     ) -> bytes:
-        """Return a serialized `visualization_msgs/Marker` in the frame of the map.
+        """Return a serialized `visualization_msgs/Marker` in the map frame.
 
         Args:
             grid_map: the map.

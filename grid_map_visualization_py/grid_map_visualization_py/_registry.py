@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Registry of visualizations by their YAML type names.
+"""Registry of visualizations by YAML type name.
 
 Other packages add types through the entry-point group `grid_map_visualization_py.visualizations`.
 The name of an entry point is the type name; its object is a class that implements `Visualization`.

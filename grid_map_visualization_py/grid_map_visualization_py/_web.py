@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""URLs of the pages of both viewers, and checks of the requests to the pages."""
+"""Page URLs of both viewers, and checks of page requests."""
 
 import ipaddress
 import socket

@@ -2,9 +2,9 @@
 """Convert the values of a layer to colors.
 
 A color map is a named sequence of colors, such as viridis. All outputs (RViz, browser, pictures)
-use the color maps of Matplotlib (see
-https://matplotlib.org/stable/gallery/color/colormap_reference.html), which is imported on first
-use. Colors are red, green, blue in [0, 255]. `grid_map_core_py.conversions` packs colors into
+use Matplotlib color maps (see
+https://matplotlib.org/stable/gallery/color/colormap_reference.html). Matplotlib is imported on
+first use. Colors are red, green, blue in [0, 255]. `grid_map_core_py.conversions` packs colors into
 layers, one float32 per cell, and unpacks such layers.
 """
 
@@ -29,7 +29,7 @@ Colors: TypeAlias = npt.NDArray[np.uint8]
 """Colors (..., 3): red, green, blue in [0, 255]."""
 
 MISSING = 128
-"""Red, green and blue of the gray for cells without a value."""
+"""Gray value (red, green and blue) of cells without a value."""
 
 DEFAULT_COLOR_MAP = "viridis"
 
@@ -58,7 +58,7 @@ def check_color(color: int) -> None:
 
 @dataclass(frozen=True)
 class Coloring:
-    """How cells are colored: by a color map, by packed colors, or in one color.
+    """Cell coloring with a color map, with packed colors, or with one color.
 
     Attributes:
         mode: "intensity" maps the values of `layer` to colors of `color_map`, "color" unpacks the
@@ -68,7 +68,7 @@ class Coloring:
         lower, upper: values at the ends of the color map; None means the smallest and the largest
             finite value. Values outside this range get the nearest end color.
         invert: swap the ends of the color map.
-        color: color of the mode "flat", 0xRRGGBB.
+        color: color for the mode "flat", 0xRRGGBB.
 
     Raises:
         ConfigError: the color map is unknown, or the bounds are not finite with lower < upper.
@@ -95,7 +95,7 @@ class Coloring:
         """Return the lower and upper end of the color map for an array of layer values.
 
         A bound that is None is the smallest or the largest finite value, limited by the other bound
-        so that lower <= upper. Both are 0 if no bound is given and no value is finite.
+        so that lower <= upper. Both bounds are 0 if none is given and no value is finite.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper

@@ -6,7 +6,7 @@ triangles if all four heights are finite, one triangle if three are finite, and 
 The square is split along the diagonal with the smaller height difference (the higher diagonal if
 the differences are equal), so that edges and ridges are straight.
 
-If a map has more than `max_drawn_cells` cells, only every n-th row and column is kept, and the
+If a map has more than `max_drawn_cells` cells, only every n-th row and column is kept, plus the
 first and last ones, so that the surface covers the map. Values are not averaged. Rows and columns
 are chosen by position in the map frame, so that the surface of a moving map does not flicker.
 """
@@ -65,7 +65,7 @@ class Surface:
 
     Args:
         grid_map: the map.
-        height_layer: layer of heights [m]; cells without a finite height are holes.
+        height_layer: height layer [m]; cells without a finite height are holes.
         flat: draw the surface at height zero, with the same holes.
         max_drawn_cells: maximum number of cells, at least 9; 0 means no limit.
 
@@ -132,10 +132,10 @@ class Surface:
     def colors(self, coloring: Coloring) -> Colors:
         """Return red, green, blue (columns * rows, 3) of all shown cells.
 
-        If the coloring has no layer, the heights are colored.
+        If the coloring has no layer, the heights determine the colors.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer of the colors.
+            LayerNotFoundError: the map lacks the color layer.
         """
         layer = "" if coloring.mode == "flat" else coloring.layer
         if coloring.mode == "intensity" and self._step > 1:
@@ -148,7 +148,7 @@ class Surface:
         """Return the values at the ends of the color map, computed from all cells of the map.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer of the colors.
+            LayerNotFoundError: the map lacks the color layer.
         """
         return coloring.bounds(self.grid_map[coloring.layer or self.height_layer])
 
@@ -156,7 +156,7 @@ class Surface:
         """Return the surface as a colored triangle mesh.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer of the colors.
+            LayerNotFoundError: the map lacks the color layer.
         """
         origin = self.grid_map.position
         valid = self.valid.ravel()
@@ -176,7 +176,7 @@ class Surface:
             return 1
 
         def lines(cells: int, step: int) -> int:
-            # Every n-th line is kept, and up to two border lines.
+            # Every n-th line is kept, plus up to two border lines.
             return min(cells, -(-cells // step) + 2)
 
         return next(n for n in count(2) if lines(rows, n) * lines(columns, n) <= most)

@@ -12,14 +12,14 @@ from ..parts._disc import Disc, disc_reach
 from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side
 
-# OpenCV's bilateral filter propagates NaN, and a single outlier makes the weight table too coarse
-# to preserve edges.
+# OpenCV's bilateral filter is unsuitable: it propagates NaN, and a single outlier makes its weight
+# table too coarse to preserve edges.
 
 _FAR = np.float32(12.0)
-"""Standard deviations beyond which a value counts as missing; its weight would be 5e-32."""
+"""Difference at which a value counts as missing [standard deviations]; its weight is 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Mean difference that counts as 0 [standard deviations], since missing values may cause it."""
+"""Mean differences below this become 0 [standard deviations]; missing values can cause them."""
 
 _PIECE = 2**16
 """Number of cells computed at once, so that temporary arrays fit into the cache."""
@@ -30,7 +30,7 @@ class Bilateral(LayerFilter):
     """Smooth a layer while preserving edges.
 
     Each finite cell becomes the mean of the finite values in the surrounding disc, weighted with a
-    Gaussian of the distance and a Gaussian of the difference in value (C. Tomasi and R. Manduchi,
+    Gaussian of the distance and a Gaussian of the value difference (C. Tomasi and R. Manduchi,
     "Bilateral filtering for gray and color images", ICCV 1998). Non-finite cells become NaN.
 
     Attributes:
@@ -74,9 +74,9 @@ class Bilateral(LayerFilter):
         return result
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
-        """Return the weighted means of a block; `around` is the block with the margin of a disc."""
+        """Return the weighted means of a block; `around` is the block plus a one-radius margin."""
         sigma, (rows, columns) = np.float32(self.sigma_range), center.shape
-        # Each cell itself has weight 1.
+        # The cell itself has weight 1.
         weights, total = np.ones_like(center), np.zeros_like(center)
         distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
         shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)

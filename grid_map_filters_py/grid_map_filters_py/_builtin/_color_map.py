@@ -19,7 +19,7 @@ _FIRST, _LAST = np.float32(0), np.float32(1)
 
 @dataclass(frozen=True, kw_only=True)
 class ColorMap(CellFilter, LayerFilter):
-    """Color a layer with a linear gradient between two values and their colors.
+    """Color a layer with a linear color gradient between two values.
 
     Values outside the range are clamped to the nearest end. Non-finite cells get no color.
 

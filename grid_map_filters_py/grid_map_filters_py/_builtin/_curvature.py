@@ -19,7 +19,7 @@ class Curvature(LayerFilter):
     """Compute the curvature of a layer from second differences; positive on hilltops.
 
     At the border of the map, the cell itself replaces the missing neighbor. A second difference
-    with a non-finite cell counts as 0. Non-finite cells become NaN.
+    that includes a non-finite cell counts as 0. Non-finite cells become NaN.
 
     Attributes:
         input_layer: heights [m].

@@ -48,7 +48,7 @@ _MARGIN = 16
 change the result by less than 1e-6 of the value range, even if half of the cells are missing."""
 
 _BEYOND = 32
-"""Initial border of a tile [cells]: most holes on the border of the tile end within it."""
+"""Initial border around a tile [cells]; most holes at the tile edge end within this border."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,12 +56,12 @@ class Inpaint(LayerFilter):
     """Fill the non-finite cells of a layer from surrounding cells.
 
     Uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV. Finite
-    cells do not change. A layer without finite cells does not change. Missing cells that touch,
-    also at corners, form one hole.
+    cells, and layers without finite cells, do not change. Missing cells that touch, also at
+    corners, form one hole.
 
     Attributes:
         radius: radius of the neighborhood from which a cell is filled [m], at least one cell.
-        enclosed_holes_only: do not fill holes that reach the border of the map.
+        enclosed_holes_only: do not fill holes that reach the map border.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
 
@@ -147,7 +147,7 @@ class _InpaintTiles:
         geometry: geometry of the whole map.
         extremes: lowest and highest finite value of the whole layer; NaN without finite values.
         max_hole: length of the longest hole to fill [cells].
-        fills_all: all holes of the map are to be filled.
+        fills_all: True if all holes of the map are to be filled.
     """
 
     whole: Inpaint
@@ -160,10 +160,10 @@ class _InpaintTiles:
         return _BEYOND + self._margin
 
     def missing(self, tile: GridMap, window: "Window") -> int:
-        """Return the number of cells by which to widen the tile; 0 if it is large enough.
+        """Return the number of cells by which to widen the tile; 0 if the tile is large enough.
 
-        A tile is large enough if it contains all holes that reach into the window, except holes
-        that are too long, with a margin around each hole.
+        A tile is large enough if it contains every hole that reaches into the window, with a margin
+        around the hole. Holes longer than `max_hole` are ignored.
         """
         starts = [part.start for part in window]
         ends = [length - part.stop for length, part in zip(tile.size, window, strict=True)]
@@ -268,7 +268,7 @@ def _fill(
         if grays is None:
             image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(missing, dtype=np.uint8)
             grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
-        # Column by column, in the memory order of the layers.
+        # Write column by column, in the memory order of the layers.
         places, rows = np.nonzero((own & chosen[:, columns]).T)
         heights = np.clip(grays[rows, places], 0.0, 255.0, dtype=np.float64) / scale + lowest
         filled[:, columns][rows, places] = heights
@@ -279,21 +279,21 @@ def _fill(
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     """Yield strips of columns, each with a mask of the holes that are filled together.
 
-    A cell is filled from cells within the radius and the neighbors of these cells. Groups of holes
-    that are further apart do not affect each other, so that filling the columns around a group
-    gives exactly the same values as filling the whole layer.
+    A cell is filled from cells within the radius and the neighbors of these cells. Hole groups
+    that are further apart do not affect each other, so filling only the columns around a group
+    yields exactly the same values as filling the whole layer.
 
     Args:
         holes: (rows, columns) mask of all holes.
         near: distance within which holes affect each other [cells].
-        count: maximum number of strips; wide groups reduce it.
+        count: maximum number of strips; wide groups reduce the number.
     """
     columns = holes.shape[1]
     if count == 1:
         yield slice(0, columns), holes
         return
-    # After dilation with blocks of side `near`, cells that affect each other touch. Rows of the map
-    # run along x of the image.
+    # After dilation with blocks of side `near`, cells that affect each other touch. Map rows run
+    # along the x axis of the image.
     grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
     starts, lengths = boxes[:, cv2.CC_STAT_TOP], boxes[:, cv2.CC_STAT_HEIGHT]

@@ -16,7 +16,7 @@ from ..parts._colors import FULL, or_none, pack
 
 @dataclass(frozen=True, kw_only=True)
 class LightIntensity(CellFilter):
-    """Shade a map in gray with the cosine between the surface normal and the light direction.
+    """Shade a map in gray: cosine of the angle between the normal and the direction to the light.
 
     Cells without a normal get no color.
 

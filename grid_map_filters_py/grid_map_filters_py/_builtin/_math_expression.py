@@ -28,7 +28,7 @@ _CELLS = 4 * CELLS
 class MathExpression:
     """Compute `output_layer` with a matrix expression over the layers of the map.
 
-    If the result is a number, all cells get it; a matrix must have the shape of the map.
+    A numeric result is assigned to all cells; a matrix must have the shape of the map.
 
     Attributes:
         expression: for example `0.5 * slope + roughness`.

@@ -13,7 +13,7 @@ from ..parts._disc import Disc
 from ..parts._layer_filter import AroundTypicalValue, DiscFilter
 
 _FEW = 4
-"""Maximum reach of a disc that counts as small [cells]."""
+"""Maximum disc reach for single-precision sums [cells]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
         # Single-precision sums of few values are as precise as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean, too_large = _mean(disc, layer, offset, dtype)
-        # Only these cells are replaced, so that results do not depend on the block.
+        # Replace only cells that overflow, so that results do not depend on the block.
         if dtype == np.float32 and too_large.any():
             exact, _ = _mean(disc, layer, offset, np.float64)
             mean[too_large] = exact[too_large]

@@ -108,7 +108,7 @@ class MedianFill:
 
 
 def _mask(layer: Layer, iterations: int) -> Layer:
-    """Return a mask of the cells to fill (0 or 1), closed with the number of `iterations`."""
+    """Return a mask of the cells to fill (0 or 1), after `iterations` closing iterations."""
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))
 

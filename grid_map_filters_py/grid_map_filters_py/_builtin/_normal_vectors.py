@@ -30,7 +30,7 @@ class NormalVectors:
         algorithm: "area" fits a plane to the disc around each cell, "raster" uses the slopes to
             the four neighbors.
         radius: radius of the disc [m]; 0 or less means "raster".
-        parallelization_enabled, thread_number: parameter of the C++ filter, without effect.
+        parallelization_enabled, thread_number: parameter of the C++ filter; ignored.
     """
 
     input_layer: str

@@ -13,11 +13,11 @@ from ..parts._normals import plane_deviations
 class Roughness(AroundTypicalValue, DiscFilter):
     """Compute the standard deviation of the points around a cell from a fitted plane [m].
 
-    The roughness is sqrt(sum d^2 / (n - 1)), where d are the distances of the n finite points in
-    the disc to the plane through the mean of the points, with the normal that `NormalVectors`
-    computes for the same disc. This equals the roughness filter of traversability_estimation (M.
-    Wermelinger et al., "Navigation planning for legged robots in challenging terrain", IROS 2016).
-    The result is NaN where the input is not finite or the disc has no other finite cell.
+    The roughness is sqrt(sum d^2 / (n - 1)) for the distances d of the n finite points in the disc
+    from a plane. The plane contains the mean of the points and has the normal that `NormalVectors`
+    computes for this disc. traversability_estimation uses the same definition (M. Wermelinger et
+    al., "Navigation planning for legged robots in challenging terrain", IROS 2016). The result is
+    NaN where the input is not finite or the disc contains no other finite cell.
 
     Attributes:
         input_layer: heights [m].

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")
-"""Options that apply on tiles only, and in memory only."""
+"""Options for filtering on tiles only, and in memory only."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser, "all, if the destination is a bag, else the last one")
     add_destination(parser)
     parser.add_argument(
-        "--name", default="filters", help="parameter that holds the chain (%(default)s)"
+        "--name", default="filters", help="parameter that contains the chain (%(default)s)"
     )
     about = "number of threads that the filters may use (1; on tiles, one per processor)"
     parser.add_argument("--threads", type=int, help=about)
@@ -51,20 +51,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json(parser, "print the times as JSON; on tiles, the progress as lines of JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     parser.add_argument(
-        "--keep-going", action="store_true", help="leave out maps that cannot be filtered"
+        "--keep-going", action="store_true", help="skip maps that cannot be filtered"
     )
     add_tiles(parser)
     group = parser.add_argument_group("filters on maps of any size")
-    about = "layers of the result to write (all)"
+    about = "result layers to write (all)"
     group.add_argument("--layers", nargs="+", metavar="LAYER", help=about)
-    about = "longest hole that is filled, along rows or columns (a tile)"
+    about = "longest hole to fill, along rows or columns (the longer tile side)"
     group.add_argument("--max-hole", type=int, metavar="CELLS", help=about)
-    about = "end with an error at longer holes (refuse), or leave them as they are"
+    about = "fail on longer holes (refuse), or do not fill them (leave)"
     group.add_argument("--large-holes", choices=("refuse", "leave"), help=about)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Filter the maps of a file, and print their number."""
+    """Run `grid-map filter`: filter the maps of a file, and print how many."""
     if options.chain == options.source == "-":
         raise UsageError("the chain and the map cannot both come from standard input")
     path = "/dev/stdin" if options.chain == "-" else options.chain

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_filters`: runs a filter chain on every map of a topic.
 
-The parameters of the chain can be changed while the node runs. The node first builds the new chain;
-if that fails, it rejects the change with the reason and keeps the old chain.
+The parameters of the chain can be changed while the node runs. If the new chain cannot be built,
+the node rejects the change, reports the reason and keeps the old chain.
 
 Diagnostics on `/diagnostics` include the last, mean and maximum duration of each filter [ms].
 """
@@ -92,7 +92,7 @@ class FilterChainNode(ConfiguredNode):
                 self._next_chain = FilterChain.from_config(nested(values), threads=self._threads)
         except GridMapError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        except Exception as error:  # Requests and plug-ins may raise any exception.
+        except Exception as error:  # Requests and plug-ins may cause any exception.
             self._log.error(f"set_parameters: {error!r}")
             return SetParametersResult(successful=False, reason=cut(repr(error)))
         return SetParametersResult(successful=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Detects cellwise expressions: each cell of the result depends on the same cell of the layers.
+"""Detects cellwise expressions: each result cell depends only on the same cell of the layers.
 
-Reductions such as `max(elevation)` depend on all cells, but result in numbers: once reductions are
+Reductions such as `max(elevation)` depend on all cells, but return numbers. Once all reductions are
 computed, the rest of an expression may be cellwise.
 """
 
@@ -25,9 +25,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers, which hide functions and constants. None if the names are
-            unknown: constants and functions then count as not hidden, except that calls that may
-            be indices count as indices.
+        layers: layer names, which hide functions and constants of the same name. None means that
+            the names are unknown: nothing then counts as hidden, but calls that may be indices
+            count as indices.
         reduced: treat reductions as numbers.
     """
 
@@ -70,7 +70,7 @@ class Analysis:
                 return self._kind(operand)
             case "binary", (operator, left, right):
                 kinds = [self._kind(left), self._kind(right)]
-                # For two matrices, these are matrix operators.
+                # Between two matrices, `*` and `/` are matrix operators.
                 if operator in ("*", "/") and _Kind.NUMBER not in kinds:
                     return _Kind.OTHER
             case "call", (function, arguments) if not self._is_index(node):
@@ -83,7 +83,7 @@ class Analysis:
         if self.reduced and self._reduces(function, arguments):
             return _Kind.NUMBER
         kinds = [self._kind(argument) for argument in arguments]
-        # With a matrix as second argument, these functions compare cell by cell.
+        # With a matrix as second argument, `min` and `max` compare cell by cell.
         pairwise = function in ("min", "max") and kinds[1:] == [_Kind.CELLS]
         of_number = FUNCTIONS[function].reduces == len(kinds) and {*kinds} == {_Kind.NUMBER}
         if not (FUNCTIONS[function].elementwise or pairwise or of_number):

@@ -35,8 +35,8 @@ class Expression:
         text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
 
     Raises:
-        ExpressionError: the text is not an expression, or the expression is invalid for any
-            layers; the message shows the position.
+        ExpressionError: the text is not an expression, or the expression is invalid regardless of
+            the layers; the message shows the position.
 
     Example:
         >>> Expression("1 + 2 * [1, 2]")({})
@@ -127,7 +127,7 @@ class Expression:
 
         Args:
             layers: a map, or (rows, columns) arrays by name; a layer hides the function or constant
-                of the same name. Only layers that the expression names are read, and no layer is
+                of the same name. Only layers that the expression names are read; no layer is
                 changed.
 
         Returns:
@@ -182,12 +182,12 @@ class Expression:
         cells are computed together, in double precision.
 
         Args:
-            name: name of the input layer, which stands for the window in the expression.
+            name: name of the input layer; in the expression, this name means the window.
             layer: (rows, columns) array with start index (0, 0).
             window_size: odd number of cells along a side.
             edge_handling: treatment of windows that extend beyond the map. `inside`: the result is
                 NaN. `crop`: the window is cropped to the map. `empty`: cells outside are NaN.
-                `mean`: cells outside are the mean of the finite values of the window on the map.
+                `mean`: cells outside get the mean of the finite values in the window.
             compute_empty_cells: False returns NaN for cells whose input is NaN.
 
         Returns:
@@ -236,7 +236,7 @@ class _PartsOfTile:
         return [partial.parts for partial in partials]
 
     def combined(self, of_tiles: Sequence[list[list[float]]], size: Size) -> list[float]:
-        """Combine the partial reductions of all tiles to the reductions of a map.
+        """Combine the partial reductions of all tiles into the reductions of the whole map.
 
         Args:
             of_tiles: results for each tile, in tile order.

@@ -108,7 +108,7 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Return `max` or `min`: reduces one argument, or compares two matrices elementwise."""
+    """Return `max` or `min`, which reduces one argument or compares two matrices elementwise."""
 
     def reduce(algebra: Matrices, value: Value, second: Value | None = None) -> Value:
         if isinstance(second, float) and second not in (0.0, 1.0):
@@ -182,13 +182,13 @@ class Function:
     NaN, which is faster than cropping the windows.
 
     Attributes:
-        apply: takes the algebra and `least` to `most` arguments.
+        apply: called with the algebra and `least` to `most` arguments.
         axis: the second argument is an axis, 0 or 1.
-        elementwise: an element of the result depends on the same element of the arguments alone.
-        keeps_nan: elementwise, and NaN wherever an argument is NaN.
-        skips_nan: takes one argument and ignores its NaN elements.
-        reduces: number of arguments with which it reduces the first one, or its shape, to a number;
-            0 if it does not.
+        elementwise: each element of the result depends only on the same element of the arguments.
+        keeps_nan: elementwise, and the result is NaN wherever an argument is NaN.
+        skips_nan: accepts one argument and ignores its NaN elements.
+        reduces: number of arguments with which the function reduces its first argument, or the
+            shape of this argument, to a number; 0 for other functions.
     """
 
     apply: Callable[..., Any]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on whole matrices: numbers are Python floats, matrices float32 arrays.
 
-In NumPy 1 and 2, an operation between a Python float and a float32 array results in float32. Arrays
-of the user are read-only. A writeable array is therefore a temporary array of the evaluation; the
-next operation may overwrite it with the result.
+In NumPy 1 and 2, an operation between a Python float and a float32 array results in float32. User
+arrays are read-only. A writeable array is therefore a temporary result, which the next operation
+may overwrite.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -27,7 +27,7 @@ SCALAR: Shape = (1, 1)
 class Fold:
     """A reduction: apply `map` to every element, then `combine` the results in any order.
 
-    The optional `whole` reduces a whole array faster; it returns NaN if no elements count.
+    The optional `whole` reduces a whole array faster; it returns NaN without valid elements.
     """
 
     map: Callable[[Any], Any]
@@ -122,7 +122,7 @@ class Partial(Matrices):
 
 
 class Combined(Matrices):
-    """Primitive operations for values whose folds are known.
+    """Primitive operations with precomputed folds.
 
     Args:
         parts: for each fold in order of execution, the results from all tiles.

@@ -37,7 +37,7 @@ class Node:
 
     @contextmanager
     def blamed(self) -> Iterator[None]:
-        """Set the position of this node in faults that have no position yet."""
+        """Add the position of this node to faults that have no position yet."""
         try:
             yield
         except Fault as fault:

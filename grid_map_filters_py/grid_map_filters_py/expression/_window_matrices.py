@@ -3,7 +3,7 @@
 
 The value of a subexpression is a small matrix *per cell*, stored as a matrix of elements. An
 element is a number, or a field: an array with the values of this element in all cells. Elements are
-computed on demand and freed after use, so memory use equals a few layers for any window size.
+computed on demand and freed after use, so the memory for a few layers suffices for any window.
 Fields use double precision, because differences between windows are small on high terrain; numbers
 are rounded to float32 as in C++.
 """
@@ -114,7 +114,7 @@ class SquaredDeviations(WindowMatrix):
         too_large = ~np.isfinite(total)
         if too_large.any():
             # Squares beyond the double-precision range are not finite and do not count. Results of
-            # other cells are kept, so that they do not depend on the block.
+            # other cells are kept, so that results do not depend on the block.
             for result, exact in zip(results, super().reduce(folds), strict=True):
                 np.copyto(result, exact, where=too_large)
         return [*results]
@@ -180,7 +180,7 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
 
 
 class WindowMatrices(Matrices):
-    """Operations on matrices per cell; values that are equal in all cells remain plain values."""
+    """Operations on per-cell matrices; values that are equal in all cells remain plain values."""
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         if not any(isinstance(value, WindowMatrix) for value in values):

@@ -96,7 +96,7 @@ def _spans(length: int, size: int, edge_handling: EdgeHandling) -> list[_Span]:
 
 
 def _number(root: Node, name: str, window: WindowMatrix) -> Any:
-    """Evaluate the expression for windows: an array over all cells, or one number for all cells."""
+    """Evaluate the expression for all windows; return an array, or one number for all cells."""
     available = f"{name} (a window expression knows only its input layer)"
     value = Interpreter(WindowMatrices(), {name: window}, available)(root)
     if shape_of(value) != SCALAR:
@@ -130,7 +130,7 @@ def skips_missing(root: Node, name: str) -> bool:
     is possible if every use of the window ends in a reduction that skips NaN, and all functions
     before the reduction keep NaN. The result is False if this simple analysis cannot decide.
     """
-    # If a layer has the name of a function, its parentheses mean indexing, not a call.
+    # If a layer hides a function, parentheses after the name mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)
 
 
@@ -151,7 +151,7 @@ def _is_number(node: Node, name: str) -> bool:
 
 
 def _keeps_missing(node: Node, name: str) -> bool:
-    """Return True if a subtree is a number, or keeps every NaN of the window in position."""
+    """Return True if a subtree is a number, or keeps every NaN of the window in place."""
     if _is_number(node, name):
         return True
     match node.kind, node.parts:

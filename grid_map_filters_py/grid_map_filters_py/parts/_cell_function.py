@@ -50,9 +50,9 @@ class CellFunction:
     """Function of the values of one cell, created with the decorator `cell_function`.
 
     Attributes:
-        function: takes one value per layer, and last a tuple of numbers that are the same for all
-            cells. Its constants must be float32 or uint32 like the values: a Python number would
-            widen the result.
+        function: called with one value per layer, followed by a tuple of numbers that are the same
+            for all cells. Constants in the function must be float32 or uint32, like the values: a
+            Python number would widen the result.
         takes: type of the values: float32, or uint32 for the bits of colors.
         gives: type of the result, float32 or uint32.
         numbers: length of the tuple of float32 numbers.
@@ -82,7 +82,7 @@ class CellFunction:
             numbers: last argument of the function.
 
         Returns:
-            Float32 array (bits of uint32 results) in Fortran order, in the shape of the layers.
+            Float32 array (bits of uint32 results) in Fortran order, with the shape of the layers.
         """
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
         with np.errstate(over="ignore"):

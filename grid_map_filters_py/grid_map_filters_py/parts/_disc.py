@@ -78,7 +78,7 @@ class Disc:
 
     @cached_property
     def half_widths(self) -> tuple[Field, Field]:
-        """Half-lengths of the lines of the disc along rows and along columns [cells].
+        """Half-lengths of the disc lines along rows and along columns [cells].
 
         The index is the distance of the line from the center [cells].
         """
@@ -135,7 +135,7 @@ class Disc:
         Args:
             values: array returned by `padded`.
             axis: direction of the lines, 0 for rows.
-            moments: weight each value with its signed distance from the middle of the line.
+            moments: weight each value by its signed distance from the middle of the line.
 
         Yields:
             distance: distance of the line from the center [cells].

@@ -37,7 +37,7 @@ class Holes:
         return lengths
 
     def touch_border(self, size: Size) -> Mask:
-        """Return an (n,) mask of the holes that touch the border of a map."""
+        """Return an (n,) mask of the holes that touch the map border."""
         touch: Mask = ((self.starts == 0) | (self.ends == size)).any(axis=1)
         return touch
 
@@ -53,9 +53,9 @@ def find_holes(missing: Mask) -> tuple[Integers, Holes]:
     """Label the holes of a layer; return (rows, cols) hole numbers, and the holes.
 
     Args:
-        missing: (rows, cols) mask of missing cells. Holes count from 1; other cells get 0.
+        missing: (rows, cols) mask of missing cells. Holes are numbered from 1; other cells get 0.
     """
-    # Rows of the map run along x of the image.
+    # Map rows run along the x axis of the image.
     image = np.ascontiguousarray(missing.T).view(np.uint8)
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(image, connectivity=8)
     found = np.asarray(boxes[1:], np.int64)
@@ -138,7 +138,7 @@ class FindHoles:
 
 
 def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
-    """Merge the holes of all tiles to the holes of the whole map.
+    """Merge the holes of all tiles into the holes of the whole map.
 
     Args:
         tiles: holes of the tiles, row by row.
@@ -174,7 +174,7 @@ def _roots(count: int, ones: Integers, others: Integers) -> Integers:
     """Return, for each number below `count`, the smallest number in the same group.
 
     Args:
-        count: number of numbers.
+        count: exclusive upper bound of the numbers.
         ones, others: pairs of numbers that belong to the same group.
     """
     roots = np.arange(count)

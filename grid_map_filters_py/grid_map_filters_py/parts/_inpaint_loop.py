@@ -66,7 +66,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
             cell = first + y * width + x
             if square > reach * reach or times[np.uintp(cell)] == _UNKNOWN:
                 continue
-            # Unsigned indices avoid the slow check of numba for negative indices. At borders,
+            # Unsigned indices avoid numba's slow check for negative indices. At borders,
             # OpenCV uses the changes one cell further inside.
             inner_column, inner_row = first + max(x, 1), first + max(y, 1) * width
             across = _change(
@@ -96,7 +96,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
 
 
 def _arrival(times: Any, one: Any, other: Any) -> Any:
-    """Return the arrival time of a front from two neighbors of a cell at right angles."""
+    """Return the arrival time at a cell, from two of its neighbors at right angles."""
     first, second = np.float64(times[one]), np.float64(times[other])
     difference = first - second
     if abs(difference) < 1.0:

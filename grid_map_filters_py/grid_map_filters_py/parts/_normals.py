@@ -49,8 +49,8 @@ def area_normals(layer: Layer, offset: float, radius: float, resolution: float) 
 def raster_normals(layer: Layer, resolution: float) -> Fields:
     """Return the normals computed from slopes between neighboring cells.
 
-    Slopes are central differences, even across an unknown cell, and one-sided beside an unknown
-    cell. Normals are NaN at the layer border, and where a slope lacks two finite cells.
+    Slopes are central differences, even across an unknown cell, and one-sided next to an
+    unknown cell. Normals are NaN at the layer border, and where a slope lacks two finite cells.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
@@ -226,7 +226,7 @@ def _smallest_eigenvectors(
     smallest = (squared * root * 8.0 + cosine) / gap * radius * 2.0 + mean
     a, b, c = xx - smallest, yy - smallest, zz - smallest
     x, y, z = xy * yz - xz * b, xy * xz - yz * a, a * b - xy2
-    # The trace of the adjugate is the factor. A column of rounding errors is short in comparison.
+    # The trace of the adjugate is the multiple. A column of mere rounding errors is much shorter.
     factor = (a + b) * c - xz2 - yz2 + z
     length = np.sqrt(x * x + y * y + z * z)
     is_exact = (gap > _SMALLEST_GAP) & (length > _SMALLEST_Z * factor)

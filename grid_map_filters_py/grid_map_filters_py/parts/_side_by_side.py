@@ -49,7 +49,7 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
         parts: arguments of the calls, drawn one after the other.
 
     Raises:
-        Exception: a call failed; no further call is started.
+        Exception: a call failed; no further calls are started.
     """
     helpers = thread_count() - 1
     if helpers == 0:

@@ -58,7 +58,7 @@ class ContoursVisualization(LineMarker):
 
         Raises:
             LayerNotFoundError: the map lacks the layer.
-            GridMapError: the interval is too small for the range of the values.
+            GridMapError: the interval is too small for the value range.
         """
         values = grid_map.unwrapped(self.layer).T
         low, high = min_of_finites(values), max_of_finites(values)

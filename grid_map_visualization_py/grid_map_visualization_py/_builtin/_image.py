@@ -25,8 +25,8 @@ class ImageVisualization:
         lower: value at the lower end of the color map; by default the smallest.
         upper: value at the upper end of the color map; by default the largest.
         invert: swap the ends of the color map.
-        encoding: order of the channels. Cells without a value are transparent if there is an alpha
-            channel, otherwise gray.
+        encoding: channel order. Cells without a value are transparent if the encoding has an alpha
+            channel, and gray otherwise.
 
     Raises:
         ConfigError: the color map is unknown, or the bounds are invalid.

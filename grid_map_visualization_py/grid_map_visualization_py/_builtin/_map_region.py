@@ -15,7 +15,7 @@ _CORNERS = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)])
 
 @dataclass(frozen=True, kw_only=True)
 class MapRegionVisualization(LineMarker):
-    """Draw the border of the map as a closed line at height zero."""
+    """Draw the map border as a closed line at height zero."""
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the outline of a map as a serialized `visualization_msgs/Marker`."""

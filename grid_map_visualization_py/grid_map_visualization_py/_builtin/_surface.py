@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Three-dimensional surface of triangles."""
+"""Three-dimensional triangle surface."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal

@@ -43,12 +43,10 @@ _STYLES_OF = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command-line arguments of `grid-map plot` to a parser."""
     add_source(parser)
-    text = (
-        f"file that ends in {', '.join(ENDINGS + _ANIMATED)}; the last two show all maps of a bag"
-    )
+    text = f"output file ({', '.join(ENDINGS + _ANIMATED)}); the last two show all maps of a bag"
     parser.add_argument("picture", type=Path, help=text)
     parser.add_argument("-f", "--force", action="store_true", help="replace existing files")
-    text = ".mp4, .gif: factor on the speed of the recording (1)"
+    text = ".mp4, .gif: playback speed relative to the recording (1)"
     parser.add_argument("--speed", type=float, help=text)
     add_style(parser)
 
@@ -57,34 +55,34 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     """Add the command-line arguments for the picture style to a parser."""
     picture = parser.add_argument_group("picture")
     add, add_layer = picture.add_argument, partial(picture.add_argument, metavar="LAYER")
-    text = "what is drawn, the heights if not flat (elevation, or the first)"
+    text = "layer to draw; the heights with --3d or --relief (elevation, or the first)"
     completed(add_layer("--layer", help=text), complete_layers)
     styles = picture.add_mutually_exclusive_group()
     add_flag = partial(styles.add_argument, dest="style", action="store_const")
     add_flag("--3d", "--three-d", const="surface", help="draw a surface with axes")
     text = "draw terrain in perspective, with light and shadows"
     add_flag("--relief", const="relief", help=text)
-    text = "not flat: layer that gives the colors (the heights)"
+    text = "with --3d or --relief: layer with the colors (the heights)"
     completed(add_layer("--color-layer", help=text), complete_layers)
-    text = "limit to which larger maps are reduced (pixels, 20000 for 3-D); 0 for none"
+    text = "maximum cell count; larger maps are reduced (pixels, 20000 for 3-D); 0 for none"
     add("--max-drawn-cells", type=int, metavar="CELLS", help=text)
     light = picture.add_mutually_exclusive_group()
-    text = "flat: heights that the light falls on (the layer, if its name is that of heights)"
+    text = "flat: height layer for hillshading (the layer, if its name indicates heights)"
     completed(light.add_argument("--hillshade", metavar="LAYER", help=text), complete_layers)
     dark = partial(light.add_argument, "--no-hillshade", dest="hillshade", default=None)
-    dark(action="store_const", const=False, help="flat: no light")
+    dark(action="store_const", const=False, help="flat: no hillshading")
     add("--exaggeration", type=float, help="factor that scales the heights (1)")
     add("--title", help="text above the picture (layer and frame)")
     add("--dpi", type=float, default=110.0, help="pixels per inch (110)")
     add = parser.add_argument_group("colors").add_argument
     text = "color: packed colors (for layers whose name ends in color)"
     add("--color-mode", choices=("intensity", "color"), help=text)
-    completed(add("--color-map", help="color map of Matplotlib (viridis)"), complete_color_maps)
+    completed(add("--color-map", help="Matplotlib color map (viridis)"), complete_color_maps)
     add("--lower", type=float, help="value at the lower end (the smallest)")
     add("--upper", type=float, help="value at the upper end (the largest)")
     text = "swap the ends of the color map"
     add("--invert", action="store_const", const=True, help=text)
-    add("--label", help="label of the color bar (name of the layer)")
+    add("--label", help="color bar label (layer name)")
 
 
 def complete_color_maps(**_: Any) -> list[str]:
@@ -130,7 +128,7 @@ def _animate(options: argparse.Namespace) -> None:
     from ..pictures import save_animation
 
     with ExitStack() as stack, open_recording(options) as records, _telling(options.picture):
-        # The progress bar starts with the first map, so that it does not precede an error text.
+        # The progress bar starts with the first map, so that error messages do not follow a bar.
         start = cache(lambda: stack.enter_context(ProgressBar()))
         progress = lambda done, total: start()(done, total)  # noqa: E731
         if not len(records):
@@ -185,7 +183,7 @@ def _options_of(
 
 @contextmanager
 def _telling(picture: Path) -> Iterator[None]:
-    """Convert errors in the context to errors that name the picture."""
+    """Convert write errors in the context to errors that name the picture."""
     from grid_map_core_py.files._shared import (
         storage_errors,
     )

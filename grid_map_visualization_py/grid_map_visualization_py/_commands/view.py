@@ -39,26 +39,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser, "all, with the other messages of the bag")
     add_rectangle(parser)
     add = parser.add_argument
-    text = "layer of the heights (elevation, or the first layer)"
+    text = "height layer (elevation, or the first layer)"
     completed(add("--layer", default="", help=text), complete_layers)
-    text = "layer of the colors at first (layer of the heights)"
+    text = "initial color layer (the height layer)"
     completed(add("--color-layer", default="", help=text), complete_layers)
-    text = "color map of this layer, a name of Matplotlib (%(default)s)"
+    text = "Matplotlib color map of the color layer (%(default)s)"
     completed(add("--color-map", default="viridis", help=text), complete_color_maps)
     add("--lower", type=float, help="value at the lower end of the colors (the smallest)")
     add("--upper", type=float, help="value at the upper end of the colors (the largest)")
     text = "factor that scales the heights (%(default)s)"
     add("--exaggeration", type=float, default=1.0, help=text)
-    text = "thin out the surface of larger maps; 0 for never"
+    text = "maximum cell count of a surface; larger maps are thinned out; 0 for no limit"
     add("--max-drawn-cells", type=int, default=150_000, help=text)
     page = parser.add_argument_group("page")
     text = "address to serve at (%(default)s: this machine only)"
     page.add_argument("--host", default="127.0.0.1", help=text)
     text = "port of the page (%(default)s); 0 selects a free port"
     page.add_argument("--port", type=int, default=9876, help=text)
-    text = "name of this machine in browsers, besides its usual ones; may be repeated"
+    text = "additional host name under which browsers may open the page; may be repeated"
     page.add_argument("--allowed-hosts", metavar="NAME", action="append", default=[], help=text)
-    text = "largest size of what the page shows [MB]; the rest of a bag is left out (%(default)s)"
+    text = "maximum amount of shown data [MB]; the rest of a bag is left out (%(default)s)"
     page.add_argument("--most-shown", type=int, metavar="MB", default=1000, help=text)
     page.add_argument("--open", action="store_true", help="also open a browser")
 
@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     came: list[int] = []
     on_end(lambda number, _: came.append(number))
     grid_map = None if _is_whole_bag(options) else _read(options)
-    # The indexes of Rerun need up to a quarter more memory.
+    # Rerun indexes need up to a quarter more memory.
     limit = f"{options.most_shown + options.most_shown // 4 + 100}MB"
     where = {"allowed_hosts": options.allowed_hosts, "memory_limit": limit}
     with Server(options.host, options.port, **where) as server:

@@ -26,7 +26,7 @@ from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(ConfiguredNode):
-    """Subscribes to maps while an output has subscribers, and publishes only these outputs.
+    """Subscribes to maps while any output has subscribers; publishes only outputs with subscribers.
 
     While subscribed, the node keeps the last map, so that late-joining subscribers of an output
     receive a message immediately.
@@ -124,7 +124,7 @@ class GridMapVisualizationNode(ConfiguredNode):
 
 @dataclass
 class Output:
-    """A visualization and its publisher; its name is also its topic.
+    """A visualization and its publisher; `name` is also the topic.
 
     Attributes:
         is_due: True if some subscribers have not received the last map yet.

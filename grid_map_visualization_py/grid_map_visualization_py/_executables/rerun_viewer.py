@@ -27,11 +27,11 @@ TF = frozenset({"/tf", "/tf_static"})
 """Topics that are always shown, because the poses of other messages depend on them."""
 
 PERIOD = 0.5
-"""Period of the checks for new topics and for the end of Rerun [s]."""
+"""Period at which the node checks for new topics and whether Rerun has ended [s]."""
 
 
 class RerunViewerNode(ConfiguredNode):
-    """Passes the messages of the requested topics, by default all that can be shown, to Rerun."""
+    """Forwards the requested topics to Rerun; by default, all topics of supported types."""
 
     def __init__(self) -> None:
         super().__init__("rerun_viewer")

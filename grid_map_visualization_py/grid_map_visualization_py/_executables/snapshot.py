@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Executable `snapshot`: draws the next map on a topic to a picture file.
 
-The picture has the options of `grid-map plot`, which draws maps from files. The file is written
-completely or not at all. The exit code is 0 only if the file was written.
+The picture options are the same as in `grid-map plot`, which draws maps from files. The file is
+written completely or not at all. The exit code is 0 only if the file was written.
 """
 
 import argparse
@@ -65,10 +65,10 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
     """Parse the command line; an invalid command line ends the process with exit code 2."""
     parser = argparse.ArgumentParser(
         prog="snapshot",
-        description="Draw the next map of a topic. For maps in files there is 'grid-map plot'.",
+        description="Draw the next map of a topic. For maps in files, use 'grid-map plot'.",
     )
     parser.add_argument("--topic", default="/grid_map", help="topic of the maps (%(default)s)")
-    text = "longest time to wait for a map [s] (10)"
+    text = "maximum time to wait for a map [s] (10)"
     parser.add_argument("--timeout", type=float, default=10.0, help=text)
     text = "file to write (%(default)s)"
     parser.add_argument("--out", type=Path, default=Path("snapshot.png"), help=text)

@@ -57,7 +57,7 @@ class LiveScene:
         self._stalled_since: float | None = None
 
     def put(self, topic: str, kind: str, data: bytes) -> None:
-        """Queue a message of type `kind` in CDR until the next `write`."""
+        """Queue a CDR message of type `kind` until the next `write`."""
         queue = self._waiting.setdefault(topic, deque(maxlen=QUEUES.get(kind, 1)))
         self.replaced += len(queue) == queue.maxlen
         queue.append(_Arrival(kind, data, time.time_ns()))
@@ -77,7 +77,7 @@ class LiveScene:
                 try:
                     self._scene.log_message(topic, kind, data, log_time=log_time)
                     self.shown += 1
-                except Exception as error:  # Messages may hold anything; Rerun may raise anything.
+                except Exception as error:  # Messages may be malformed; Rerun may raise anything.
                     why = reason(error) if isinstance(error, DROPPED) else repr(error)
                     refusals.append(f"{topic}: {why}")
         self._scene.send_layout()

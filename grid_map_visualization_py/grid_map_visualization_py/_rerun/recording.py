@@ -52,9 +52,9 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
 
 @contextmanager
 def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
-    """Yield the path of a pipe that a thread copies to `target`, and a list of its errors.
+    """Yield the path of a pipe that a thread copies to `target`, and a list of write errors.
 
-    Without the pipe, Rerun would block forever if the file cannot be written (full disk).
+    Without the pipe, Rerun would block forever if the file cannot be written (disk full).
     """
     source, sink = os.pipe()
     errors: list[OSError] = []
@@ -98,7 +98,7 @@ def log_bag(
         path: path of the bag.
         topic: the only map topic to write; None means all. Other message types are always written.
         recover: read the undamaged part of a bag, and skip damaged maps.
-        goes_on: called after each message with its time [ns]; stop if it returns False.
+        goes_on: called after each message with its time [ns]; returns False to stop.
 
     Returns:
         Number of messages written.

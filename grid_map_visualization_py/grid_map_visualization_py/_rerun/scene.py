@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Write maps and messages to a Rerun recording, and create a viewer layout that shows them.
 
-Each topic is an entity path, `grid_map/...` for `/grid_map`. A map has these child entities:
+Each topic becomes an entity path, `grid_map/...` for `/grid_map`. A map has these child entities:
 
 - `surface`: a mesh with the colors of each layer.
 - `layers/NAME`: values of a layer as an invisible image (x right, y up) above the visible image
@@ -62,7 +62,7 @@ _CURVES = (
 
 
 def rerun(module: str = "rerun") -> Any:
-    """Import a module of Rerun; raise `MissingPackageError` if Rerun is not installed."""
+    """Import a Rerun module; raise `MissingPackageError` if Rerun is not installed."""
     return required(module, "Rerun", "pip install 'grid_map_visualization_py[rerun]'")
 
 
@@ -98,7 +98,7 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return the name of the height layer for a map with `layers`; empty without layers."""
+        """Return the height layer name for a map with `layers`; empty without layers."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 

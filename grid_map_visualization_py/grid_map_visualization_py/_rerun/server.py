@@ -27,7 +27,7 @@ from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from .scene import rerun
 
 SETTINGS = Path(__file__).with_name("settings")
-"""Settings folder for the program `rerun`, with usage statistics disabled; it is only read."""
+"""Read-only settings folder for the program `rerun`, with usage statistics disabled."""
 
 START_TIME = 30.0
 """Maximum startup time of the program `rerun` [s]."""
@@ -39,7 +39,7 @@ BUFFER, STEP = 8_000_000, 250_000
 """Maximum data queued for a slow page, and data that the page must accept per `STALL` [bytes]."""
 
 STALL = 10.0
-"""Time [s] to accept `STEP` bytes; slower connections are closed, as they block all pages."""
+"""Time [s] to accept `STEP` bytes; slower connections, which block all pages, are closed."""
 
 Address = tuple[str, int]
 
@@ -57,7 +57,7 @@ class Server:
         allowed_hosts: additional host names under which browsers may open the page.
 
     Attributes:
-        recording: the recording, a `rerun.RecordingStream`, whose methods may block on the program.
+        recording: a `rerun.RecordingStream`, whose methods may block while the program hangs.
         page_url: URL of the page; Rerun options such as `?renderer=webgl` may be appended.
         is_public: True if other machines can reach the page.
 
@@ -141,7 +141,7 @@ class Server:
 
 
 class _Relay:
-    """Forwards requests to the address of the data or of the page, in a background thread."""
+    """Forwards requests to the data address or the page address, in a background thread."""
 
     def __init__(
         self, listener: socket.socket, names: Container[str], data: Address, page: Address

@@ -44,7 +44,7 @@ class Axes:
 
     def labels(self) -> list[tuple[str, tuple[float, ...], str]]:
         """Return (text, position relative to the corner [m], anchor) of each axis label."""
-        # Labels are beside the sides that face the initial camera, outside the map.
+        # Labels are outside the map, next to the sides that face the initial camera.
         back = (self.high[1] - self.low[1]) * self.steps[1]
         starts = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, back, 0.0)])
         anchors = "top-left", "top-right", "center-right"
@@ -69,11 +69,11 @@ def axes_around(low: Positions, high: Positions, exaggeration: float) -> Axes:
     """
     length, width, height = (high - low).tolist()
     wide = round_step(max(length, width) / TICKS)
-    # Labels of heights must not overlap.
+    # Height labels must not overlap.
     tall = round_step(max(height / HEIGHT_TICKS, 0.4 * wide / exaggeration))
     steps = wide, wide, tall
     first, last = np.floor(low / steps), np.ceil(high / steps)
-    # Level ground needs a z axis, too.
+    # Level ground also needs a z axis.
     last = np.maximum(last, first + 1)
     return Axes(steps, tuple(map(int, first)), tuple(map(int, last)))
 

@@ -16,7 +16,7 @@ from ..colors import Colors
 from ..surface import Mesh
 
 FLOAT, UNSIGNED_INT, UNSIGNED_SHORT = 5126, 5125, 5123
-"""Component types of glTF."""
+"""glTF component types."""
 
 EXPOSURE = 1 / 0.6
 

@@ -28,13 +28,13 @@ from .scene import SurfaceScene, View, ViewSettings
 from .texts import as_note, legend
 
 LARGEST_MESSAGE = 16_000_000
-"""Maximum message size from a browser (a screenshot) [bytes]; larger ones end the connection."""
+"""Maximum size of browser messages (screenshots) [bytes]; larger ones end the connection."""
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
-"""Color maps at the top of the list in the page."""
+"""Color maps at the top of the drop-down list."""
 
 MODES: dict[str, Any] = {"layer": "intensity", "packed color layer": "color", "one color": "flat"}
-"""Modes of `Coloring`, by the labels on the page."""
+"""Modes of `Coloring`, by label on the page."""
 
 LARGEST_VALUE, LARGEST_SCALE = 3e38, 1e9
 """Maximum magnitudes of the color bounds (within float32) and of the vector scale."""
@@ -57,7 +57,7 @@ AMBIENT = 0.3
 """Fraction of ambient light on level ground."""
 
 TO_SUN = (-1.0, 0.6, 1.2)
-"""Direction to the directional light."""
+"""Direction towards the directional light."""
 
 SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
@@ -156,7 +156,7 @@ class Page:
         Browsers need time to load a surface; the previous scene stays visible meanwhile. `replaces`
         is True if the scene shows the same map as the previous scene.
         """
-        # A scene that was loaded but never shown is replaced as well.
+        # A scene that was loaded but never shown is also replaced.
         self._replaces = replaces and (self._loading is None or self._replaces)
         with self._server.atomic():
             if self._loading is not None:
@@ -313,7 +313,7 @@ class Page:
         """
         is_lost = self._aim is None or self._aim.loses(view)
         if is_lost:
-            # With this base, the map stays centered in the view for any factor.
+            # With this base, the map stays centered in the view for any exaggeration.
             self._exaggerate(float(view.target[2]))
         view = View(self._lifted(view.target) + view.offset, self._lifted(view.target))
         if self._view is None or not view.is_like(self._view):

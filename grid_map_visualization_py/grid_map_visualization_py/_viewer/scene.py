@@ -31,7 +31,7 @@ class ViewSettings:
         points: draw a point at each cell.
         vectors: common prefix of three vector component layers with the suffixes x, y and z; empty
             means no vectors.
-        vector_scale: drawn length of a vector of length 1 [m].
+        vector_scale: drawn length of a unit vector [m].
         history: maximum number of maps in the scene.
     """
 
@@ -60,7 +60,7 @@ class ViewSettings:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera pose: `start` (3,) is the position of the camera, `target` (3,) its aim [m]."""
+    """Camera pose: camera position `start` (3,) and target point `target` (3,) [m]."""
 
     start: Positions
     target: Positions
@@ -92,13 +92,13 @@ class SurfaceScene:
     """Arrays that the page draws for a map; positions are relative to `mesh.origin` [m].
 
     Attributes:
-        mesh: the surface; it may have no faces.
+        mesh: the surface, possibly without faces.
         glb: content of a GLB file with the surface; None if the surface has no faces.
         grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
         vectors: (N, 2, 3) ends of the vectors; empty unless requested.
         bounds: values at the ends of the color map for the whole map; None without a color map.
         box: lowest and highest corner (3,) of the map [m], map frame.
-        size: number of rows and columns of shown cells.
+        size: number of shown rows and columns.
         spacing: mean distance between neighboring shown cells [m].
         view: camera pose that shows the whole map from behind and above.
     """

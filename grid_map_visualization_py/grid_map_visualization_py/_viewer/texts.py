@@ -46,7 +46,7 @@ def status(
 
     Args:
         grid_map: the map.
-        shown: number of rows and columns of shown cells.
+        shown: number of shown rows and columns.
         rate: received maps per second.
         silence: time since the last map was received [s].
         now: ROS time [ns].

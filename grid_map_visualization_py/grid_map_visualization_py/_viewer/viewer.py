@@ -29,8 +29,8 @@ def rate_of(arrivals: Iterable[float], now: float) -> float:
 class Viewer:
     """Shows maps on a page.
 
-    Maps are decoded only while a browser is connected; only the shown layers are decoded. `clock`
-    returns the ROS time [ns].
+    Maps are decoded only while a browser is connected, and only the shown layers. `clock` returns
+    the ROS time [ns].
     """
 
     def __init__(

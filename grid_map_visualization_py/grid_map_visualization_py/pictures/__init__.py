@@ -3,8 +3,8 @@
 
 `plot` draws a map from above as in RViz: x to the right and y upwards [m], in the map frame.
 `plot_3d` draws a surface, and `plot_relief` draws a block of terrain in perspective. The functions
-accept a `GridMap`, a `TiledMap`, or an xarray dataset or array. Large tiled maps are read only at
-the resolution of the picture.
+accept a `GridMap`, a `TiledMap`, or an xarray dataset or array. Large tiled maps are read at the
+resolution of the picture.
 
 The light for the hillshading of `plot` and `plot_3d` comes from the upper left, at an elevation of
 45 degrees. Level ground keeps its color; slopes facing the light are lighter, others darker.
@@ -115,7 +115,7 @@ def save_animation(
     All frames show the same rectangle, which covers all maps, and the same value range, so that
     motion and changed values are visible. The title shows the time since the first map. Maps are
     read twice: first to determine the rectangle and the value range, then to draw the frames. The
-    frame rate is constant and matches the median interval between maps. If it would exceed 50
+    frame rate is constant and matches the median interval between maps. If the rate would exceed 50
     frames per second, only every n-th map is drawn. For a GIF, all frames are kept in memory.
 
     Args:

@@ -58,7 +58,7 @@ class Blocks(NamedTuple):
 
 
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
-    """Return the number of rows and columns of the blocks that are drawn as one pixel.
+    """Return the side of the blocks that are drawn as one pixel [cells].
 
     Args:
         axes: axes on which the map is drawn.
@@ -77,13 +77,13 @@ def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) ->
 def paint(
     axes: Any, grid_map: GridMap, coloring: Coloring, side: int, heights: str, exaggeration: float
 ) -> tuple[Any, bool]:
-    """Draw a map on axes without limits.
+    """Draw a map on axes, and set the axis limits to the map.
 
     Args:
         axes: axes on which the map is drawn.
         grid_map: the map.
         coloring: colors of the cells.
-        side: number of rows and columns of the blocks that are drawn as one pixel.
+        side: side of the blocks that are drawn as one pixel [cells].
         heights: height layer for hillshading; empty means no hillshading.
         exaggeration: factor by which the heights are scaled.
 
@@ -97,7 +97,7 @@ def paint(
     means, opacity = reduced(layer, side, is_color=is_color)
     values = np.ma.masked_invalid(means[..., 0])
     x0, x1, y0, y1 = extent_of(grid_map)
-    # Blocks start at the largest x and y; blocks at the smallest may extend beyond the map.
+    # Blocks start at the largest x and y; the last blocks may extend beyond the map.
     cells = side * grid_map.resolution
     height, width = opacity.shape
     reach = x1 - cells * width, x1, y1 - cells * height, y1
@@ -165,7 +165,7 @@ def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
 
     Args:
         layer: (rows, columns) values.
-        side: number of rows and columns per block, counted from the largest x and y.
+        side: block side [cells]; blocks start at the largest x and y.
         is_color: True if the layer contains packed colors; channels are red, green and blue.
     """
     turned = layer.T
@@ -220,7 +220,7 @@ def add_scale_bar(axes: Any, *, has_north: bool) -> None:
     x0, x1 = axes.get_xlim()
     most = (x1 - x0) / 4
     power = 10.0 ** math.floor(math.log10(most))
-    # The logarithm may have been rounded up; `power` is then the fallback.
+    # If the logarithm was rounded up, `power` is the fallback.
     length = max((n * power for n in (2, 5) if n * power <= most), default=power)
     units = {1000.0: "km", 1.0: "m", 0.01: "cm", 0.001: "mm"}
     unit = next((unit for unit in units if length >= unit), 0.001)

@@ -34,7 +34,7 @@ RELIEF_SIZE = (1200, 560)
 """Default width and height of relief pictures [pixels]."""
 
 _GRAY = {"facecolor": 3 * (MISSING / 255,)}
-"""Legend style of cells without a value on surfaces and in relief pictures."""
+"""Legend style for cells without a value on surfaces and in relief pictures."""
 
 
 def plot(
@@ -68,12 +68,12 @@ def plot(
         ax: Matplotlib axes to draw on; None means the current axes.
         color_mode: "intensity" maps values to colors of `color_map`, "color" reads packed colors.
         color_map: name of a Matplotlib color map.
-        lower, upper: values at the ends of the color map; None means the smallest and largest.
+        lower, upper: values at the ends of the color map; None means smallest and largest value.
         invert: swap the ends of the color map.
-        hillshade: name of the layer of heights [m] used for hillshading. None uses `layer` if its
+        hillshade: name of the height layer [m] used for hillshading. None uses `layer` if its
             name indicates heights: it starts with elevation, height, altitude, DEM, DSM or DTM and
             contains no word such as variance, slope or color. True also shades other layers, with
-            the heights of `elevation` or of the first such layer. False disables hillshading.
+            the heights of `elevation` or the first height layer. False disables hillshading.
         exaggeration: factor by which the heights are scaled for hillshading.
         max_drawn_cells: maximum number of blocks; None means one per pixel, 0 means no limit.
         scale_bar: draw a scale bar, and a north arrow if the map has a reference system.
@@ -135,7 +135,7 @@ def plot_3d(
 
     Args:
         grid_map: as for `plot`.
-        height_layer: layer of heights [m]; empty means `elevation`, or else the first layer.
+        height_layer: height layer [m]; empty means `elevation`, or else the first layer.
         ax: Matplotlib axes with projection "3d"; None creates new axes.
         color_layer: layer with the colors; empty means the heights.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
@@ -172,7 +172,7 @@ def plot_3d(
     sides = np.array([x1 - x0, y1 - y0, height])
     axes.set_box_aspect(np.maximum(sides, 0.05 * sides.max()), zoom=0.95)
     axes.view_init(elev=45.0, azim=-60.0)
-    # The z axis is short, so only few ticks fit.
+    # The z axis is short, so only a few ticks fit.
     axes.locator_params(axis="z", nbins=3)
     bar = None
     if color_bar and color_mode == "intensity":
@@ -210,7 +210,7 @@ def plot_relief(
 
     Args:
         grid_map: as for `plot`.
-        height_layer: layer of heights [m]; empty means `elevation`, or else the first layer. Holes
+        height_layer: height layer [m]; empty means `elevation`, or else the first layer. Holes
             are drawn at the height of the nearest cell.
         ax: Matplotlib axes to draw on; None means the current axes.
         color_layer: layer with the colors; empty means the heights. Cells without a value are gray.

@@ -29,7 +29,7 @@ _GAMMA = 2.2
 _SUN_AZIMUTH, _SUN_ELEVATION = np.radians(75.0), np.radians(38.0)  # to the left of the camera
 _SUNLIGHT, _SKYLIGHT = np.array([1.04, 1.0, 0.93]), np.array([0.86, 0.95, 1.12])
 _SKIRT = np.array([0.085, 0.08, 0.075])  # linear color of the cut sides
-_DISTANCE = 1.8  # from the map's center to the camera along the ground, in diagonals of the map
+_DISTANCE = 1.8  # ground distance from the map center to the camera [map diagonals]
 _MARGIN = 0.03
 _STEEPEST = 20.0  # maximum height relative to the longer side; higher blocks would be too thin
 
