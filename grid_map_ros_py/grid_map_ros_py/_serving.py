@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Helpers of nodes that serve maps: file requests, submaps, tiled maps and a worker thread."""
+"""Helpers for nodes that serve maps: file requests, submaps, tiled maps and a worker thread."""
 
 import threading
 from collections import deque
@@ -79,15 +79,15 @@ def part(
 
 
 def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
-    """Return a function that opens the map of the parameter `source`, or None if it is empty."""
+    """Return a function that opens the map given by `source`; None if the parameter is empty."""
     kind: Any = str | list[str]
-    about = "map of any size: a Zarr store, a GeoTIFF file or a list of them; empty means none"
+    about = "map of any size: a Zarr store, or one or more GeoTIFF files; empty means none"
     source = read_parameter(node, "source", kind, "", description=about)
-    about = "frame of the source; empty means as stored"
+    about = "frame of the source; empty means the stored frame"
     frame_id = node.read("frame_id", "", about)
     about = (
-        "latitude and longitude [deg, WGS 84] of the origin of the frame, for a georeferenced "
-        "source; empty means that of the source"
+        "latitude and longitude [deg, WGS 84] of the frame origin, for a georeferenced source; "
+        "empty keeps the source coordinates"
     )
     origin = read_parameter(node, "origin", list[float], [], description=about)
     fits = len(origin) in (0, 2) and bool(np.isfinite(origin).all())
@@ -160,7 +160,7 @@ class LatestOnly(Generic[T]):
         self._thread.start()
 
     def put(self, thing: T) -> None:
-        """Queue an item; it replaces an item that still waits."""
+        """Queue an item, replacing any item that is still waiting."""
         with self._change:
             self._waiting = thing
             self._change.notify()

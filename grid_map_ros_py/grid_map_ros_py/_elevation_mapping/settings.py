@@ -46,33 +46,33 @@ class Settings:
     """Parameters of the node, except the parameters of sources and of the mapper.
 
     Attributes:
-        map_frame_id: frame of the map, usually that of the odometry; it must not jump.
+        map_frame_id: frame of the map, usually the odometry frame; must not jump.
         robot_base_frame_id: frame of the robot.
-        track_point_frame_id: with tf, frame of the track point; empty means that of the robot.
+        track_point_frame_id: with tf, frame of the track point; empty means the robot frame.
         track_point_x, track_point_y, track_point_z: coordinate of the point that the map follows
             [m].
-        pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `topic`.
-        robot_pose_with_covariance_topic: topic of the robot poses. With tf, only their covariances
-            are used; without a topic, poses count as exact.
+        pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
+        robot_pose_with_covariance_topic: topic of the robot poses. With tf, only the covariances
+            are used, and an empty topic means exact poses.
         pose_type: message type of `robot_pose_with_covariance_topic`.
         robot_pose_cache_size: number of poses to keep.
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: initial center of the map [m].
-        resolution: side of a cell [m].
-        visibility_cleanup_rate: 0 disables the visibility cleanup.
+        resolution: cell size [m].
+        visibility_cleanup_rate: 0 disables the visibility cleanup; else it runs with every scan.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
-        target_frame_init_submap: with tf, frame of the patch; empty means that of the robot.
-        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps the cell.
-        directory: directory in which services may load and save maps; empty refuses requests.
+        target_frame_init_submap: with tf, frame of the patch; empty means the robot frame.
+        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps a cell.
+        directory: directory in which services load and save maps; empty disables both.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
-        fused_map_publishing_rate: rate of the filtered map [Hz]; 0 publishes it only on
-            `trigger_fusion`, `.inf` together with the raw map.
+        fused_map_publishing_rate: publication rate of the filtered map [Hz]; 0 means only on
+            `trigger_fusion`, `.inf` means with the raw map.
     """
 
     map_frame_id: str = "map"
@@ -130,7 +130,7 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
     about = "default sensor model: `type` and its parameters"
     default = read_parameter_tree(node, "sensor_processor", description=about)
     names = names_below(node, "input_sources")
-    about = "deprecated: topic of clouds without `input_sources`"
+    about = "deprecated: cloud topic, used without `input_sources`"
     topic = node.read("point_cloud_topic", "/points", about)
     defaults = {}
     if not names and not node.has_parameter("input_sources"):
@@ -175,12 +175,12 @@ def read_fusion(
     if settings.visibility_cleanup_rate == 0:
         parameters["enable_visibility_cleanup"] = False
     build(Parameters, parameters)
-    about = "`covariance_scale`: factor of covariances"
+    about = "`covariance_scale`: factor for all pose covariances"
     motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
     scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)
-    about = "fusion of fields of clouds, by name or regular expression"
+    about = "fusion methods of cloud fields, by name or regular expression"
     fields = read_parameter_tree(node, "pointcloud_channel_fusions", description=about)
-    about = "fusion of channels of images: `color`, `latest` or `exponential`"
+    about = "fusion methods of image channels: `color`, `latest` or `exponential`"
     channels = read_parameter_tree(node, "image_channel_fusions", description=about)
     frame, fusions = frame_name(settings.map_frame_id), channel_fusions(fields)
     return ElevationFusion(

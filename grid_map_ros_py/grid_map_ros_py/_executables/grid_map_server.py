@@ -47,15 +47,15 @@ class GridMapServerNode(ConfiguredNode):
         self._log = LogThrottle(self.get_logger())
         about = "file format of saved bags: `mcap` or `sqlite3`"
         self._storage = self.read_choice("storage", STORAGES, "mcap", about)
-        about = "directory below which requests load and save bags; empty refuses them"
+        about = "directory below which services load and save bags; empty disables both"
         self._directory = path = self.read("directory", "", about)
         check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
         about = "topic of the map, published whenever it changes"
         topic = self.read_topic("output_topic", "/grid_map", about)
         self._topic = self.resolve_topic_name(topic)
-        about = "bag whose last map is loaded at the start; empty means none"
+        about = "bag whose last map is loaded at startup; empty means none"
         path = self.read("file_path", "", about)
-        about = "topic in that bag; empty means the only topic with maps"
+        about = "topic in the bag; empty means the only topic with maps"
         bag_topic = self.read("bag_topic", "", about)
         topic = self.read_topic("input_topic", "", "topic of maps to serve; empty means none")
         open_source = read_source(self)

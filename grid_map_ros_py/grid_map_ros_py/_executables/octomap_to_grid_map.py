@@ -26,11 +26,11 @@ class OctomapToGridMapNode(ConfiguredNode):
         super().__init__(NAME)
         self._log = LogThrottle(self.get_logger())
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
-        self._layer = self.read("layer", "elevation", "name of the layer of heights")
-        about = "side of a cell [m]; 0 means the side of a voxel"
+        self._layer = self.read("layer", "elevation", "name of the height layer")
+        about = "cell size [m]; 0 means the voxel size"
         self._resolution = self.read("resolution", 0.0, about) or None
-        self._min_bound = self._read_bound("min", "less")
-        self._max_bound = self._read_bound("max", "more")
+        self._min_bound = self._read_bound("min", "smaller")
+        self._max_bound = self._read_bound("max", "larger")
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         source = self._listen()
         self.get_logger().info(
@@ -39,7 +39,7 @@ class OctomapToGridMapNode(ConfiguredNode):
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
         """Read the bounds (3,) at one end of the axes, `min` or `max`; NaN means no bound."""
-        about = f"leave out voxels with {beyond} {{}} [m]; `.nan` means no bound"
+        about = f"ignore voxels with a {beyond} {{}} [m]; `.nan` means no bound"
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
     def _listen(self) -> str:
@@ -48,7 +48,7 @@ class OctomapToGridMapNode(ConfiguredNode):
         topic = self.read_topic("octomap_topic", "/octomap_binary", about)
         about = "service `octomap_msgs/GetOctomap` to call instead; empty uses the topic"
         service = self.read_topic("octomap_service_topic", "", about)
-        about = "time between two calls of the service [s]"
+        about = "time between two service calls [s]"
         self._period = self.read_positive("octomap_service_period", 10.0, about)
         if not service:
             octomap = messages_of("octomap_msgs", NAME).Octomap
