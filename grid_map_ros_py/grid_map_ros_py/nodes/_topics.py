@@ -72,8 +72,8 @@ class LatchedSubscription:
     """Subscription that receives the last message of a latched topic and all later messages.
 
     A transient-local subscription receives the last earlier message, but does not connect to
-    volatile publishers. The subscription starts as transient local and becomes volatile when
-    a volatile publisher appears.
+    volatile publishers. The subscription starts as transient local and becomes volatile when a
+    volatile publisher appears.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged; a `NodeFailedError` ends the node.
