@@ -44,7 +44,7 @@ class Drive:
     """Repeating scans of a driving robot, and the mapper that fuses them.
 
     Attributes:
-        cells: cells along a side of the map.
+        cells: side of the map [cells].
         scans: points (N, 3) in the sensor frame, and the transform (4, 4) to the map frame.
         reports: reports of all updates.
     """

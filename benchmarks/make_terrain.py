@@ -158,7 +158,7 @@ def terrain(cells: int, *, resolution: float = 0.5, seed: int = 0, chunks: int =
 
     Args:
         cells: side of the terrain [cells].
-        resolution: side of a cell [m].
+        resolution: cell size [m].
         seed: seed of the terrain.
         chunks: side of a tile [cells].
     """

@@ -18,8 +18,8 @@ the node reports in its diagnostics. The first two seconds, during which process
 other and allocate memory, are excluded.
 
 The third command sends successive requests to `grid_map_server` along the path of `large_map_demo`
-and prints the latency until the response is decoded. Each response has 200 x 200 cells of a map of
-10^9 cells on disk. Run all commands in the workspace environment (`. tools/env.sh`).
+and prints the latency until the response is decoded. Each response contains 200 x 200 cells of a
+map of 10^9 cells on disk. Run all commands in the workspace environment (`. tools/env.sh`).
 """
 
 import argparse

@@ -342,7 +342,7 @@ def segments(process: int | str) -> set[Path]:
     """Return the shared memory segments that a process uses.
 
     The small port files, which all processes share, are excluded: Fast DDS reuses them, and leaves
-    some of them behind when several processes end at once, even processes with plain rclpy only.
+    some of them behind when several processes end at once, even plain rclpy processes.
     """
     maps = ""
     with suppress(OSError):  # The process has ended.

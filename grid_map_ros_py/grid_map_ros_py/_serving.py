@@ -103,8 +103,8 @@ def open_source(
     Args:
         source: path of a Zarr store or of a raster, or paths of rasters.
         frame_id: frame of the map; empty means the stored frame.
-        origin: latitude and longitude [deg] of the origin of the frame; empty means the origin of
-            the source's reference system.
+        origin: latitude and longitude [deg] of the frame origin; empty keeps the coordinates of the
+            source's reference system.
     """
     tiled_map = open_map(source)
     if origin:
@@ -113,7 +113,7 @@ def open_source(
 
 
 def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequence[str]) -> GridMap:
-    """Return a window of constant size, centered as close to a position as possible.
+    """Return a window of fixed size, centered as close to a position as possible.
 
     The window is aligned with the cells of the map; cells outside the map are NaN.
 

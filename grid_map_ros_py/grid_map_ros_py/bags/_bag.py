@@ -261,7 +261,7 @@ def bag_maps(
 
 @dataclass(frozen=True)
 class BagTopic:
-    """A topic of a bag, of any message type.
+    """A bag topic of any message type.
 
     Attributes:
         name: name of the topic.

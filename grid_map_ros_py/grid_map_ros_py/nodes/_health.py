@@ -34,7 +34,7 @@ class Health:
         received, used, dropped: number of received, processed and unusable inputs.
         last_error: reason for the last dropped input; empty if there is none.
         problem: the last problem that did not cause a drop; empty if there is none.
-        details: returns additional values of the report, by name.
+        details: returns additional report values, by name.
     """
 
     inputs: str = "maps"

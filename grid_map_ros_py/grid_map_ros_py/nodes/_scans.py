@@ -72,7 +72,7 @@ class Cloud:
 
 @dataclass
 class ScanQueue:
-    """Scans of one sensor that wait for their poses.
+    """Queue of scans of one sensor, which wait for their poses.
 
     A scan more than `LONGEST_JITTER` earlier than the previous scan indicates a time reset, for
     example when a bag restarts. Waiting scans and outdated poses are then discarded.
@@ -248,7 +248,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """A sensor; `heard` is the time of its last message [s], infinite once silence was reported."""
+    """A sensor; `heard` is the time of its last message [s], infinite after silence is reported."""
 
     name: str
     topic: str
