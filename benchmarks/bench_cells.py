@@ -24,7 +24,7 @@ CENTER = (0.0, 0.0)
 
 @pytest.fixture
 def values(measure, cells):
-    """Return a function that times reading the cells of a shape and returns map and values."""
+    """Return a function that times reading the cells in a shape; it returns the map and values."""
 
     def run(row, shape, *arguments):
         grid_map = terrain(cells)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmark of the demo's traversability chain; the C++ library was not timed."""
+"""Benchmark of the traversability chain in the demo; the C++ library was not timed."""
 
 from pathlib import Path
 

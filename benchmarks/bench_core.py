@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of maps: moves, submaps, positions and regions."""
+"""Benchmarks of map operations: moves, submaps, indices and positions."""
 
 import numpy as np
 import pytest

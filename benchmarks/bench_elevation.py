@@ -3,12 +3,12 @@
 
     python3 benchmarks/bench_elevation.py [--scan FILE] [--updates 300] [--topics]
 
-prints the time of an update, median and 95th percentile, and the median of each stage. Simulated
-lidars drive in a circle in a yard with boxes and a wall around it. FILE is a real scan, an .npz
-file with `points` (N, 3) in the frame of a level lidar, missing returns at the origin. Without the
-option it is the file that the variable GRID_MAP_LIDAR_SCAN names; without both there is no such
-row. With `--topics` it prints the time from publishing a scan to the callback with the map, through
-the node `elevation_mapping` in another process, at 10 Hz. As a part of `make bench`, each scan is a
+Prints the median and 95th percentile of the time of an update and of each stage. Simulated lidars
+drive in a circle in a walled yard with boxes. FILE contains a real scan: an .npz file with `points`
+(N, 3) in the frame of a level lidar, with missing returns at the origin. The default is the file in
+the environment variable GRID_MAP_LIDAR_SCAN; without a file, the real scan is skipped. With
+`--topics`, the script prints the latency from publishing a scan to the callback with the map,
+through the node `elevation_mapping` in another process, at 10 Hz. In `make bench`, each scan is a
 row in yardsticks.
 """
 
@@ -33,7 +33,7 @@ from grid_map_core_py.simulation import SpinningLidar, scan, with_box
 RESOLUTION = 0.1
 SCAN_PERIOD = 100_000_000  # nanoseconds
 PLACES = 20
-"""Number of different scans, at places on a circle that is driven at 0.5 m/s."""
+"""Number of different scans, along a circle driven at 0.5 m/s."""
 
 VARIABLE = "GRID_MAP_LIDAR_SCAN"
 COVARIANCE = np.diag([1e-4, 1e-4, 1e-4, 1e-6, 1e-6, 1e-6])
@@ -41,12 +41,12 @@ COVARIANCE = np.diag([1e-4, 1e-4, 1e-4, 1e-6, 1e-6, 1e-6])
 
 @dataclass
 class Drive:
-    """Scans of a robot on its way, again and again, and the map that it makes.
+    """Repeating scans of a driving robot, and the mapper that fuses them.
 
     Attributes:
-        cells: cells along a side of the map.
-        scans: points (N, 3) in the frame of the sensor, and the transform (4, 4) to the map.
-        reports: those of all updates.
+        cells: side of the map [cells].
+        scans: points (N, 3) in the sensor frame, and the transform (4, 4) to the map frame.
+        reports: reports of all updates.
     """
 
     cells: int
@@ -74,7 +74,7 @@ class Drive:
 
 @cache
 def yard() -> GridMap:
-    """Return rough ground of 40 x 40 m with boxes, and a wall around it that stops all beams."""
+    """Return a rough 40 m x 40 m ground with boxes, inside a wall that stops all beams."""
     grid_map = GridMap((40.0, 40.0), RESOLUTION, layers={"elevation": 8.0})
     x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
     rough = 0.05 * np.sin(1.3 * x) * np.cos(0.9 * y) + 0.01 * np.sin(7.0 * x + 3.0 * y)
@@ -89,7 +89,7 @@ def yard() -> GridMap:
 
 
 def simulated(cells: int, lidar: SpinningLidar) -> Drive:
-    """Return the drive of a robot with a lidar at a height of 0.8 m."""
+    """Return the drive of a robot whose lidar is 0.8 m above the ground."""
     scans, random = [], np.random.default_rng(3)
     step = 0.5 * 1e-9 * SCAN_PERIOD
     for angle in np.linspace(0.0, 2.0 * np.pi, PLACES, endpoint=False):
@@ -102,7 +102,7 @@ def simulated(cells: int, lidar: SpinningLidar) -> Drive:
 
 
 def real(path: Path) -> Drive:
-    """Return a robot that stands, whose scans are a real one with little noise."""
+    """Return the drive of a standing robot: a real scan, repeated with little noise."""
     with np.load(path) as file:
         points = file["points"].astype(np.float32)
     missing = ~points.any(axis=1)
@@ -144,12 +144,12 @@ def test_update_by_a_real_scan(measure):
     measure("ElevationMapper.update real scan", drive.cells, drive.update)
     elevation = drive.mapper.grid_map["elevation"]
     assert np.isfinite(elevation).sum() > 5000
-    # The lowest cells are the ground around the sensor, which is at a height of 1.7 m.
+    # The lowest cells are ground around the sensor, which is 1.7 m above the ground.
     assert abs(np.nanpercentile(elevation, 10)) < 0.7
 
 
 def real_scan(given: Path | None = None) -> Path | None:
-    """Return the file of the real scan, if it is known and there."""
+    """Return the file of the real scan, or None if no existing file is given."""
     path = given or Path(os.environ.get(VARIABLE, ""))
     return path if path.is_file() else None
 
@@ -171,7 +171,7 @@ def main() -> None:
 
 
 def timed(name: str, drive: Drive, updates: int) -> Iterator[str]:
-    """Yield the lines about a drive; the first ten updates compile and fill the map."""
+    """Yield the output lines of a drive; the first ten updates compile and fill the map."""
     for _ in range(10):
         drive.update()
     drive.reports.clear()
@@ -191,7 +191,7 @@ def timed(name: str, drive: Drive, updates: int) -> Iterator[str]:
 
 
 def timed_on_topics(name: str, drive: Drive, updates: int) -> Iterator[str]:
-    """Yield a line about a drive through the node; the first ten scans do not count."""
+    """Yield the output lines of a drive through the node; the first ten scans are excluded."""
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from rclpy.qos import QoSProfile
     from sensor_msgs.msg import PointCloud2

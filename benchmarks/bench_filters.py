@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of filters, from map to map."""
+"""Benchmarks of single filters, from input map to output map."""
 
 import numpy as np
 import pytest
@@ -127,7 +127,7 @@ def test_raster_normals(measure, cells):
     whole = np.argwhere(np.isfinite(blocks).all(axis=(2, 3)))
     for row, column in whole[[0, len(whole) // 2, -1]] + 1:
         around = blocks[row - 1, column - 1]
-        # Rows run towards -x, columns towards -y; the tangents span the surface.
+        # Row indices increase towards -x, column indices towards -y.
         along_x = (0.1, 0.0, around[0, 1] - around[2, 1])
         along_y = (0.0, 0.1, around[1, 0] - around[1, 2])
         normal = np.cross(along_x, along_y)
@@ -146,7 +146,7 @@ def test_inpaint(measure, cells, radius):
 
 
 def sharpening(size):
-    """Return the kernel as a literal, padded with zeros to the size of the window."""
+    """Return an expression with the kernel as a literal, zero-padded to the window size."""
     kernel = np.pad(SHARPEN, (size - 3) // 2)
     literal = "; ".join(", ".join(map(str, row)) for row in kernel)
     return f"sumOfFinites([{literal}] .* elevation)"

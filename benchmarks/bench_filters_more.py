@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of the filters for minima, medians, curvature and colors."""
+"""Benchmarks of the minimum, median, curvature and color filters."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of the filters that C++ does not have."""
+"""Benchmarks of filters that do not exist in C++."""
 
 import numpy as np
 import pytest

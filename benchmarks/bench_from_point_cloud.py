@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of `from_point_cloud`; C++ has no counterpart, so the lines show yardsticks."""
+"""Benchmarks of `from_point_cloud`, in yardsticks only; C++ has no counterpart."""
 
 import array
 
@@ -14,7 +14,7 @@ from grid_map_core_py import GridGeometry, color_value_to_vector
 from grid_map_core_py.elevation import RollingMap
 from grid_map_ros_py import from_point_cloud, read_points
 
-# x, y, z, rgb and intensity, laid out as the Point Cloud Library does.
+# x, y, z, rgb and intensity, in the memory layout of the Point Cloud Library.
 POINT = np.dtype(
     {
         "names": ["x", "y", "z", "rgb", "intensity"],
@@ -28,7 +28,7 @@ GEOMETRY = GridGeometry(np.array([SIDE, SIDE]), RESOLUTION)
 
 
 def message() -> PointCloud2:
-    """Return a serialized cloud of a million points."""
+    """Return a cloud of a million points, as received: serialized and deserialized."""
     points = np.zeros(POINTS, POINT)
     points["x"], points["y"], points["z"] = cloud().T
     points["rgb"] = 0x010101 * (np.arange(POINTS, dtype=np.uint32) % 256)
@@ -68,7 +68,7 @@ def test_from_point_cloud_with_colors(measure):
     convert = lambda: from_point_cloud(received, onto=GEOMETRY, fields=["rgb"])  # noqa: E731
     result = measure("fromPointCloud 1e6 points, max and rgb", CELLS, convert)
     assert_reduced(received, result["elevation"], "max")
-    # All colors are gray, so their means are gray, too.
+    # All colors are gray, so the mean colors must be gray.
     colors = color_value_to_vector(result["color"])
     np.testing.assert_array_equal(colors[..., 0], colors[..., 2])
 

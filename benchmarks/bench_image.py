@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of images of layers and of changes of resolution."""
+"""Benchmarks of image conversions and resolution changes."""
 
 import cv2
 import numpy as np
@@ -30,5 +30,5 @@ def test_change_resolution(measure, cells):
     elevation = grid_map["elevation"]
     quarters = np.stack([elevation[row::2, column::2] for row in (0, 1) for column in (0, 1)])
     whole = np.isfinite(quarters).all(axis=0)
-    # Except for curvature, a cell is the mean of the four cells that it covers.
+    # Apart from curvature effects, a cell is the mean of the four cells that it covers.
     np.testing.assert_allclose(result[whole], quarters.mean(axis=0)[whole], atol=0.02)

@@ -14,7 +14,7 @@ ROWS = {
     Interpolation.CUBIC_CONVOLUTION: "cubic_conv",
     Interpolation.CUBIC: "cubic",
 }
-# Error bounds: half a cell of slope, and the curvature of the steepest waves within a cell.
+# Error bounds: the slope over half a cell, and the curvature of the steepest waves in a cell.
 ERRORS = {Interpolation.NEAREST: 0.03, Interpolation.LINEAR: 2e-3}
 
 
@@ -32,7 +32,7 @@ def test_interpolation(measure, cells, method, holes):
     if not holes:
         np.testing.assert_allclose(values, expected, atol=ERRORS.get(method, 2e-4))
         return
-    # Only where there is no finite neighbor to fall back to, a hole remains a hole.
+    # A hole stays a hole, because interpolation falls back to the nearest cell.
     indices, _ = grid_map.get_indices(positions)
     known = np.isfinite(grid_map["elevation"][indices])
     np.testing.assert_array_equal(np.isfinite(values), known)
@@ -40,5 +40,5 @@ def test_interpolation(measure, cells, method, holes):
 
 
 def elevation(x, y):
-    """Return the height of the terrain at coordinates."""
+    """Return the terrain heights at coordinates."""
     return 0.3 * np.sin(1.3 * x) * np.cos(0.9 * y) + 0.05 * np.sin(7 * x + 3 * y)

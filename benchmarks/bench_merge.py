@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of merging two maps, and of changing the frame of a map."""
+"""Benchmarks of merging two maps and of transforming a map to another frame."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from terrain import terrain
 
 
 def other_terrain(cells):
-    """Return the terrain, lifted by 10 m, a quarter and an eighth of its side away."""
+    """Return the terrain, raised by 10 m and shifted by 1/4 (x) and 1/8 (y) of its side."""
     grid_map = terrain(cells)
     grid_map.position = grid_map.length * (1 / 4, 1 / 8)
     grid_map["elevation"] += 10
@@ -27,7 +27,7 @@ def test_add_data_from(measure, cells, extend):
     quarter, eighth = cells // 4, cells // 8
     assert result.size == ((cells + quarter, cells + eighth) if extend else (cells, cells))
     before, added = grid_map["elevation"], other["elevation"]
-    # Number of rows and columns at the start of the other map that only it covers.
+    # The first quarter of rows and eighth of columns are covered only by the other map.
     after = result["elevation"][-cells:, -cells:]
     overlap = added[quarter:, eighth:]
     expected = before.copy()
@@ -59,13 +59,13 @@ def test_transformed_map(measure, cells, ratio):
         cells, heights = landed(grid_map, transform, step * ratio * grid_map.resolution, result)
         np.maximum.at(highest, cells, heights)
     highest[np.isinf(highest)] = np.nan
-    # Differently rounded sums may put a point on the other side of a border.
+    # Rounding differences may move a point across a cell border.
     equal = np.isclose(result["elevation"], highest, equal_nan=True)
     assert equal.mean() > 0.9999
 
 
 def landed(grid_map, transform, step, result):
-    """Return the cells and heights of a map's points on another map."""
+    """Return the cells of `result` that the transformed points hit, and the point heights."""
     z = grid_map["elevation"].ravel("F")
     points = np.column_stack([grid_map.get_positions() + step, z, np.ones_like(z)])
     moved = points[np.isfinite(z)] @ transform.T

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of maps from octrees; the C++ library was not timed."""
+"""Benchmarks of octree conversions; the C++ library was not timed."""
 
 import array
 import struct
@@ -13,14 +13,14 @@ from grid_map_ros_py import from_octomap, octomap_to_points
 
 
 def slab(depth):
-    """Write a square layer of 2**depth x 2**depth occupied voxels, as a binary tree."""
+    """Return a binary subtree with a square layer of 2**depth x 2**depth occupied voxels."""
     if depth == 1:
         return struct.pack("<H", 0xAA)
     return struct.pack("<H", 0xFF) + 4 * slab(depth - 1)
 
 
 def octomap(depth):
-    # From the root to the octant of positive coordinates, then down along the origin.
+    # The path from the root to the octant with positive coordinates, then down at the origin.
     way = struct.pack("<H", 3 << 14) + struct.pack("<H", 3) * (15 - depth)
     data = array.array("b", way + slab(depth))
     return SimpleNamespace(header=Header(), binary=True, id="OcTree", resolution=0.1, data=data)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of layers from clouds and meshes; C++ was not timed, the lines show yardsticks."""
+"""Benchmarks of layers from clouds and meshes, in yardsticks only; C++ was not timed."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SIDE = CELLS * RESOLUTION
 
 
 def cloud(points: int = POINTS) -> np.ndarray:
-    """Return points on a wavy ground over the map and a little beyond it."""
+    """Return points on wavy ground, on the map and slightly beyond its border."""
     rng = np.random.default_rng(1)
     xy = rng.uniform(-0.51 * SIDE, 0.51 * SIDE, (points, 2))
     return np.column_stack([xy, ground(*xy.T) + rng.normal(0, 0.01, points)]).astype(np.float32)
@@ -30,7 +30,7 @@ def ground(x, y):
 
 
 def by_cell(points: np.ndarray, grid_map: GridMap) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the cells (n, 2) that hold points, and the heights in each in the order given."""
+    """Return the cells (n, 2) that contain points, and the heights in each cell, in input order."""
     (rows, cols), inside = grid_map.get_indices(points[:, :2])
     flat = np.ravel_multi_index((rows[inside], cols[inside]), grid_map.size)
     order = np.argsort(flat, kind="stable")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmarks of the signed distance field: building it, and 100,000 queries.
 
-The terrain has holes, as for C++. C++ treats holes as very deep, this library as free space.
+The terrain has holes, as in the C++ timings. C++ treats holes as very deep; we treat them as free.
 """
 
 import numpy as np
@@ -28,14 +28,14 @@ def field(cells):
 
 @pytest.fixture
 def points(field):
-    """Return points all over the field, (N, 3)."""
+    """Return random points (N, 3) throughout the field."""
     half = 0.5 * (field.geometry.length - field.resolution)
     low, high = (*-half, field.levels[0]), (*half, field.levels[-1])
     return np.random.default_rng(1).uniform(low, high, (POINTS, 3))
 
 
 def exact(grid_map, cell, z):
-    """Return the distance from a point at height z over a cell, by a search of every column."""
+    """Return the exact distance of a point at height z in a cell, searching all columns."""
     x, y = grid_map.axes()
     across = np.hypot(x[:, None] - x[cell[0]], y[None, :] - y[cell[1]])
     up = z - np.nan_to_num(grid_map["elevation"].astype(np.float64), nan=-np.inf)
@@ -76,7 +76,7 @@ def test_values_and_gradients(measure, cells, field, points):
 
 
 def interpolated(field, point):
-    """Return the value and the gradient at one point from the eight nodes around it."""
+    """Interpolate value and gradient at one point from the eight surrounding nodes."""
     x, y = field.geometry.axes_in_map_order()
     steps = field.resolution * np.array([-1, -1, 1])
     place = (point - (x[0], y[0], field.levels[0])) / steps

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmarks of a thousand calls, each for one position, one cell or one small operation.
 
-A time in milliseconds is therefore that of one call in microseconds. The size of the map hardly
+A time in milliseconds therefore equals the time of one call in microseconds. The map size hardly
 matters.
 """
 
@@ -23,7 +23,7 @@ def grid_map():
 
 @pytest.fixture
 def positions(grid_map):
-    """Return (x, y) of the calls, on the map."""
+    """Return the argument (x, y) of each call, on the map."""
     spread = np.random.default_rng(1).uniform(-0.49, 0.49, (CALLS, 2))
     return [tuple(position) for position in (grid_map.position + spread * grid_map.length).tolist()]
 
@@ -36,7 +36,7 @@ def indices():
 
 @pytest.fixture
 def each(measure):
-    """Return a function that times a call for each argument, and returns the results."""
+    """Return a function that times one call per argument and returns the results."""
 
     def run(row, call, arguments):
         return measure(f"{row} x{CALLS}", CELLS, lambda: [call(one) for one in arguments])

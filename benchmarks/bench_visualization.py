@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Visualizations: from a map to the bytes of a message or the arrays of a viewer."""
+"""Benchmarks of visualizations, from a map to serialized messages or viewer arrays."""
 
 import numpy as np
 from rclpy.serialization import deserialize_message
@@ -17,7 +17,7 @@ BYTES_PER_CORNER = 3 * 8 + 4 * 4
 
 
 def triangle_count(heights):
-    """Return the number of triangles, counted from the finite heights of each four cells."""
+    """Return the number of triangles: 1 or 2 per 2 x 2 block with 3 or 4 finite heights."""
     known = np.isfinite(heights).astype(int)
     counts = known[:-1, :-1] + known[1:, :-1] + known[:-1, 1:] + known[1:, 1:]
     return np.count_nonzero(counts == 3) + 2 * np.count_nonzero(counts == 4)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of the web viewer: data for the browser, and the work of a click."""
+"""Benchmarks of the web viewer: scene data for the browser, and picking a point by click."""
 
 import numpy as np
 from terrain import terrain
@@ -12,7 +12,7 @@ def test_scene(measure, cells):
     scene = measure("scene of the web viewer", cells, lambda: make_scene(grid_map, settings))
     vertices, faces = len(scene.mesh.vertices), len(scene.mesh.faces)
     assert vertices == np.isfinite(grid_map["elevation"]).sum()
-    # Three floats and four colors of 16 bits per vertex, three numbers per face.
+    # Three floats and four 16-bit color channels per vertex, three indices per face.
     assert 0 < len(scene.glb) - 20 * vertices - 12 * faces < 2000
 
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compare the benchmarks of a commit with those of this checkout, on this machine.
+"""Compare the benchmark times of a commit and of this checkout, on this machine.
 
 Usage: python3 benchmarks/compare.py COMMIT [FILE ...] [-k EXPRESSION] [--rounds N]
 
-Each file of benchmarks runs with the sources of the commit, then with the sources here, N times
-in turn, so that both meet the same load. A row is its smallest time in yardsticks. The exit code
-is 1 if a row became slower by more than 10 %.
+Each benchmark file runs N times alternately with the sources of the commit and of this checkout,
+so both run under the same load. The result of a row is the smallest time in yardsticks. The exit
+code is 1 if a row became more than 10 % slower.
 """
 
 import argparse
@@ -19,14 +19,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMIT = 1.10
-"""Ratio of the times after and before above which a row has become slower."""
+"""Time ratio (after / before) above which a row counts as slower."""
 
 Rows = dict[str, float]
-"""Yardsticks by the name of the row."""
+"""Times in yardsticks, by row name."""
 
 
 def measured(checkout: Path, file: str, words: Iterable[str]) -> Rows:
-    """Run one file of benchmarks with the sources of a checkout."""
+    """Run one benchmark file with the sources of a checkout."""
     sources = [str(path.parent) for path in sorted(checkout.glob("*/setup.py"))]
     paths = ":".join([*sources, os.environ.get("PYTHONPATH", "")])
     with tempfile.NamedTemporaryFile(suffix=".json") as result:
@@ -56,7 +56,7 @@ def measured(checkout: Path, file: str, words: Iterable[str]) -> Rows:
 
 
 def compared(before: Path, files: list[str], words: list[str], rounds: int) -> tuple[Rows, Rows]:
-    """Return the rows of the checkout `before` and those here."""
+    """Return the rows of the checkout `before` and of this checkout."""
     old: Rows = {}
     new: Rows = {}
     for file in files or sorted(path.name for path in (ROOT / "benchmarks").glob("bench_*.py")):

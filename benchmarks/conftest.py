@@ -19,7 +19,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True)
 def one_core() -> Iterator[None]:
-    """C++ was timed with one thread."""
+    """Use one thread, as in the C++ timings."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     yield
@@ -28,7 +28,7 @@ def one_core() -> Iterator[None]:
 
 @pytest.fixture(params=[200, 400, 1000])
 def cells(request: pytest.FixtureRequest) -> int:
-    """Cells along a side of the map."""
+    """Side of the map [cells]."""
     return request.param
 
 

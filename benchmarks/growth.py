@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measure how time per cell and memory of the demo's traversability chain grow with the map.
+"""Measure how time per cell and memory of the demo filter chain grow with the map size.
 
     python3 benchmarks/growth.py [--cells 200 400 1000 2000 4000 8000] [--threads 1 2] [--keep]
 
-Prints a line per size and number of threads: the smallest time of several runs per cell, the
-smallest processor time per cell, which depends less on what else the machine does, both also
-relative to the map of 1000 x 1000 cells, and the peak memory beside the map, relative to the layers
-of the input and the result. Each size runs in a process of its own. `--keep` keeps freed memory, as
-nodes of large maps do; then the peak is not measured. Start it where the workspace is set up
+Prints one line per map size and thread count. The line contains the smallest time per cell of
+several runs, and the smallest processor time per cell, which depends less on other load; both also
+relative to a map of 1000 x 1000 cells. The last column is the peak memory, relative to the layers
+of input and result. Each size runs in its own process. `--keep` keeps freed memory, as nodes with
+large maps do, and does not measure the peak. Run it in the workspace environment
 (`. tools/env.sh`). 8000 x 8000 cells need 7 GB and a minute.
 """
 
@@ -29,7 +29,7 @@ from grid_map_filters_py import FilterChain
 CHAIN = Path(__file__).parent.parent / "grid_map_demos_py/config/filters_demo_filter_chain.yaml"
 CELLS = [200, 400, 1000, 2000, 4000, 8000]
 STANDARD = 1000
-"""Cells along a side of the map that the others are compared with."""
+"""Side of the reference map [cells]."""
 
 SECONDS = 5.0
 LEAST_RUNS = 3
@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def in_process(cells: int, threads: int, *, keep: bool) -> dict[str, float]:
-    """Return what `measured` returns, in another process."""
+    """Return the result of `measured`, computed in another process."""
     command = [sys.executable, __file__, "--one", "--cells", str(cells), "--threads", str(threads)]
     given = os.environ | (KEEP if keep else {})
     output = subprocess.run(command, env=given, check=True, stdout=subprocess.PIPE).stdout
@@ -66,13 +66,13 @@ def in_process(cells: int, threads: int, *, keep: bool) -> dict[str, float]:
 
 
 def measured(cells: int, threads: int) -> dict[str, float]:
-    """Return smallest times per cell [ns], and the peak memory in sizes of all layers."""
+    """Return the smallest times per cell [ns], and the peak memory relative to all layers."""
     set_limits(max_cells=cells**2)
-    cv2.setNumThreads(1)  # OpenCV starts threads of its own
+    cv2.setNumThreads(1)  # OpenCV starts its own threads
     chain = FilterChain.from_yaml(CHAIN, threads=threads)
     small = terrain(300)
     small["color"] = 0.0
-    chain(small)  # compiles, and allocates what stays
+    chain(small)  # compiles, and allocates permanent memory
     grid_map = terrain(cells)
     grid_map["color"] = 0.0
     peak = peak_beside(lambda: chain(grid_map), grid_map)
@@ -87,11 +87,11 @@ def measured(cells: int, threads: int) -> dict[str, float]:
 
 
 def peak_beside(operation, grid_map) -> float:
-    """Return the peak memory of an operation, in sizes of the layers in its input and result."""
+    """Return the peak memory of an operation, relative to the layers of its input and result."""
     gc.collect()
     layers = sum(grid_map[name].nbytes for name in grid_map)
     before = status("VmRSS") - layers
-    Path("/proc/self/clear_refs").write_text("5")  # begins a new peak
+    Path("/proc/self/clear_refs").write_text("5")  # resets the peak
     result = operation()
     peak = status("VmHWM") - before
     return peak / (layers + sum(result[name].nbytes for name in result))

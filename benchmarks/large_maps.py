@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measure the demo's traversability chain over maps that are larger than memory should be.
+"""Measure the traversability chain of the demo on maps larger than memory.
 
     python3 benchmarks/large_maps.py [--cells 20000] [--workers 1 2] [--layers traversability]
         [--folder /tmp/large_maps]
 
-Writes a terrain with holes as a GeoTIFF, unless the folder has it, filters it from there to a Zarr
-store with worker processes of one thread, and prints a line for each number of workers: the time,
-nanoseconds per cell and core, the share of the speed of the same chain on one map of 1000 x 1000
-cells in memory, and the largest peak memory of a worker. `--layers` names the layers to write; all
-eleven by default. Give several `--cells` to see how the time grows. Start it where the workspace is
-set up (`. tools/env.sh`), on an idle machine. 20,000 x 20,000 cells need 2 GB on disk, and 15 GB
-for all layers of the result.
+Writes a terrain with holes to a GeoTIFF file in the folder, unless the file exists. Single-threaded
+worker processes filter the file into a Zarr store. Prints one line per worker count: the time, the
+nanoseconds per cell and core, the speed relative to the same chain on one map of 1000 x 1000 cells
+in memory, and the largest peak memory of a worker. `--layers` selects the layers to write, by
+default all eleven. Pass several `--cells` to see how the time grows. Run it in the workspace
+environment (`. tools/env.sh`), on an idle machine. 20,000 x 20,000 cells need 2 GB on disk, and
+15 GB for all layers of the result.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from grid_map_filters_py import FilterChain
 HERE = Path(__file__).parent
 CHAIN = HERE.parent / "grid_map_demos_py/config/filters_demo_filter_chain.yaml"
 STANDARD = 1000
-"""Cells along a side of the map in memory."""
+"""Side of the map in memory [cells]."""
 
 SECONDS = 5.0
 
@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument("--layers", nargs="+")
     parser.add_argument("--folder", type=Path, default=Path("/tmp/large_maps"))
     options = parser.parse_args()
-    cv2.setNumThreads(1)  # OpenCV starts threads of its own
+    cv2.setNumThreads(1)  # OpenCV starts its own threads
     options.folder.mkdir(parents=True, exist_ok=True)
     # The terrain has no colors to delete.
     steps = FilterChain.from_yaml(CHAIN).steps
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def terrain(folder: Path, cells: int) -> Path:
-    """Return a GeoTIFF of the terrain, which is made if it is not there."""
+    """Return the path of the terrain GeoTIFF; create the file if it does not exist."""
     file = folder / f"terrain_{cells}.tif"
     if not file.exists():
         command = [sys.executable, HERE / "make_terrain.py", "--cells", str(cells), "--out", file]
@@ -86,9 +86,9 @@ def seconds_in_memory(chain: FilterChain, site: TiledMap) -> float:
 def filtered(
     sites: list[TiledMap], chain: FilterChain, target: Path, layers: list[str] | None, workers: int
 ) -> tuple[float, float]:
-    """Filter maps by worker processes; return the time of the last [s], the peak of a worker [MB].
+    """Filter maps in worker processes; return the last map's time [s] and a worker's peak [MB].
 
-    The first map lets the workers import what they need.
+    The first map warms up the workers, which import packages.
     """
     from distributed import Client, LocalCluster
 

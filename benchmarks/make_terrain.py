@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Write a fractal terrain of any size, with holes, as a GeoTIFF file or a COG, window by window.
+"""Write a fractal terrain of any size, with holes, to a GeoTIFF or COG file, window by window.
 
     python3 benchmarks/make_terrain.py --cells 20000 --out dem.tif
 
-A cell depends on its place and the seed alone, so `terrain_window` computes any part by itself.
+A cell depends only on its position and the seed, so `terrain_window` can compute any part alone.
 """
 
 import argparse
@@ -22,26 +22,26 @@ from grid_map_core_py.tiled import (
 from grid_map_core_py.tiled._source import Window
 
 OCTAVES = tuple(2**n for n in range(11, 1, -1))
-"""Wavelengths of the noise that makes heights [cells]."""
+"""Wavelengths of the height noise [cells]."""
 
 STEEPNESS = 0.1
-"""Height of the noise over its wavelength."""
+"""Ratio of noise amplitude to wavelength."""
 
 HOLES = (96, 24)
-"""Wavelengths of the noise that makes holes [cells]."""
+"""Wavelengths of the hole noise [cells]."""
 
 HOLE_ABOVE = 0.62
-"""Value of that noise, of -1 ... 1, above which there is a hole."""
+"""Value of the hole noise, from -1 to 1, above which a cell is a hole."""
 
 LOST = 0.002
-"""Share of cells that are lost one by one."""
+"""Share of cells that are removed individually."""
 
 CRS = "EPSG:25832"
 CORNER = (680_000.0, 5_300_000.0)
 """South-west corner of the terrain [m]."""
 
 PIECE = 64
-"""Lines that are computed at once, so that they stay in the cache."""
+"""Number of lines computed at once, which fit in the cache."""
 
 Heights = NDArray[np.float32]
 Places = NDArray[np.int64]
@@ -53,12 +53,12 @@ def terrain_window(rows: slice, columns: slice, cells: int, *, seed: int = 0) ->
     Args:
         rows, columns: the window, in map order.
         cells: side of the terrain [cells].
-        seed: another one makes another terrain.
+        seed: seed of the terrain.
 
     Returns:
-        (rows, cols) float32, Fortran order, in sides of a cell; NaN in holes.
+        (rows, cols) float32, Fortran order [cell sides]; NaN in holes.
     """
-    # Counted from the south-west corner, so that larger terrains extend smaller ones.
+    # Count from the south-west corner, so that larger terrains extend smaller terrains.
     north = cells - 1 - np.arange(columns.start, columns.stop)
     east = cells - 1 - np.arange(rows.start, rows.stop)
     heights = np.zeros((north.size, east.size), np.float32)
@@ -82,7 +82,7 @@ def _fill(heights: Heights, north: Places, east: Places, seed: int) -> None:
 def _add_noise(
     values: Heights, north: Places, east: Places, wavelength: int, amplitude: float, seed: int
 ) -> None:
-    """Add random numbers at the points of a lattice, with a smooth transition in between."""
+    """Add noise: random numbers at lattice points, smoothly interpolated in between."""
     (lines, line_share), (pixels, pixel_share) = (
         _lattice(places, wavelength) for places in (north, east)
     )
@@ -94,14 +94,14 @@ def _add_noise(
 
 @dataclass(frozen=True)
 class _Lattice:
-    """Points of a lattice along an axis, and the number of the point below each place."""
+    """Lattice points along an axis, and the index of the lattice point below each position."""
 
     points: Places
     below: Places
 
 
 def _lattice(places: Places, wavelength: int) -> tuple[_Lattice, Heights]:
-    """Return the points around places, and how far it is to each from the one below, 0 ... 1."""
+    """Return the lattice around positions, and the smooth weights (0 to 1) of the points above."""
     below, beyond = np.divmod(places, wavelength)
     first = int(below.min())
     t = beyond.astype(np.float32) / np.float32(wavelength)
@@ -110,7 +110,7 @@ def _lattice(places: Places, wavelength: int) -> tuple[_Lattice, Heights]:
 
 
 def _between(values: Heights, below: Places, share: Heights) -> Heights:
-    """Return values between those of neighboring columns."""
+    """Interpolate between neighboring columns."""
     found = np.diff(values, axis=1).take(below, axis=1)
     found *= share
     found += values.take(below, axis=1)
@@ -118,7 +118,7 @@ def _between(values: Heights, below: Places, share: Heights) -> Heights:
 
 
 def _hash(lines: Places, pixels: Places, seed: int) -> NDArray[np.uint32]:
-    """Return a random number for each point of a rectangle, which depends on the point alone."""
+    """Return a random number for each point of a rectangle; it depends only on point and seed."""
     with np.errstate(over="ignore"):
         mixed = (lines.astype(np.uint32) * np.uint32(0x9E3779B1))[:, None] + (
             pixels.astype(np.uint32) * np.uint32(0x85EBCA77)
@@ -145,7 +145,7 @@ class Terrain:
         return f"{self}"
 
     def prepare(self) -> None:
-        """Do nothing: windows have nothing in common."""
+        """Do nothing: windows share no data."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Heights]:
         heights = terrain_window(*window, self.cells, seed=self.seed)
@@ -154,12 +154,12 @@ class Terrain:
 
 
 def terrain(cells: int, *, resolution: float = 0.5, seed: int = 0, chunks: int = 1024) -> TiledMap:
-    """Return the terrain as a tiled map, which is computed window by window.
+    """Return the terrain as a tiled map that is computed window by window.
 
     Args:
         cells: side of the terrain [cells].
-        resolution: side of a cell [m].
-        seed: another one makes another terrain.
+        resolution: cell size [m].
+        seed: seed of the terrain.
         chunks: side of a tile [cells].
     """
     center = np.array(CORNER) + 0.5 * cells * resolution

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Times of this library and of C++, in units of a yardstick measured just before and after."""
+"""Times of this library and of C++, in units of a yardstick that is measured around each block."""
 
 import json
 import statistics
@@ -14,10 +14,10 @@ from yardstick import yardstick
 CPP = json.loads((Path(__file__).parent / "cpp_times.json").read_text())
 
 BLOCKS = 5
-"""Number of blocks in which an operation is measured, each between two yardsticks."""
+"""Number of timing blocks per operation, each between two yardsticks."""
 
 DRIFT = 1.10
-"""Ratio of the yardsticks around a block above which the block does not count."""
+"""Maximum ratio of the two yardsticks around a calm block."""
 
 SECONDS_PER_BLOCK = 0.1
 MOST_ROUNDS = 40
@@ -27,7 +27,7 @@ COLD = 0.02
 
 @dataclass(frozen=True)
 class Result:
-    """One line of the table; times in milliseconds."""
+    """One table row; times in milliseconds."""
 
     row: str
     cells: int
@@ -42,12 +42,12 @@ class Result:
 
     @property
     def noise(self) -> str:
-        """A remark if no block was calm."""
+        """Remark for the table if no block was calm."""
         return "" if self.calm else "  (the machine was busy)"
 
     @property
     def cpp(self) -> float | None:
-        """Expected time of C++ on this machine now [ms]; None if it was not timed."""
+        """Expected C++ time at the current machine speed [ms]; None if C++ was not timed."""
         entry = CPP["rows"].get(self.row, {}).get(str(self.cells))
         if entry is None:
             return None
@@ -56,7 +56,7 @@ class Result:
 
     @property
     def ratio(self) -> float | None:
-        """Ours over C++; below 1 is faster than C++."""
+        """Our time divided by the C++ time; below 1 is faster than C++."""
         return None if self.cpp is None else self.ours / self.cpp
 
     @property
@@ -67,11 +67,11 @@ class Result:
 
 @dataclass
 class Measurement:
-    """Runs an operation in blocks between yardsticks, as the set-up of pytest-benchmark's rounds.
+    """Splits the rounds of pytest-benchmark into blocks and takes a yardstick between blocks.
 
     Args:
         operation: the timed operation.
-        prepare: makes its arguments anew for every round, which is not timed.
+        prepare: creates new arguments for every round; not timed.
     """
 
     operation: Callable[..., Any]
@@ -92,7 +92,7 @@ class Measurement:
         return BLOCKS * self.rounds_per_block
 
     def before_round(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        """Take a yardstick where a block begins, and return the arguments of the operation."""
+        """Take a yardstick if a block begins, and return the arguments of the operation."""
         if self._round % self.rounds_per_block == 0:
             self.yardsticks.append(yardstick())
             if self._seconds < COLD:
@@ -101,7 +101,7 @@ class Measurement:
         return self.prepare(), {}
 
     def result(self, row: str, cells: int, seconds: list[float]) -> Result:
-        """Return the block that took the median number of yardsticks, of the calm ones if any."""
+        """Return the median block in yardsticks, among the calm blocks if there are any."""
         self.yardsticks.append(yardstick())
         blocks = [self._block(row, cells, seconds, number) for number in range(BLOCKS)]
         chosen = [block for block in blocks if block.calm] or blocks
@@ -116,7 +116,7 @@ class Measurement:
 
 
 def to_table(results: list[Result]) -> list[str]:
-    """Return the lines of a table, one per result."""
+    """Return the lines of a table with one row per result."""
     width = max(len(result.row) for result in results)
     lines = [f"{'':{width}}  cells    ours [ms]     C++ [ms]   ratio   yardsticks"]
     for result in results:

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Slow and simple versions of the timed operations, for single cells."""
+"""Slow, simple reference versions of the timed operations, for single cells."""
 
 import numpy as np
 
 from grid_map_core_py import GridMap
 
 PROBES = ((0, 0), (3, 50), (77, 120), (150, 31), (199, 199))
-"""Cells that are checked; every map of the benchmarks has them."""
+"""Cells to check; every benchmark map contains them."""
 
 
 def disc_points(grid_map: GridMap, layer: str, cell: tuple[int, int], radius: float) -> np.ndarray:
-    """Return the (N, 3) points of finite cells within a radius of a cell."""
+    """Return the points (N, 3) of the finite cells within a radius of a cell."""
     center = grid_map.get_position(cell)
     reach = int(radius / grid_map.resolution) + 1
     points = []
@@ -29,6 +29,6 @@ def normal_of(points: np.ndarray) -> np.ndarray:
 
 
 def window(layer: np.ndarray, cell: tuple[int, int], size: int) -> np.ndarray:
-    """Return the part of a window around a cell that is inside the map."""
+    """Return the values in a square window around a cell, cropped to the map."""
     rows, columns = (slice(max(0, place - size // 2), place + size // 2 + 1) for place in cell)
     return layer[rows, columns].astype(np.float64)

@@ -5,21 +5,21 @@
     python3 benchmarks/receive.py --filtered [--seconds 10]
     python3 benchmarks/receive.py --requests 300
 
-The first publishes maps of 8 layers, 400 x 400 cells at 30 Hz and 1000 x 1000 cells at 5 Hz, from
-one process to another, and prints a table: with the transports that Fast DDS has by itself, with
-those of FASTDDS_BUILTIN_TRANSPORTS=LARGE_DATA and with our profile; decoded from messages, from raw
-bytes, and one layer from raw bytes. With `--best-effort` the topic is best effort, as of sensors
-and of `ros2 topic hz`.
+The first command publishes 8-layer maps of 400 x 400 cells at 30 Hz and 1000 x 1000 cells at 5 Hz
+from one process to another. It prints a table for three transports (the Fast DDS defaults,
+FASTDDS_BUILTIN_TRANSPORTS=LARGE_DATA, and our profile) and three receivers (decode messages, decode
+raw bytes, and decode one layer from raw bytes). With `--best-effort`, the topic is best effort, as
+for sensors and `ros2 topic hz`.
 
-The second prints the time from topic to topic, from a map's publishing to the callback with the
-filtered map, through the node `filter_chain` in a third process: for a chain of one cheap filter,
-with 1, 4, 11 and 16 layers, and for the chain of the filters demo, on its terrain. `chain` is the
-time of the filters in it, by the node's diagnostics. The first two seconds do not count: processes
-find each other and take memory.
+The second command prints the latency from publishing a map to the callback with the filtered map,
+through the node `filter_chain` in a third process. It measures a chain of one cheap filter with 1,
+4, 11 and 16 layers, and the filters demo chain on the demo terrain. `chain` is the filter time that
+the node reports in its diagnostics. The first two seconds, during which processes discover each
+other and allocate memory, are excluded.
 
-The third prints the time from a request to the decoded answer, of requests to `grid_map_server` for
-200 x 200 cells of a map of 10^9 on disk, one after the other, along the way of `large_map_demo`.
-Start all where the workspace is set up (`. tools/env.sh`).
+The third command sends successive requests to `grid_map_server` along the path of `large_map_demo`
+and prints the latency until the response is decoded. Each response contains 200 x 200 cells of a
+map of 10^9 cells on disk. Run all commands in the workspace environment (`. tools/env.sh`).
 """
 
 import argparse
@@ -50,15 +50,15 @@ TOPIC = "/large_map"
 FILTERED = "/filtered_map"
 LAYERS = [f"layer_{k}" for k in range(8)]
 LOADS = [(400, 30.0), (1000, 5.0)]
-"""Cells along a side and maps per second."""
+"""Side of the map [cells] and publication rate [Hz]."""
 
 FILTERED_LOADS = [(cells, layers) for cells in (200, 400, 1000) for layers in (1, 4, 11)]
 FILTERED_LOADS += [(1000, 16)]
-"""Cells along a side and layers, at `RATE`."""
+"""Side of the map [cells] and number of layers; maps are published at `RATE`."""
 
 RATE = 10.0
 WARM_UP = 2.0
-"""Time before the first map that counts [s]."""
+"""Time before the first measured map [s]."""
 
 CHEAP = {"layer": "layer_0", "lower_threshold": 0.5, "set_to": 0.5}
 DEMO = "demo"
@@ -73,7 +73,7 @@ RECEIVERS = ["message", "raw", "raw, 1 layer"]
 
 
 def qos(depth: int) -> QoSProfile:
-    """Return the quality of service of maps; a negative depth means best effort."""
+    """Return the quality of service for maps; a negative depth means best effort."""
     if depth < 0:
         return QoSProfile(depth=-depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     profile = map_qos()
@@ -82,7 +82,7 @@ def qos(depth: int) -> QoSProfile:
 
 
 def made_map(load: str) -> GridMap:
-    """Return a map of `CELLSxLAYERS`, or that of the filters demo."""
+    """Return a map of size `CELLSxLAYERS`, or the terrain of the filters demo."""
     if load == DEMO:
         from grid_map_demos_py.terrain import load_terrain
 
@@ -98,9 +98,9 @@ def share(package: str) -> Path:
 
 
 class Publisher(Node):
-    """Publishes maps when it has a subscriber.
+    """Publishes maps while there is a subscriber.
 
-    Their timestamps are the time of publishing, their frames are numbers, counted down to 0.
+    The timestamp of a map is its publication time; its frame is a number, counted down to 0.
     """
 
     def __init__(self, load: str, rate: float, count: int, depth: int) -> None:
@@ -125,7 +125,7 @@ class Publisher(Node):
 
 
 class Subscriber(Node):
-    """Decodes maps; prints the number and the delays of the last `count` maps after each one."""
+    """Decodes maps; for the last `count` maps, prints count and latencies after each map."""
 
     def __init__(self, topic: str, receiver: str, count: int, depth: int) -> None:
         super().__init__("subscriber")
@@ -177,7 +177,7 @@ def cpu_seconds() -> float:
 def measure(
     load: str, rate: float, transport: str, receiver: str, seconds: float, depth: int
 ) -> dict[str, float]:
-    """Return the statistics of a subscriber that listens for a number of seconds."""
+    """Return the statistics of a subscriber for maps published during `seconds`."""
     count = max(int(rate * seconds), 2)
     with (
         running(_process(transport, "subscribe", TOPIC, receiver, count, depth)) as subscriber,
@@ -197,7 +197,7 @@ def measure(
 
 
 def measure_filtered(load: str, seconds: float) -> dict[str, float]:
-    """Return the statistics of a subscriber of filtered maps."""
+    """Return the statistics of a subscriber to filtered maps."""
     count = int(RATE * seconds)
     with TemporaryDirectory() as folder, ExitStack() as stack:
         path = Path(folder, "chain.yaml")
@@ -226,7 +226,7 @@ def measure_filtered(load: str, seconds: float) -> dict[str, float]:
 
 
 def measure_requests(count: int) -> dict[str, float]:
-    """Return the statistics of requests for 200 x 200 cells of a map of 10^9 on disk."""
+    """Return latencies of requests for 200 x 200 cells of a map of 10^9 cells on disk."""
     from grid_map_demos_py.large_site import END, make_site, way_at
 
     service, times = "/grid_map_server/get_grid_map", []
@@ -258,7 +258,7 @@ def measure_requests(count: int) -> dict[str, float]:
 def _reports(
     publisher: Process, subscriber: Process, seconds: float
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return what both have printed after the last map."""
+    """Return the reports that publisher and subscriber print after the last map."""
     wait_until(lambda: publisher.lines, "the last map", timeout=10 * seconds + 30)
     _settle(subscriber)
     return json.loads(publisher.lines[-1]), json.loads(subscriber.lines[-1])
@@ -270,7 +270,7 @@ def _process(transport: str, *arguments: object) -> Process:
 
 
 def _settle(process: Process) -> None:
-    """Wait until no map has arrived for a second."""
+    """Wait until the process has printed nothing for a second."""
     before = -1
     while before != len(process.lines) or not process.lines:
         before = len(process.lines)

@@ -1,35 +1,35 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Run all nodes at 30 Hz, disturb them, and check that they neither grow, nor leak, nor miscount.
+"""Run all nodes at 30 Hz, disturb them, and check for growth, leaks and wrong message counts.
 
     python3 benchmarks/soak.py --seconds 600
 
-The nodes get maps of 403 x 344 cells, and clouds of that size. One message in 50 contradicts
-itself. Meanwhile publishers restart, the simulated clock jumps, parameters are set,
-services are called, a browser stops reading, a callback of a subscriber takes 5 s, and that process
-is frozen for 5 s. A table appears every minute:
+The nodes receive maps of 403 x 344 cells, and clouds of the same size. One message in 50 is invalid
+(inconsistent). Meanwhile, publishers restart, the simulated clock jumps, parameters are set,
+services are called, a browser stops reading, a subscriber callback blocks for 5 s, and the process
+of this subscriber is frozen for 5 s. A table appears every minute:
 
 - Hz: maps out per second.
-- sent, in, out, dropped: messages of the sources; maps of the node, by its diagnostics. `sent` may
-  be larger than `in`, as a new map replaces one that a busy node has not taken.
-- MB, now: smallest resident memory while the source pauses, as it does every minute: in the first
-  pause after two minutes, and in the last one. How many copies of messages are on their way at a
-  time varies. Without shared memory: of its segments, whose size is fixed, every process keeps the
-  pages it has read.
+- sent, in, out, dropped: messages sent by the sources; maps counted in the node's diagnostics.
+  `sent` may exceed `in`, because a new map replaces a map that a busy node has not received yet.
+- MB, now: smallest resident memory during a pause of the source, in the first pause after two
+  minutes and in the last pause. (Outside the one pause per minute, memory varies with the number of
+  messages in transit.) Shared memory is excluded, because its segments have a fixed size and each
+  process keeps the pages it has read.
 - files, now: smallest number of file descriptors in these pauses.
 
-The exit code is 1 if a node ends or a request fails, or if one of these is missed:
+The exit code is 1 if a node ends, a request fails, or one of these conditions is violated:
 
-- Memory and files do not grow by more than 1 %: median slope between any two pauses, times the
-  duration. Shared memory is not left behind.
-- `in` is the sum of `out` and `dropped`, `out` is what the publisher of the node has counted, and
-  no more is dropped than contradicts itself.
-- At most `--gap` seconds pass between two maps of a node, unless its source restarts or pauses; if
-  it has no output, between two reports of maps in. A node that hangs misses this on any machine.
+- Memory and files grow by at most 1 %, computed as the median slope between any two pauses, times
+  the duration. No shared memory is left behind.
+- `in` is the sum of `out` and `dropped`, `out` equals the count of the node's publisher, and no
+  more messages are dropped than were invalid.
+- At most `--gap` seconds pass between two maps of a node (without an output: between two reports of
+  maps in), unless its source restarts or pauses. A node that hangs violates this on any machine.
   Fast DDS may block nodes that publish to a frozen process (see "One process stops, and others
-  hang" in docs/troubleshooting.md): nodes with such a subscriber get 5 s more.
+  hang" in docs/troubleshooting.md), so nodes with such a subscriber get another 5 s.
 
-There is no web_viewer without viser, and no rerun_viewer without Rerun. Start the soak where the
-workspace is set up (`. tools/env.sh`).
+web_viewer runs only if viser is installed, rerun_viewer only with Rerun. Run the script in the
+workspace environment (`. tools/env.sh`).
 """
 
 import argparse
@@ -88,13 +88,13 @@ VIEWED: dict[str, tuple[str, type]] = {
     "grid_map_visualization": ("/region", Marker),
     "point_cloud_to_grid_map": ("/soak/mapped", GridMapMessage),
 }
-"""Nodes to which a viewer subscribes that stops reading from time to time: topics and types."""
+"""Topics and types of the nodes whose viewer stops reading from time to time, by node name."""
 
 STALL = 5.0
 """Time for which the viewer stops reading [s]."""
 
 STALLS = (signal.SIGSTOP, signal.SIGCONT, signal.SIGUSR1, 0)
-"""Signals that the viewer gets in turn, every `STALL` seconds."""
+"""Signals sent to the viewer in turn, one every `STALL` seconds."""
 
 VISER, RERUN = (find_spec(name) is not None for name in ("viser", "rerun_cli"))
 
@@ -110,7 +110,7 @@ def terrain() -> GridMap:
 
 
 def messages() -> Iterator[tuple[str, type, bytes, bytes]]:
-    """Yield topics, their types, an intact message and one that contradicts itself."""
+    """Yield each topic, its type, a valid message and an invalid message."""
     grid_map = terrain()
     message = to_message(grid_map)
     intact = serialize(message)
@@ -128,7 +128,7 @@ def messages() -> Iterator[tuple[str, type, bytes, bytes]]:
 
 
 class Source(Node):
-    """Publishes messages whose stamps are their numbers; prints how many, first and last."""
+    """Publishes messages with their numbers as stamps; prints the counts at start and end."""
 
     def __init__(self) -> None:
         super().__init__("soak_source")
@@ -156,7 +156,7 @@ class Source(Node):
 
 
 class Viewer(Node):
-    """Subscribes to nodes; SIGUSR1 blocks its executor for `STALL` seconds, as a callback does."""
+    """Subscribes to nodes; SIGUSR1 blocks the executor for `STALL` seconds, like a callback."""
 
     def __init__(self) -> None:
         super().__init__("soak_viewer")
@@ -174,18 +174,18 @@ class Subject:
     """A node under test.
 
     Attributes:
-        module: module of its executable.
-        parameters: its parameters.
-        source: topic of the messages that it takes; empty if it takes none.
-        output: topic of its maps, and their type; empty if it publishes none.
-        publishes_all: whether it publishes a map for each message, also without subscribers.
-        process: its process.
-        counts: numbers of maps in, out and dropped, by its diagnostics.
-        published: number of messages on `output`, by its publisher.
-        last: time of the last message on `output` [s], and its number; 0 before the first one.
-        gap: longest time between two messages on `output`, and its end [s].
-        samples: smallest resident memory without shared memory [MB], and number of files, by the
-            begin of a pause of the source [s].
+        module: module of the executable.
+        parameters: parameters of the node.
+        source: topic of the input messages; empty if there is no input.
+        output: topic of the output messages; empty if there is no output.
+        kind: type of the output messages.
+        publishes_all: True if the node publishes a map per input message, even if unsubscribed.
+        process: process of the node.
+        counts: numbers of maps in, out and dropped, from the diagnostics.
+        published: number of messages on `output`, counted by the publisher.
+        last: time [s] and number of the last message on `output`; 0 before the first message.
+        gap: longest time between two messages on `output`, and the end of this gap [s].
+        samples: smallest memory (excluding shared memory) [MB] and file count, by pause start [s].
     """
 
     module: str
@@ -213,19 +213,19 @@ class Subject:
         self.process = Process([sys.executable, "-m", self.module, *node])
 
     def note(self, stamp: float, number: int, earliest: float) -> None:
-        """Note a message and the gap before it, unless that began before `earliest` [s]."""
+        """Note a message, and the gap before it unless the gap began before `earliest` [s]."""
         before, last = self.last
         if before > earliest:
-            # The observer may have lost some.
+            # The observer may have lost messages.
             self.note_gap(before, stamp, max(1, number - last))
         self.last, self.published = (stamp, number), number
 
     def note_gap(self, begin: float, end: float, count: int = 1) -> None:
-        """Note `count` gaps, which take a time together."""
+        """Note `count` equal gaps between `begin` and `end` [s]."""
         self.gap = max(self.gap, ((end - begin) / count, end))
 
     def sample(self, pause: float | None) -> None:
-        """Note the state of the process, in the pause that began at a time, or in none."""
+        """Note memory and files of the process in the pause that began at `pause` [s], if any."""
         folder = Path("/proc", str(self.process.pid))
         with suppress(OSError, KeyError):  # The process has ended.
             if pause is not None:
@@ -254,12 +254,12 @@ def subjects(folder: Path) -> list[Subject]:
         "robot_centric": False,
         "length": [RESOLUTION * cells for cells in CELLS],
         "resolution": RESOLUTION,
-        # The memory of waiting clouds is kept, and a stalled node fills a queue at any time.
+        # Memory of queued clouds is not released, and a stall may fill the queue at any time.
         "queue_size": 1,
-        # Clouds are larger than what best effort delivers with small buffers of Fast DDS.
+        # With small Fast DDS buffers, best effort does not deliver clouds of this size.
         "input_reliability": "reliable",
     }
-    # Every map is merged into a store, from which the window is read again.
+    # Every map is merged into the store from which the window is read.
     TiledMap.create(folder / "site.zarr", terrain().geometry, ["elevation"], chunks=128)
     stored = {
         "source": str(folder / "site.zarr"),
@@ -339,10 +339,10 @@ def subjects(folder: Path) -> list[Subject]:
 
 
 def segments(process: int | str) -> set[Path]:
-    """Return the segments of shared memory that a process uses.
+    """Return the shared memory segments that a process uses.
 
-    The small files of ports, which all processes share, are left out: Fast DDS uses them again, and
-    leaves some of them behind when several processes end at once, those of plain rclpy, too.
+    The small port files, which all processes share, are excluded: Fast DDS reuses them, and leaves
+    some of them behind when several processes end at once, even plain rclpy processes.
     """
     maps = ""
     with suppress(OSError):  # The process has ended.
@@ -351,7 +351,7 @@ def segments(process: int | str) -> set[Path]:
 
 
 def growth(values: Mapping[float, float]) -> float:
-    """Return how much values grow from their first to their last time, by the median slope."""
+    """Return the growth of values from the first to the last time, from the median slope."""
     pairs = combinations(sorted(values.items()), 2)
     slopes = [(after - before) / (end - begin) for (begin, before), (end, after) in pairs]
     return median(slopes) * (max(values) - min(values)) if slopes else 0.0
@@ -361,21 +361,21 @@ def growth(values: Mapping[float, float]) -> float:
 
 
 class Soak:
-    """Runs the nodes, feeds and disturbs them, and takes their figures.
+    """Runs the nodes, feeds and disturbs them, and records their statistics.
 
     Args:
-        observer: subscribes to the outputs, and calls services.
-        folder: folder of bags and parameters.
-        seconds: duration.
+        observer: peer that subscribes to the outputs and calls services.
+        folder: folder for bags and parameter files.
+        seconds: duration [s].
         names: nodes to run; all if empty.
         gap: longest time between two maps of a node [s].
 
     Attributes:
         subjects: nodes under test.
-        sent: numbers of messages of the sources, by topic.
-        bad: how many of them contradicted themselves.
-        problems: figures that were missed.
-        segments: segments of shared memory that the processes have used.
+        sent: numbers of messages sent by the sources, by topic.
+        bad: numbers of invalid messages among `sent`, by topic.
+        problems: descriptions of violated conditions.
+        segments: shared memory segments that the processes have used.
     """
 
     def __init__(
@@ -407,7 +407,7 @@ class Soak:
         return time.monotonic() - self._begin
 
     def run(self, growth: float) -> None:
-        """Run all; memory and files may grow by a factor of 1 + `growth`."""
+        """Run the test; memory and files may grow by a factor of 1 + `growth`."""
         with ExitStack() as stack:
             for subject in self.subjects:
                 subject.start(self._folder)
@@ -419,10 +419,10 @@ class Soak:
             self._restart_source()
             spin = partial(self._observer.spin, 0.1)
             wait_until(self._has_begun, "all nodes", step=spin, timeout=120)
-            # Later than the observer, or grid_map_visualization would take maps for it alone.
+            # Start last, or grid_map_visualization would first process maps for the viewer alone.
             self._viewer = Process([sys.executable, __file__, "view"])
             stack.callback(self._viewer.kill)
-            # Queues become as long as they can be.
+            # Stop the nodes briefly, so that queues reach their maximum length.
             for number in (signal.SIGSTOP, signal.SIGCONT):
                 for subject in self.subjects:
                     subject.process.send_signal(number)
@@ -444,7 +444,7 @@ class Soak:
 
     def _has_begun(self) -> bool:
         outputs = [each.published for each in self.subjects if each.output]
-        # The viewer takes nothing before somebody looks.
+        # web_viewer receives nothing while no browser is connected.
         return all(outputs or [each.counts[0] for each in self.subjects])
 
     def _count(self, subject: Subject) -> None:
@@ -458,7 +458,7 @@ class Soak:
 
     def _note_counts(self, message: DiagnosticArray, info: dict[str, int]) -> None:
         for status in message.status:
-            # Such as "maps in", or "clouds in".
+            # Keys are, for example, "maps in" or "clouds in".
             values = {pair.key.partition(" ")[2]: pair.value for pair in status.values}
             for subject in self.subjects:
                 if subject.name == status.name.partition(":")[0]:
@@ -471,7 +471,7 @@ class Soak:
     # --- disturbances -----------------------------------------------------------------------------
 
     def _disturb(self) -> list[Timer]:
-        """Start the disturbances, the samples and the tables."""
+        """Start the timers for disturbances, samples and tables."""
         every = self._observer.node.create_timer
         clock = self._observer.node.create_publisher(Clock, "/clock", 1)
         requests = [request for subject in self.subjects for request in self._requests(subject)]
@@ -479,7 +479,7 @@ class Soak:
 
         def tick() -> None:
             now, message = self._elapsed, Clock()
-            # Every ten seconds the clock jumps by an hour, forward or backward.
+            # Every ten seconds, the clock jumps forward or backward by an hour.
             message.clock.sec = 10_000 + int(now) + 3600 * (int(now / 10) % 2)
             message.clock.nanosec = int(1e9 * (now % 1))
             clock.publish(message)
@@ -497,7 +497,7 @@ class Soak:
         ]
 
     def _restart_source(self) -> None:
-        """End the source and start another one, unless it pauses or has not begun yet."""
+        """End the source and start a new source, unless it pauses or has not begun yet."""
         if not self._is_paused and all(source.lines for source in self._sources):
             for source in self._sources[-1:]:
                 source.send_signal(signal.SIGINT)
@@ -505,16 +505,16 @@ class Soak:
             self._sources.append(Process([sys.executable, __file__, "publish"]))
 
     def _pauses(self) -> Iterator[tuple[float, float]]:
-        """Yield when the source pauses: begin and end [s].
+        """Yield the begin and end of each pause of the source [s].
 
-        By then memory has settled. Subscribers would forget a source after 20 s.
+        Memory has settled by then. Subscribers would drop a source that pauses for 20 s.
         """
         minute, settled = min(60.0, self._seconds / 5), min(120.0, self._seconds / 5)
         for number in range(round(settled / minute), round(self._seconds / minute)):
             yield (number + 0.1) * minute, (number + 0.3) * minute
 
     def _pause(self, is_paused: bool) -> None:
-        """Stop the source, or let it go on."""
+        """Stop or continue the source."""
         if is_paused != self._is_paused and all(source.lines for source in self._sources):
             self._sources[-1].send_signal(signal.SIGSTOP if is_paused else signal.SIGCONT)
             self._is_paused, self._undisturbed = is_paused, math.inf
@@ -523,7 +523,7 @@ class Soak:
         """Yield functions that call services of a node."""
         settings: dict[str, list[Any]] = {"use_sim_time": [True, False]}
         if subject.name == "filter_chain":
-            # The node refuses the text.
+            # The node rejects the string.
             settings["filters.filter1.params.lower_threshold"] = [0.4, "high", 0.6]
         for name, values in settings.items():
             parameters = (Parameter(name, value=value).to_parameter_msg() for value in values)
@@ -540,7 +540,7 @@ class Soak:
             yield self._calling(ProcessFile, f"/{subject.name}/save_map", [request])
 
     def _calling(self, kind: type, name: str, requests: list[Any]) -> Callable[[], None]:
-        """Return a function that calls a service, if it has answered before."""
+        """Return a function that calls a service unless the previous call is still pending."""
         client, turns = self._observer.node.create_client(kind, name), cycle(requests)
         answers: list[Any] = []
         self._answers[name] = answers
@@ -552,14 +552,14 @@ class Soak:
         return call
 
     def _browse(self, viewer: Process) -> None:
-        """Visit the page again and again; note what fails."""
+        """Visit the page repeatedly; note failures."""
         try:
             self._visit(viewer)
         except Exception as error:
             self.problems.append(f"a browser failed: {error!r}")
 
     def _visit(self, viewer: Process) -> None:
-        """Connect to the page, read, stop reading, leave, each for some seconds; begin again."""
+        """Repeatedly connect to the page, read for 5 s, wait 5 s, and disconnect for 5 s."""
         import viser
         from msgspec import msgpack
         from websockets.sync.client import connect
@@ -570,7 +570,7 @@ class Soak:
         protocol: Any = f"viser-v{viser.__version__}"
         wait_until(lambda: "http://" in viewer.text, "the page")
         address = "ws://" + re.findall(r"http://(\S+)", viewer.text)[0]
-        # What has not been read would delay the end.
+        # Unread data would delay closing.
         options: Any = {"subprotocols": [protocol], "max_size": None, "close_timeout": 0.1}
         while not self._is_over.is_set():
             with connect(address, **options) as socket:
@@ -589,7 +589,7 @@ class Soak:
         pause = next(begins, None)
         self._pause(pause is not None)
         if math.isinf(self._undisturbed) and not self._is_paused and self._sources[-1].lines:
-            # By then subscribers have found the source.
+            # By then, subscribers have discovered the source.
             self._undisturbed = time.time() + 3
         processes = [subject.process for subject in self.subjects]
         for subject in self.subjects:
@@ -599,7 +599,7 @@ class Soak:
         self.segments |= segments("self")
 
     def _end_sources(self) -> None:
-        """End sources and viewer, and add up what they have sent."""
+        """End the sources and the viewer, and sum up the counts of sent messages."""
         self._viewer.send_signal(signal.SIGCONT)
         wait_until(lambda: self._sources[-1].lines, "the last source")
         self._pause(False)
@@ -637,14 +637,14 @@ class Soak:
             counts = subject.source and subject.output and subject.publishes_all
             if counts and out != subject.published:
                 yield f"{name}: {out} out, but its publisher counted {subject.published}"
-            # A map that was replaced before the node took it may have been one of them.
+            # An invalid map may have been replaced before the node received it.
             if not bad - (sent - taken) <= dropped <= bad:
                 yield f"{name}: {dropped} dropped, but {bad} contradicted themselves"
         if self._browsed == 0 and any(each.name == "web_viewer" for each in self.subjects):
             yield "web_viewer: a browser has got nothing"
 
     def gaps(self, now: float) -> Iterator[str]:
-        """Yield which nodes were silent for too long, until `now` [s] at last."""
+        """Yield a text for each node that was silent for too long before `now` [s]."""
         for subject in self.subjects:
             if subject.source:
                 if now > self._undisturbed:
@@ -662,7 +662,7 @@ class Soak:
                     yield f"{subject.name}: {more:.1f} {unit} more than {values[min(values)]:.1f}"
 
     def table(self) -> str:
-        """Return the figures so far; the sources say at the end how much they have sent."""
+        """Return the statistics so far; the sources report `sent` only at the end."""
         columns = "Hz   sent     in    out dropped   MB   now files now"
         heading = f"{'node':23} {columns:>56}"
         lines = [f"\nafter {self._elapsed:.0f} s", heading]
@@ -695,7 +695,7 @@ def main() -> int:
     nodes = "run these nodes only, by the names of the table"
     parser.add_argument("--nodes", nargs="+", default=(), metavar="NODE", help=nodes)
     options = parser.parse_args()
-    # In memory: few disks take 30 maps per second, each of which is synchronized.
+    # In memory, because few disks can synchronize 30 maps per second.
     with TemporaryDirectory(dir="/dev/shm") as folder, peer() as observer:
         names, gap = options.nodes, options.gap
         soak = Soak(observer, Path(folder), options.seconds, names=names, gap=gap)

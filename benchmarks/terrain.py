@@ -14,14 +14,14 @@ MULTIPLIER, INCREMENT = 1664525, 1013904223
 
 
 def terrain(cells: int, *, layers: int = 1) -> GridMap:
-    """Return a square map with `elevation`, 5 % of it NaN, and for 4 layers its normals as well."""
+    """Return a square map with `elevation`, 5 % of it NaN; with 4 layers, also its normals."""
     grid_map = _terrain(cells, layers).copy()
     grid_map.timestamp = 1_000_000_000
     return grid_map
 
 
 def moved_terrain(cells: int) -> GridMap:
-    """Return the terrain after a move by 10 rows and 7 columns: its start index is not (0, 0)."""
+    """Return the terrain after a move by 10 rows and 7 columns, with a nonzero start index."""
     grid_map = terrain(cells)
     grid_map.move((-10 * RESOLUTION, -7 * RESOLUTION))
     return grid_map
@@ -55,7 +55,7 @@ def _draws(cells: int) -> np.ndarray:
         factor, offset = np.uint32(MULTIPLIER), np.uint32(INCREMENT)
         states = np.array([SEED], dtype=np.uint32) * factor + offset
         while states.size < cells * cells:
-            # factor and offset step as many draws ahead as there are already.
+            # `factor` and `offset` advance each state by `states.size` draws.
             states = np.append(states, states * factor + offset)
             factor, offset = factor * factor, offset * factor + offset
     return (states[: cells * cells] >> 8).reshape(cells, cells) / 2.0**24

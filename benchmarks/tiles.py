@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measure tiled maps: what many tiles cost, and how soon a window of a large store is there.
+"""Measure tiled maps: the cost per tile, and the time to read a window of a large store.
 
     python3 benchmarks/tiles.py --simulate 100000 [--threads 2] [--workers 2]
     python3 benchmarks/tiles.py --windows 200
 
-`--simulate` computes that number of tiles that do nothing, in threads of this process and on a
-cluster of processes of this machine, and prints the time per tile and the peak memory of the
-client. `--windows` makes a store of 31,623 x 31,623 cells with data in the middle, and prints the
-median and the largest time of `get_submap` of 200 x 200 cells on four chunks, after the first one.
+`--simulate` processes the given number of empty tiles, in threads of one process and on a local
+cluster of processes, and prints the time per tile and the peak memory of the client. `--windows`
+creates a store of 31,623 x 31,623 cells with data near the middle, and times `get_submap` for
+200 x 200 cells in four chunks. It prints the first time, and the median and maximum of the others.
 """
 
 import argparse
@@ -39,7 +39,7 @@ WINDOW = 200
 
 
 class Nothing:
-    """A source of one layer that is never read."""
+    """Source of one layer whose reads return nothing."""
 
     layers = ("elevation",)
 
@@ -66,7 +66,7 @@ def main() -> None:
             ("threads", threads, options.threads),
             ("processes", processes, options.workers),
         ):
-            # The peak of a process is that of its whole life.
+            # The kernel reports the peak over the whole life of a process, so use a new process.
             pipe, other = multiprocessing.Pipe()
             arguments = (where, count, options.simulate, other)
             process = multiprocessing.get_context("spawn").Process(target=simulated, args=arguments)
@@ -91,7 +91,7 @@ def processes(count: int) -> Any:
 
 
 def simulated(where: Callable[[int], Any], count: int, tiles: int, pipe: Any) -> None:
-    """Send the time for some tiles [s], and the peak memory of this process [MB]."""
+    """Send the time for all tiles [s], and the peak memory of this process [MB]."""
     from grid_map_core_py.tiled._engine import in_any_order
 
     with where(count):
@@ -103,7 +103,7 @@ def simulated(where: Callable[[int], Any], count: int, tiles: int, pipe: Any) ->
 
 
 class Tile:
-    """A task with what a run of a tiled map sends along."""
+    """Task that carries the same data as a real run of a tiled map."""
 
     def __init__(self) -> None:
         geometry = GridGeometry.from_size((SIDE, SIDE), 0.1)
@@ -119,7 +119,7 @@ def print_windows(count: int) -> None:
         path = Path(folder, "site.zarr")
         geometry = GridGeometry.from_size((SIDE, SIDE), 0.1)
         site = TiledMap.create(path, geometry, ["elevation"], chunks=CHUNK)
-        # A corner of four chunks.
+        # A common corner of four chunks.
         center = geometry.centers((16 * CHUNK, 16 * CHUNK)) + 0.05
         values = np.random.default_rng(0).normal(size=(2 * CHUNK, 2 * CHUNK))
         site.write(GridMap(np.multiply(values.shape, 0.1), 0.1, center, {"elevation": values}))

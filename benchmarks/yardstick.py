@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Yardstick: the current speed of one core.
+"""Yardstick: the time of a fixed computation, as a measure of the current speed of one core.
 
-The same number was taken beside the C++ timings. Dividing by it makes times comparable that were
-measured on different machines or at different hours.
+The C++ timings were taken together with the same yardstick. Times divided by the yardstick are
+comparable between machines and between runs.
 """
 
 import statistics
@@ -14,7 +14,7 @@ PASSES = 20
 
 
 def yardstick(repeats: int = 9) -> float:
-    """Return the median milliseconds of 20 running sums over 200,000 doubles."""
+    """Return the median time of 20 cumulative sums over 200,000 doubles [ms]."""
     values = np.linspace(0.0, 1.0, 200_000)
     sums = np.empty_like(values)
     return 1e3 * statistics.median(_seconds(values, sums) for _ in range(repeats))

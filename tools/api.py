@@ -3,9 +3,9 @@
 
 Usage: tools/api.py [--check]
 
-A name is public if `__all__` of a public module has it. Each object is listed once, under the
-shortest name by which it can be imported; methods of classes follow their class. `--check` writes
-nothing, and fails if the file differs.
+A name is public if it is in `__all__` of a public module. Each object is listed once, under its
+shortest import name; methods follow their class. `--check` writes nothing, and fails if the file
+differs.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ PACKAGES = [f"grid_map_{name}_py" for name in ("core", "filters", "ros", "visual
 
 
 def public_modules(package: str) -> Iterator[ModuleType]:
-    """Yield the modules of a package in whose dotted name no part is private."""
+    """Yield the modules of a package whose dotted names have no private part."""
     folder = ROOT / package / package
     for path in sorted(folder.rglob("*.py")):
         parts = path.relative_to(folder.parent).with_suffix("").parts
@@ -34,7 +34,7 @@ def public_modules(package: str) -> Iterator[ModuleType]:
 
 
 def signature(found: object) -> str:
-    """Return the parameters of a callable as text, without default objects that have no text."""
+    """Return the parameters of a callable as text, without memory addresses of default objects."""
     try:
         text = str(inspect.signature(found))  # type: ignore[arg-type]
     except (TypeError, ValueError):
@@ -43,7 +43,7 @@ def signature(found: object) -> str:
 
 
 def lines_of_class(cls: type) -> Iterator[str]:
-    """Yield a line per public method, property and field."""
+    """Yield one line per public method, property and enum member."""
     if issubclass(cls, enum.Enum):
         yield from (f"    .{member.name}" for member in cls)
         return
@@ -60,7 +60,7 @@ def lines_of_class(cls: type) -> Iterator[str]:
 
 
 def entries(package: str) -> Iterator[list[str]]:
-    """Yield the lines of each public object."""
+    """Yield the lines that describe each public object."""
     names: dict[int, str] = {}
     objects: dict[int, object] = {}
     for module in public_modules(package):
@@ -68,7 +68,7 @@ def entries(package: str) -> Iterator[list[str]]:
             found = getattr(module, name)
             if isinstance(found, ModuleType):
                 continue
-            # Small values such as numbers are one object under many names.
+            # Python shares one object for equal small values such as numbers.
             key = id(found) if callable(found) else hash((name, repr(found)))
             full = f"{module.__name__}.{name}"
             if key not in names or (full.count("."), full) < (names[key].count("."), names[key]):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The Python environments of the workspace, and the shell environment around them."""
+"""Python environments of the workspace, and the shell environment in which they run."""
 
 import importlib.metadata
 import os
@@ -23,10 +23,10 @@ PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
 SITE_PACKAGES = VENV / "lib" / PYTHON / "site-packages"
 
 PINS = ROOT / "tools" / "requirements.in"
-"""Versions of what `REQUIREMENTS` holds with hashes, without what these pull in."""
+"""Pinned versions of the direct requirements; `REQUIREMENTS` adds hashes and dependencies."""
 
 PINS_OLDEST = ROOT / "tools" / "requirements-oldest.in"
-"""The same of `REQUIREMENTS_OLDEST`."""
+"""Pinned versions of the direct requirements in `REQUIREMENTS_OLDEST`."""
 
 REQUIREMENTS = ROOT / "tools" / "requirements.txt"
 REQUIREMENTS_BUILD = ROOT / "tools" / "requirements-build.txt"
@@ -42,7 +42,7 @@ with sync_playwright() as driver:
 """
 
 RECIPE = "1"
-"""Change it when a change of this program must remake the environments that exist."""
+"""Increase this version when a code change requires existing environments to be rebuilt."""
 
 ADDED_TO_ROS = (
     "argcomplete",
@@ -72,17 +72,17 @@ ADDED_TO_ROS = (
     "xarray",
     "zarr",
 )
-"""Distributions that `.venv` adds to a sourced ROS where they are missing."""
+"""Distributions that `.venv` adds to a sourced ROS if they are missing there."""
 
 OLDEST_BESIDE_ROS = {"dask", "distributed", "numcodecs", "pandas", "rioxarray", "xarray", "zarr"}
-"""Those whose current versions need NumPy 2, or other newer versions than Ubuntu 24.04 has."""
+"""Added distributions whose current versions need newer packages than Ubuntu 24.04 provides."""
 
 RENEWED = {"importlib_metadata", "packaging", "typing_extensions"}
-"""Plain Python without changes for its users; `.venv` may have a newer version than ROS."""
+"""Pure Python packages with a stable interface; `.venv` may have newer versions than ROS."""
 
 
 def setup(outer: Mapping[str, str], ros: bool) -> str:
-    """Make `.venv` if it is missing, and return the fingerprint of its inputs."""
+    """Create `.venv` unless it is up to date, and return the fingerprint of its inputs."""
     fill = _add_to_ros if ros else _install_ros
     options = ["--system-site-packages"] if ros else []
     _ensure_venv(VENV, _wanted(ros), outer, options, lambda: fill(outer))
@@ -90,16 +90,16 @@ def setup(outer: Mapping[str, str], ros: bool) -> str:
 
 
 def setup_oldest(outer: Mapping[str, str]) -> None:
-    """Make `.venv-oldest`, without ROS, unless it exists."""
+    """Create `.venv-oldest`, without ROS, unless it is up to date."""
     fingerprint = _fingerprint("oldest", REQUIREMENTS_BUILD, REQUIREMENTS_OLDEST)
     fill = partial(_install, VENV_OLDEST, outer, REQUIREMENTS_OLDEST)
     _ensure_venv(VENV_OLDEST, fingerprint, outer, [], fill)
 
 
 def setup_docs(outer: Mapping[str, str], ros: bool) -> None:
-    """Make `.venv-docs` for the documentation unless it exists.
+    """Create `.venv-docs` for the documentation unless it is up to date.
 
-    It stands apart because the versions of Ubuntu 24.04, which `.venv` holds beside a sourced ROS,
+    It is separate from `.venv`, which with a sourced ROS has package versions of Ubuntu 24.04 that
     are too old for Sphinx.
     """
     fingerprint = _fingerprint(f"docs {ros}", REQUIREMENTS_BUILD, REQUIREMENTS_DOCS)
@@ -109,16 +109,16 @@ def setup_docs(outer: Mapping[str, str], ros: bool) -> None:
 
 
 def is_set_up(ros: bool) -> bool:
-    """Return whether `.venv` is complete and fits the current requirements and ROS."""
+    """Return whether `.venv` is complete and matches the current requirements and ROS."""
     return _is_complete(VENV, _wanted(ros))
 
 
 def ensure_browser(inner: Mapping[str, str]) -> None:
-    """Install a Chromium for the tests of the viewer, unless there is one that starts."""
+    """Install Chromium for the viewer tests, unless an installed one starts."""
     if _chromium_starts(inner):
         return
     try:
-        # The package of Ubuntu needs snap, which containers lack.
+        # The Ubuntu package needs snap, which containers lack.
         is_debian = platform.freedesktop_os_release().get("ID") == "debian"
         if not (is_debian and apt_install(["chromium", "fonts-dejavu-core"], inner)):
             say("Installing Chromium of Playwright into .venv/browsers ...")
@@ -137,7 +137,7 @@ def ensure_browser(inner: Mapping[str, str]) -> None:
 
 
 def _chromium_starts(inner: Mapping[str, str]) -> bool:
-    """Return whether the system's Chromium or else that of Playwright can be started."""
+    """Return whether the system's Chromium, or else Playwright's, starts."""
     path = inner.get("PATH", "")
     found = (shutil.which(name, path=path) for name in ("chromium", "chromium-browser"))
     program = next(filter(None, found), None)
@@ -157,7 +157,7 @@ def _chromium_starts(inner: Mapping[str, str]) -> bool:
 
 
 def _browsers() -> dict[str, str]:
-    """Return the variable that leads Playwright to its own browsers, if it has installed them."""
+    """Return the variable that points Playwright to its own browsers, if they are installed."""
     return {BROWSERS_PATH: str(BROWSERS)} if BROWSERS.is_dir() else {}
 
 
@@ -168,7 +168,7 @@ def _wanted(ros: bool) -> str:
 
 
 def _fingerprint(kind: str, *sources: Path) -> str:
-    # The path counts because an environment cannot be moved.
+    # The path is included because an environment cannot be moved.
     python = (sys.version, sys.base_prefix)
     return digest(RECIPE, kind, str(ROOT), *python, *(path.read_bytes() for path in sources))
 
@@ -185,18 +185,18 @@ def _ensure_venv(
     options: Iterable[str],
     fill: Callable[[], None],
 ) -> None:
-    """Make `venv` again unless it is complete and has this `fingerprint`."""
+    """Recreate `venv` unless it is complete and has this `fingerprint`."""
     if _is_complete(venv, fingerprint):
         return
     stamp = venv / ".complete"
     say(f"Making {venv.name} with Python {platform.python_version()}; this takes minutes, once ...")
-    # The stamp is removed first, so that none is left after an interrupted removal.
+    # Remove the stamp first: an interrupted removal must not leave a stamp.
     stamp.unlink(missing_ok=True)
     if venv.exists():
         shutil.rmtree(venv)
     run(sys.executable, "-m", "venv", *options, venv, environ=outer)
-    # The wheels bring package.xml files, which colcon would take for packages of ours, and lack
-    # the set-up files that it expects of every prefix.
+    # The wheels contain package.xml files, which colcon would treat as workspace packages, and lack
+    # the setup files that colcon expects in every prefix.
     for name in ("COLCON_IGNORE", "local_setup.sh", "local_setup.bash", "local_setup.zsh"):
         (venv / name).touch()
     fill()
@@ -210,8 +210,8 @@ def _pip(venv: Path, outer: Mapping[str, str], *arguments: str | Path) -> None:
 
 
 def _install(venv: Path, outer: Mapping[str, str], requirements: Path) -> None:
-    """Install exactly what a file lists; another content under the same name is an error."""
-    # Isolated builds would fetch what they need without a check.
+    """Install exactly the packages that a file lists; a different hash is an error."""
+    # Isolated builds would download their requirements without checking hashes.
     for file in (REQUIREMENTS_BUILD, requirements):
         words = ("--require-hashes", "--no-deps", "--no-build-isolation", "-r", file)
         _pip(venv, outer, *words)
@@ -219,7 +219,7 @@ def _install(venv: Path, outer: Mapping[str, str], requirements: Path) -> None:
 
 def _install_ros(outer: Mapping[str, str]) -> None:
     _install(VENV, outer, REQUIREMENTS)
-    # The CMake files of the wheels name the Python paths of the machine that built them.
+    # The CMake files in the wheels contain Python paths of the machine that built the wheels.
     there = r"/opt/python/cp\d+-cp\d+"
     numpy = SITE_PACKAGES / "numpy" / "_core" / "include"
     for path in (VENV / "share").rglob("*.cmake"):
@@ -231,14 +231,14 @@ def _install_ros(outer: Mapping[str, str]) -> None:
 
 
 def _add_to_ros(outer: Mapping[str, str]) -> None:
-    """Install the missing tools, without changing versions of installed packages."""
+    """Install the missing tools without changing the versions of installed packages."""
     installed = {dist.name: dist.version for dist in importlib.metadata.distributions()}
     known = {str(name).lower() for name in installed}
     missing = [name for name in ADDED_TO_ROS if name.lower() not in known]
     if not missing:
         return
     held = VENV / "installed-with-ros.txt"
-    # pip rejects the whole file for one version with a local suffix, as Debian's may have.
+    # A version with a local suffix, as Debian may use, would make pip reject the whole file.
     plain = re.compile(r"[\w.-]+==\d+(\.\d+)*")
     kept = {n: v for n, v in installed.items() if n.lower().replace("-", "_") not in RENEWED}
     lines = [f"{name}=={version}" for name, version in kept.items()]
@@ -255,15 +255,15 @@ def _pins_of(names: Iterable[str]) -> list[str]:
 
 
 def inner_environment(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
-    """Return the environment for builds; programs also source `install/local_setup.*`."""
-    if ros:  # Packages of ROS come first; ours fill the gaps.
+    """Return the environment for builds; to run programs, also source `install/local_setup.*`."""
+    if ros:  # ROS packages come first; ours fill the gaps.
         ours = {
             "PATH": _path_list(outer.get("PATH"), VENV / "bin"),
             "PYTHONPATH": _path_list(outer.get("PYTHONPATH"), SITE_PACKAGES),
         }
     else:
-        # Complete and in a fixed order, or each start of Python would put it together once more,
-        # in random order.
+        # Otherwise, each Python process would assemble these paths again at startup, in random
+        # order.
         libraries = [VENV / "lib", *sorted(SITE_PACKAGES.glob("ros_*.libs"))]
         ours = {
             "PATH": _path_list(VENV / "bin", outer.get("PATH")),
@@ -277,7 +277,7 @@ def inner_environment(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
 
 
 def _fast_dds(outer: Mapping[str, str]) -> dict[str, str]:
-    """Return the setting for large maps and clouds, which `grid_map_ros_py.nodes` explains."""
+    """Return the Fast DDS setting for large maps and clouds; see `nodes/_profile.py`."""
     profile = ROOT / "grid_map_ros_py" / "grid_map_ros_py" / "fastdds_large_maps.xml"
     has_chosen = any(name.startswith(("FASTRTPS_", "FASTDDS_")) for name in outer)
     memory = Path("/dev/shm")

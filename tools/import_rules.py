@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Contracts for import-linter that depend on names of modules."""
+"""Contracts for import-linter that depend on module names."""
 
 from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output

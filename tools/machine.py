@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Checks of this machine and of the calling shell before any work."""
+"""Checks of the machine and the calling shell before any work starts."""
 
 import importlib.util
 import os
@@ -21,7 +21,7 @@ PATH_LISTS = (
 )
 
 BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
-"""While this variable is set, the wheels of ROS do not start every Python a second time."""
+"""While this variable is set, the ROS wheels do not restart each Python process."""
 
 BESIDE_ROS = {
     "cv2": "python3-opencv",
@@ -31,12 +31,12 @@ BESIDE_ROS = {
     "scipy": "python3-scipy",
     "yaml": "python3-yaml",
 }
-"""Modules that must come with a sourced ROS, each with its Debian package, and never from pip:
-ROS is compiled against their versions, and a second copy would shadow them."""
+"""Debian package of each module that must come with a sourced ROS, never from pip: ROS is compiled
+against these versions, and a second copy would shadow them."""
 
 
 def outer_environment(environ: Mapping[str, str]) -> dict[str, str]:
-    """Return `environ` as it was before tools/env.sh (of any checkout) was sourced."""
+    """Return `environ` as it was before sourcing tools/env.sh of this or another checkout."""
     outer = dict(environ)
     roots = {str(ROOT), outer.pop("GRID_MAP_PY_ROOT", str(ROOT))}
     for name in PATH_LISTS:
@@ -54,7 +54,7 @@ def _is_below(path: str, roots: set[str]) -> bool:
 
 
 def ros_is_sourced(outer: Mapping[str, str]) -> bool:
-    """Return whether ROS is sourced; refuse an unsupported ROS."""
+    """Return whether ROS is sourced; refuse an unsupported distribution."""
     distro = outer.get("ROS_DISTRO")
     if distro not in (None, "jazzy"):
         raise Refusal(
@@ -72,9 +72,9 @@ def ros_is_sourced(outer: Mapping[str, str]) -> bool:
 
 
 def check(outer: Mapping[str, str], ros: bool) -> None:
-    """Refuse a machine on which the set-up or the build would fail, before any work.
+    """Refuse a machine on which the setup or the build would fail, before any work starts.
 
-    Root on Debian or Ubuntu gets the missing packages instead.
+    For root on Debian or Ubuntu, install the missing packages instead.
     """
     if " " in str(ROOT):
         raise Refusal(f"Move the workspace out of '{ROOT}' to a path without spaces.")
@@ -96,7 +96,7 @@ def check(outer: Mapping[str, str], ros: bool) -> None:
 
 
 def apt_install(packages: Iterable[str], outer: Mapping[str, str]) -> bool:
-    """Install Debian packages after saying so; return False for users who may not."""
+    """Install Debian packages, with a message; return False for users without permission."""
     if os.geteuid() != 0 or shutil.which("apt-get", path=outer.get("PATH", "")) is None:
         return False
     say(f"Installing {' '.join(packages)} with apt-get ...")
@@ -107,7 +107,7 @@ def apt_install(packages: Iterable[str], outer: Mapping[str, str]) -> bool:
 
 
 def _lacking(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
-    """Return missing programs that builds need, and modules, each with its Debian package."""
+    """Return the missing build programs and modules, each with its Debian package."""
 
     def absent(*programs: str) -> bool:
         return not any(shutil.which(program, path=outer.get("PATH", "")) for program in programs)

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Write the tables of parameters in the documentation, from the code.
+"""Write the parameter tables of the documentation from the code.
 
     python3 tools/parameter_tables.py [--check] [PAGE ...]
 
-fills the text on the pages, by default on all of `docs/`, between `<!-- parameters: NAME -->`
-and `<!-- end -->`. NAME is
+Replaces the text between `<!-- parameters: NAME -->` and `<!-- end -->` on the pages, by default on
+all pages in `docs/`. NAME is one of these:
 
-    an executable       one that starts a node by `grid_map_ros_py.nodes.run`. The node is created,
-                        and what it reads with `grid_map_ros_py.nodes` is listed, except for
-                        the limits that every node has.
-    a filter            `gridMapFilters/SlopeFilter`: fields of the class, and what its docstring
-    a visualization     or `surface`: says of them under `Attributes:`.
-    a sensor model      `laser`: the same.
+    an executable       that runs its node with `grid_map_ros_py.nodes.run`: the node is created,
+                        and all parameters that it reads with `grid_map_ros_py.nodes` are listed,
+                        except for the limits that every node has.
+    a filter            such as `gridMapFilters/SlopeFilter`: the fields of the class are listed,
+                        with their descriptions under `Attributes:` in the docstring.
+    a visualization or sensor model, such as `surface` or `laser`: as for a filter.
 
-With `--check` nothing is written; the exit code is 1 if a table is outdated.
+With `--check`, nothing is written; the exit code is 1 if a table is outdated.
 """
 
 import argparse
@@ -69,7 +69,7 @@ TABLE = re.compile(r"(<!-- parameters: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL
 
 @dataclass(frozen=True)
 class Row:
-    """A parameter; `kind` and `default` are as they are written in the table."""
+    """A parameter; `kind` and `default` are formatted for the table."""
 
     name: str
     kind: str
@@ -85,7 +85,7 @@ class Row:
 
 
 def rows_of_class(cls: type) -> list[Row]:
-    """Return a row per parameter of a filter or visualization."""
+    """Return one row per parameter of a filter or visualization."""
     hints, meanings, rows = typing.get_type_hints(cls), descriptions(cls), []
     # Optional parameters of a base class come last.
     inherited = {
@@ -98,7 +98,7 @@ def rows_of_class(cls: type) -> list[Row]:
     for field in sorted(fields, key=lambda field: field.name in inherited):
         name, has_default = field.name, field.default not in (dataclasses.MISSING, None)
         default = written(name, field.default) if has_default else ""
-        # Docstrings put values in quotes, pages format them as code.
+        # Docstrings quote values; pages format them as code.
         meaning = re.sub(r'"([\w/]+)"', r"`\1`", meanings.get(name, ""))
         rows.append(Row(name, kind(hints[name]), default, meaning))
     return rows
@@ -109,7 +109,7 @@ def rows_of_class(cls: type) -> list[Row]:
 
 @cache
 def rows_of_node(executable: str) -> list[Row]:
-    """Return a row per parameter of a node, in the order in which it reads them."""
+    """Return one row per parameter of a node, in the order in which the node reads them."""
     given = [f"{name}:={json.dumps(value)}" for name, value in GIVEN.get(executable, {}).items()]
     words = ["--ros-args", "--log-level", "fatal", *(w for entry in given for w in ("-p", entry))]
     entries = entry_points(group="console_scripts", name=executable)
@@ -150,7 +150,7 @@ def create_and_destroy(create_node: Callable[[], Node]) -> int:
     return 0
 
 
-# No executable has been imported yet.
+# Executables are imported later, so they get the replaced functions.
 for module in (nodes, parameters, _spin):
     module.read_parameter, module.read_parameter_tree = record, record_tree  # type: ignore[assignment]
 nodes.run = _spin.run = create_and_destroy  # type: ignore[assignment]
@@ -160,7 +160,7 @@ nodes.run = _spin.run = create_and_destroy  # type: ignore[assignment]
 
 
 def kind(hint: Any) -> str:
-    """Return the name of a type in the tables; YAML leaves out values of None."""
+    """Return the name of a type for the tables, without None, which YAML omits."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is Literal:
         return ", ".join(f"`{value}`" for value in arguments)
@@ -183,7 +183,7 @@ def written(name: str, value: object) -> str:
 
 
 def table(name: str) -> str:
-    """Return the table of an executable, a filter or a visualization."""
+    """Return the table of an executable, filter, visualization or sensor model."""
     cls = FILTERS.get(name) or VISUALIZATIONS.get(name) or MODELS.get(name)
     rows = rows_of_class(cls) if cls else rows_of_node(name)
     end = ""
@@ -206,7 +206,7 @@ def main() -> int:
     )
     parser.add_argument("pages", type=Path, nargs="*", help="pages (default: all of docs/)")
     options = parser.parse_args()
-    # Nodes must not discover others.
+    # The nodes must not discover other nodes.
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
     code = 0
     for page in options.pages or sorted((ROOT / "docs").rglob("*.md")):

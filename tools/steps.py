@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Set-up steps that tolerate interruption and concurrent runs."""
+"""Setup steps that tolerate interruptions and concurrent runs."""
 
 import contextlib
 import fcntl
@@ -16,19 +16,19 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 
 PERIOD = 10.0
-"""Time between two lines about the progress of a program [s]."""
+"""Time between two progress lines of a program [s]."""
 
 
 class Refusal(Exception):
-    """The set-up cannot run; the text says in one sentence what to change."""
+    """The setup cannot run; the text says in one sentence what to change."""
 
 
 @contextlib.contextmanager
 def exclusive_lock() -> Iterator[None]:
     """Lock this workspace, so that one process at a time changes it.
 
-    The programs that it starts inherit the lock. If it is killed while one of them goes on, the
-    next run waits for that one before it changes files.
+    Child processes inherit the lock. If this process is killed while a child still runs, the next
+    run waits for the child before changing files.
     """
     with (ROOT / ".lock").open("w") as lock:
         os.set_inheritable(lock.fileno(), True)
@@ -41,10 +41,10 @@ def exclusive_lock() -> Iterator[None]:
 
 
 def run(*command: str | Path, environ: Mapping[str, str], takes_long: bool = False) -> None:
-    """Run a program in the root of the workspace; it holds the lock until it ends.
+    """Run a program in the workspace root; the program holds the lock until it ends.
 
-    If it takes long, every few seconds the last line of its output is shown, and all of its output
-    if it fails.
+    With `takes_long`, the last output line is printed every `PERIOD`, and all output if the program
+    fails.
     """
     words = [str(word) for word in command]
     output = subprocess.PIPE if takes_long else None
@@ -78,7 +78,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def digest(*parts: str | bytes) -> str:
-    """Return one hash over all parts and their lengths."""
+    """Return a hash of all parts and their lengths."""
     whole = hashlib.sha256()
     for part in parts:
         data = part.encode() if isinstance(part, str) else part

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Remove old test results (`clear`), or count new ones and list failures (`count`).
 
-`count` fails when a test failed, and when a Python package or the workspace reports no test.
+`count` fails if a test failed, or if a Python package or the workspace reports no tests.
 """
 
 import sys
@@ -18,12 +18,12 @@ def result_files() -> list[Path]:
 
 
 def suites() -> list[str]:
-    """Return all that must report tests: `test/`, as `workspace`, and every Python package."""
+    """Return the suites that must report tests: `workspace` (`test/`) and every Python package."""
     return ["workspace", *(path.parent.name for path in sorted(ROOT.glob("*/setup.py")))]
 
 
 def cases(path: Path) -> Iterator[tuple[str, str]]:
-    """Yield outcome and name of every test in a JUnit file."""
+    """Yield the outcome and the name of every test in a JUnit file."""
     for case in ElementTree.parse(path).iter("testcase"):
         yield outcome(case), f"{path.parent.name}: {case.get('classname')}.{case.get('name')}"
 

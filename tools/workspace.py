@@ -3,18 +3,18 @@
 
 Usage: tools/workspace setup|build|browser|docs|oldest|exports
 
-    setup       make the Python environment `.venv`
-    build       the same, then `colcon build` of what has changed
-    browser     the same as `setup`, then find or install a Chromium for the tests
-    docs        make `.venv-docs` with what builds the documentation
-    oldest      make `.venv-oldest` with the oldest supported versions of what we require
-    exports     print the assignments that tools/env.sh evaluates
+    setup       create the Python environment `.venv`
+    build       run `setup`, then `colcon build` for changed packages
+    browser     run `setup`, then find or install Chromium for the tests
+    docs        create `.venv-docs` for building the documentation
+    oldest      create `.venv-oldest` with the oldest supported versions of all requirements
+    exports     print the shell commands that tools/env.sh evaluates
 
-There are two modes. A sourced ROS 2 Jazzy is used as it is, and `.venv` adds the few tools
-that it lacks. Everywhere else `.venv` holds ROS 2 Jazzy itself, from PyPI wheels.
+There are two modes. A sourced ROS 2 Jazzy is used as it is, and `.venv` adds the few missing
+tools. Otherwise, `.venv` contains ROS 2 Jazzy itself, from PyPI wheels.
 
-Each finished step writes a stamp with a hash of its inputs as its last action. An interrupted
-step has no stamp and is repeated.
+Each step ends by writing a stamp with a hash of its inputs. An interrupted step has no stamp and
+is repeated.
 """
 
 import json
@@ -31,11 +31,11 @@ import machine
 from steps import ROOT, Refusal, digest, exclusive_lock, run, say, write_atomically
 
 BUILT = ROOT / "install" / ".built.json"
-"""The stamp of the build: a hash of its sources for each package that is installed."""
+"""Stamp of the build: a hash of the sources of each installed package."""
 
 
 def build(inner: Mapping[str, str], fingerprint: str) -> None:
-    """Run `colcon build` for the packages whose sources differ from what is installed."""
+    """Run `colcon build` for the packages whose sources have changed since they were installed."""
     packages = sorted(path.parent for path in ROOT.glob("*/package.xml"))
     wanted = {package.name: _source_digest(package, fingerprint) for package in packages}
     built = json.loads(BUILT.read_text()) if BUILT.exists() else {}
@@ -44,13 +44,13 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
         return
     BUILT.parent.mkdir(exist_ok=True)
     write_atomically(BUILT, json.dumps(current))
-    # From scratch, because colcon does not uninstall files that the sources no longer contain.
+    # Start from scratch, because colcon does not uninstall files that were removed from sources.
     for name in (wanted | built).keys() - current.keys():
         shutil.rmtree(ROOT / "build" / name, ignore_errors=True)
         shutil.rmtree(ROOT / "install" / name, ignore_errors=True)
     if outdated := [name for name in wanted if name not in current]:
         say(f"Building {', '.join(outdated)} ...")
-        # Lines of the compilers, which tell their progress, come at once.
+        # Show compiler output, which indicates progress, immediately.
         words = (
             "--event-handlers",
             "console_direct+",
@@ -58,14 +58,14 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
             "--packages-select",
             *outdated,
         )
-        # Compiled modules among the results make each start of a program faster.
+        # Installing compiled modules makes programs start faster.
         compiling = {**inner, "PYTHONDONTWRITEBYTECODE": ""}
         run("colcon", "build", *words, environ=compiling, takes_long=True)
     write_atomically(BUILT, json.dumps(wanted))
 
 
 def _source_digest(package: Path, fingerprint: str) -> str:
-    """Return a hash over the installed sources of a package and its build tools."""
+    """Return a hash of the installed sources of a package and of its build tools."""
     parts: list[str | bytes] = [fingerprint]
     for path in sorted(package.rglob("*")):
         inside = path.relative_to(package)
@@ -76,7 +76,7 @@ def _source_digest(package: Path, fingerprint: str) -> str:
 
 
 def exports(outer: Mapping[str, str], ros: bool) -> None:
-    """Print shell commands that turn the environment `outer` into the inner one."""
+    """Print shell commands that turn the environment `outer` into the inner environment."""
     if not environment.is_set_up(ros):
         world = "a sourced ROS" if ros else "a shell without ROS"
         raise Refusal(f"{ROOT} is not set up for {world}: run `make build` there first.")
@@ -129,6 +129,6 @@ def main(arguments: list[str]) -> int:
 
 if __name__ == "__main__":
     exit_code = main(sys.argv[1:])
-    # From here on no process is left to interrupt.
+    # No child process is left to interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(exit_code)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grid maps on ROS 2: messages, bags and building blocks of nodes.
+"""Grid maps on ROS 2: messages, bags and building blocks for nodes.
 
 The package re-exports `messages` and `bags`; both are imported lazily. Using bags and decoding
 messages requires neither rclpy nor message packages. `nodes` contains building blocks for your own

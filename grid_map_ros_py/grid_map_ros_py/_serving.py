@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Helpers of nodes that serve maps: file requests, submaps, tiled maps and a worker thread."""
+"""Helpers for nodes that serve maps: file requests, submaps, tiled maps and a worker thread."""
 
 import threading
 from collections import deque
@@ -79,7 +79,7 @@ def part(
 
 
 def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
-    """Return a function that opens the map of the parameter `source`, or None if it is empty."""
+    """Return a function that opens the map given by `source`; None if the parameter is empty."""
     kind: Any = str | list[str]
     about = "map of any size: a Zarr store, or one or more GeoTIFF files; empty means none"
     source = read_parameter(node, "source", kind, "", description=about)
@@ -103,8 +103,8 @@ def open_source(
     Args:
         source: path of a Zarr store or of a raster, or paths of rasters.
         frame_id: frame of the map; empty means the stored frame.
-        origin: latitude and longitude [deg] of the origin of the frame; empty means the origin of
-            the source's reference system.
+        origin: latitude and longitude [deg] of the frame origin; empty keeps the coordinates of the
+            source's reference system.
     """
     tiled_map = open_map(source)
     if origin:
@@ -113,7 +113,7 @@ def open_source(
 
 
 def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequence[str]) -> GridMap:
-    """Return a window of constant size, centered as close to a position as possible.
+    """Return a window of fixed size, centered as close to a position as possible.
 
     The window is aligned with the cells of the map; cells outside the map are NaN.
 
@@ -160,7 +160,7 @@ class LatestOnly(Generic[T]):
         self._thread.start()
 
     def put(self, thing: T) -> None:
-        """Queue an item; it replaces an item that still waits."""
+        """Queue an item, replacing any item that is still waiting."""
         with self._change:
             self._waiting = thing
             self._change.notify()

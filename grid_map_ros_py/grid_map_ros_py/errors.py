@@ -47,7 +47,7 @@ class MessageError(GridMapError, ValueError):
 
 
 class BagError(GridMapError):
-    """A bag, the file or folder `path`, cannot be read or written."""
+    """The bag at `path`, a file or a folder, cannot be read or written."""
 
     def __init__(self, path: object, reason: str) -> None:
         self.path = path

@@ -54,7 +54,7 @@ REFUSALS = """
 import json, sys
 from pkgutil import resolve_name
 from grid_map_ros_py.nodes import _health
-_health.PATIENCE = 0.0  # Nothing hears why they end.
+_health.PATIENCE = 0.0  # Do not wait for subscribers.
 starts, missing = json.loads(sys.argv[1])
 sys.modules.update(dict.fromkeys(missing))
 for main, words in starts:
@@ -271,7 +271,7 @@ def peer(domain: int | None = None) -> Iterator[Peer]:
     context = Context()
     with patch.dict(os.environ, environment(domain), clear=True):
         rclpy.init(context=context)
-        # Some settings are read only when the first node is created.
+        # Some settings are not read until the first node is created.
         node = Node("peer", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""ROS node of commands that subscribe or publish, and queries about the topics of other nodes."""
+"""ROS node for commands that subscribe or publish, and queries about topics of other nodes."""
 
 import argparse
 import math
@@ -31,7 +31,7 @@ class Session:
     """ROS node without parameters, as a context manager. A signal sets `ended`.
 
     Raises:
-        CommandError: ROS rejects the settings of the environment, or security keys are missing.
+        CommandError: ROS rejects the environment settings, or security keys are missing.
     """
 
     def __init__(self, command: str) -> None:
@@ -84,7 +84,7 @@ class Session:
 
 
 def message_class(types: Sequence[str]) -> Any:
-    """Return the message class of a topic from its types: exactly one, which must be installed."""
+    """Return the message class of a topic with exactly one type; the type must be installed."""
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")
     found = None

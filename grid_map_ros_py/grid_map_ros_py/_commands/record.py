@@ -29,7 +29,7 @@ _DEPTH = 100
 """Queue depth of a subscription, for messages that arrive while the disk is busy."""
 
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*/)?([A-Z]\w*)(\[[^]]*\])?\s+[a-z]", re.MULTILINE)
-"""Matches a field of message type; names of primitive types begin with a lowercase letter."""
+"""Matches a field with a message type; primitive type names begin with a lowercase letter."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -34,7 +34,7 @@ MILLIMETERS = {"16UC1", "mono16"}
 """Encodings with depths in millimeters (REP-118); other encodings are floats in meters."""
 
 ROUNDS = 30
-"""Number of iterations that undistort a pixel."""
+"""Number of fixed-point iterations when undistorting a pixel."""
 
 _PIECE = 2**13
 """Number of pixels whose rays are computed at once."""
@@ -124,7 +124,7 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest visible distance from the axis at depth 1; farther points may fold back."""
+        """Largest visible distance from the axis at depth 1; farther points may fold back in."""
         height, width = self.size
         u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
         edges = [(u, np.full(50, y)) for y in (v[0], v[-1])]

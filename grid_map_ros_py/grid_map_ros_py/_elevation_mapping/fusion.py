@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fusion of scans and images from several sensors in one elevation map."""
+"""Fusion of scans and images from several sensors into one elevation map."""
 
 import re
 import time
@@ -30,10 +30,10 @@ from .cameras import Picture, seen_cells
 from .sources import InputSource
 
 IMAGE_FUSIONS = ("color", "latest", "exponential")
-"""Fusion methods of image channels; colors keep the latest value."""
+"""Fusion methods for image channels; `color` and `latest` keep the latest value."""
 
 FORGETTING = 0.05
-"""Weight of the latest duration in the moving mean."""
+"""Weight of the latest value in the moving mean of durations."""
 
 MEAN = 0.5
 """Weight of a new pixel in the fusion `exponential`, as in elevation_mapping_cupy."""
@@ -48,10 +48,10 @@ class ElevationFusion:
         follow: whether the map moves with the robot.
         covariance_scale: factor applied to all pose covariances.
         clears_before_scan: clear the map before each scan.
-        image_fusions: fusion methods of image channels, by name or regular expression.
+        image_fusions: fusion methods for image channels, by name or regular expression.
         report: last report of the mapper; None before the first scan.
         milliseconds: last duration and moving mean [ms] of each stage.
-        version: number of changes of the map.
+        version: number of changes to the map.
         changed: time of the last change [s], on the steady clock; None before the first change.
         warnings: texts for the log; the caller logs and clears them.
     """
@@ -178,7 +178,7 @@ class ElevationFusion:
         self._note({})
 
     def load(self, grid_map: GridMap) -> None:
-        """Load the position of a saved map, and the layers that both maps contain."""
+        """Move the map to the position of a saved map, and load the layers that both contain."""
         kept = self.mapper.grid_map.copy()
         try:
             self.mapper.move(grid_map.position)

@@ -57,7 +57,7 @@ class MapOutputs:
     Args:
         chain: filter chain of the filtered map; None publishes the map unfiltered.
         raw_rate, filtered_rate: rates at which changed maps are published [Hz]; `filtered_rate` 0
-            publishes the filtered map only on request, and infinity together with the raw map.
+            publishes the filtered map only on request, infinity publishes it with the raw map.
     """
 
     def __init__(

@@ -59,8 +59,8 @@ class Settings:
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: initial center of the map [m].
-        resolution: side of a cell [m].
-        visibility_cleanup_rate: 0 disables the visibility cleanup.
+        resolution: cell size [m].
+        visibility_cleanup_rate: 0 disables the visibility cleanup; else it runs with every scan.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
@@ -71,8 +71,8 @@ class Settings:
         directory: directory for maps that services load and save; empty refuses such requests.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
-        fused_map_publishing_rate: rate of the filtered map [Hz]; 0 publishes it only on
-            `trigger_fusion`, `.inf` together with the raw map.
+        fused_map_publishing_rate: publication rate of the filtered map [Hz]; 0 means only on
+            `trigger_fusion`, `.inf` means with the raw map.
     """
 
     map_frame_id: str = "map"
@@ -130,7 +130,7 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
     about = "default sensor model: `type` and its parameters"
     default = read_parameter_tree(node, "sensor_processor", description=about)
     names = names_below(node, "input_sources")
-    about = "deprecated: topic of clouds without `input_sources`"
+    about = "deprecated: cloud topic, used without `input_sources`"
     topic = node.read("point_cloud_topic", "/points", about)
     defaults = {}
     if not names and not node.has_parameter("input_sources"):

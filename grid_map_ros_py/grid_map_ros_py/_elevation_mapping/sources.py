@@ -128,7 +128,7 @@ class SourceSettings:
         camera_info_topic: `sensor_msgs/CameraInfo`; empty means `camera_info` next to `topic`.
         queue_size: maximum number of waiting messages.
         publish_on_update: publish the raw map after each scan.
-        channels: fields of clouds, or names of image channels, that become layers.
+        channels: cloud fields, or names of image channels, that become layers.
         min_range: smallest distance of points from the sensor [m].
         max_range: largest distance of points from the sensor [m].
         stride: use every n-th row and column of depth images.
@@ -179,7 +179,7 @@ class InputSource:
 
     @property
     def queue_size(self) -> int:
-        """Maximum number of waiting messages; 0 in a file means no limit, as in ROS 1."""
+        """Maximum number of waiting messages; a 0, which is no limit in ROS 1, becomes 100."""
         return self.settings.queue_size or 100
 
 

@@ -4,9 +4,9 @@
 Topics: `~/elevation_map_raw`, and `~/elevation_map`, the result of the filter chain.
 
 Services:
-    ~/get_submap, ~/get_raw_submap: `grid_map_msgs/GetGridMap`, a map or a part of it.
+    ~/get_submap, ~/get_raw_submap: `grid_map_msgs/GetGridMap`, return a map or a part of it.
     ~/masked_replace: `grid_map_msgs/SetGridMap`, replaces cells.
-    ~/save_map, ~/load_map: `grid_map_msgs/ProcessFile`, both maps in a bag.
+    ~/save_map, ~/load_map: `grid_map_msgs/ProcessFile`, save or load a bag of both maps.
     ~/clear_map, ~/trigger_fusion, ~/disable_updates, ~/enable_updates: `std_srvs/Empty`.
     ~/reload_parameters: `std_srvs/Trigger`, applies parameters that were set.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_saver`: saves the map of a topic to a bag."""
+"""Node `grid_map_saver`: saves maps from a topic to a bag."""
 
 from rclpy.utilities import try_shutdown
 
@@ -32,7 +32,7 @@ class GridMapSaverNode(ConfiguredNode):
         self._continuous = self.read("continuous", False, about)
         about = "file format of the bag: `mcap`, or `sqlite3` for `loadFromBag` in C++"
         self._storage = self.read("storage", "mcap", about)
-        about = "compression of the bag: `none`, or with `mcap` also `lz4` or `zstd`"
+        about = "compression of the bag: `none`; for `mcap` also `lz4` or `zstd`"
         self._compression = self.read("compression", "none", about)
         # Fail now rather than when the first map arrives.
         self._bag().check(self._topic)

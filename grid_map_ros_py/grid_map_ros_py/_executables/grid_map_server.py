@@ -55,7 +55,7 @@ class GridMapServerNode(ConfiguredNode):
         self._topic = self.resolve_topic_name(topic)
         about = "bag whose last map is loaded at startup; empty means none"
         path = self.read("file_path", "", about)
-        about = "topic in that bag; empty means the only topic with maps"
+        about = "topic in the bag; empty means the only topic with maps"
         bag_topic = self.read("bag_topic", "", about)
         topic = self.read_topic("input_topic", "", "topic of maps to serve; empty means none")
         open_source = read_source(self)

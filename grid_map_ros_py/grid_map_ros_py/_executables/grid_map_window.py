@@ -55,12 +55,12 @@ class GridMapWindowNode(ConfiguredNode):
         layers = read_parameter(
             self, "layers", list[str], [], description="layers of the window; empty means all"
         )
-        length = self.read_positive("length", 20.0, "side of the window [m]")
+        length = self.read_positive("length", 20.0, "side length of the window [m]")
         about = "distance that the robot must move before the next window [m]"
         self._step = self.read_number("step", 0.5, 0.0, 1e9, about)
-        self._period = 1 / self.read_positive("rate", 10.0, "maximum rate of windows [Hz]")
+        self._period = 1 / self.read_positive("rate", 10.0, "maximum publication rate [Hz]")
         about = (
-            "`tf`, `odometry`, `pose` or `pose_with_covariance`; `auto` means `tf` where tf2 is "
+            "`tf`, `odometry`, `pose` or `pose_with_covariance`; `auto` means `tf` if tf2 is "
             "installed, else `odometry`"
         )
         source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
@@ -93,7 +93,7 @@ class GridMapWindowNode(ConfiguredNode):
         if writes:
             if self.resolve_topic_name(write_topic) == self._publisher.topic_name:
                 raise ConfigError(f"write_topic and output_topic are both {write_topic!r}")
-            # Writing a cell without a value changes nothing, but reveals errors at the start.
+            # Writing a NaN cell changes nothing, but reveals errors at startup.
             first = self._whole.geometry.cropped(slice(0, 1), slice(0, 1))
             cell = GridMap.from_geometry(first, frame_id=self._whole.frame_id)
             self._whole.write(
@@ -112,7 +112,7 @@ class GridMapWindowNode(ConfiguredNode):
     # --- windows ----------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        """Publish a window if the robot has moved, or maps were merged, and the rate allows."""
+        """Publish a window if the robot has moved or maps were merged, at most at `rate`."""
         self._note_merged()
         found, now = self._poses.latest(), time.monotonic()
         if found is None:

@@ -39,7 +39,7 @@ class OctomapToGridMapNode(ConfiguredNode):
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
         """Read the bounds (3,) at one end of the axes, `min` or `max`; NaN means no bound."""
-        about = f"leave out voxels with {beyond} {{}} [m]; `.nan` means no bound"
+        about = f"ignore voxels with a {beyond} {{}} [m]; `.nan` means no bound"
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
     def _listen(self) -> str:
@@ -48,7 +48,7 @@ class OctomapToGridMapNode(ConfiguredNode):
         topic = self.read_topic("octomap_topic", "/octomap_binary", about)
         about = "service `octomap_msgs/GetOctomap` to call instead; empty uses the topic"
         service = self.read_topic("octomap_service_topic", "", about)
-        about = "time between two calls of the service [s]"
+        about = "time between two service calls [s]"
         self._period = self.read_positive("octomap_service_period", 10.0, about)
         if not service:
             octomap = messages_of("octomap_msgs", NAME).Octomap

@@ -43,11 +43,11 @@ class RollingSettings:
     Attributes:
         input_topic: topic of the clouds.
         output_topic: topic of the map.
-        pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `odometry`.
+        pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `odometry`.
         map_frame: frame of the map.
         robot_centric: move the map with the robot.
         length: side lengths of the map along x and y [m].
-        resolution: side of a cell [m].
+        resolution: cell size [m].
         position: initial center of the map [m].
         layer: name of the height layer.
         fusion: how clouds are combined: `max`, `min`, `mean` or `last`.
@@ -56,17 +56,17 @@ class RollingSettings:
         max_count: largest weight of earlier clouds in the fusion `mean` [points]; 0 means no limit.
         min_height: smallest height of points in the map frame [m].
         max_height: largest height of points in the map frame [m].
-        fields: additional fields of the clouds that become layers.
+        fields: additional cloud fields that become layers.
         min_range: smallest distance of points from the sensor [m].
         max_range: largest distance of points from the sensor [m].
         pose_timeout: maximum time a cloud waits for its pose [s].
         queue_size: maximum number of waiting clouds.
         pose_topic: topic of the robot poses in the map frame, without tf.
-        robot_frame: frame that the map follows, with tf; empty means the frame of the cloud.
+        robot_frame: with tf, frame that the map follows; empty means the cloud frame.
         sensor_xyz: position of the sensor on the robot, without tf [m].
         sensor_rpy: roll, pitch and yaw of the sensor on the robot, without tf [rad].
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.
-        statistics_period: time between two log messages with statistics [s]; 0 means none.
+        statistics_period: time between two log messages with statistics [s]; 0 disables them.
         input_reliability: `best_effort` receives from every publisher; `reliable` requests lost
             clouds again, but needs a reliable publisher.
     """

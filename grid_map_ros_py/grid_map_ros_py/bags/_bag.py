@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bag reader and writer, and functions that load and save maps with the reader and writer."""
+"""Bag reader and writer, and convenience functions that load and save maps."""
 
 import bisect
 import os
@@ -29,7 +29,7 @@ from ._sqlite import SqliteFile, SqliteWriter
 from ._storage import GRID_MAP_TYPE, MAPS, Entry, Topic, bag_errors
 
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
-"""File name extension of each storage format of new bags."""
+"""File name extensions of new bags, by storage format."""
 
 _Storage: TypeAlias = McapFile | SqliteFile
 """Open storage file. Its methods may raise any exception if the file is damaged; call the methods
@@ -140,7 +140,7 @@ class BagWriter:
             bag_storage.save(self._folder, document)
 
     def check(self, topic: str) -> None:
-        """Raise `BagError` if a map cannot be written to `topic`; write nothing."""
+        """Raise `BagError` if a map could not be written to `topic`, without writing anything."""
         self._check_topic(topic)
         with bag_errors(self._path, "written"):
             parent = self._path.resolve().parent
@@ -237,8 +237,8 @@ def load_from_bag(
         index: index of the map in time order: 0 is the first, -1 the last.
         time: load the last map recorded at or before this time [ns] and ignore `index`.
         unwrap: as for `from_message`.
-        recover: read a damaged MCAP file, for example of a killed recorder, up to the last complete
-            chunk, with a warning.
+        recover: read a damaged MCAP file, for example from a killed recorder, up to the last
+            complete chunk, with a warning.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -261,7 +261,7 @@ def bag_maps(
 
 @dataclass(frozen=True)
 class BagTopic:
-    """A topic of a bag, of any message type.
+    """A bag topic of any message type.
 
     Attributes:
         name: name of the topic.
@@ -295,7 +295,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """A recorded message (CDR) with its recording time [ns] and the name used in error texts."""
+    """A recorded message (CDR) and its recording time [ns]; errors name the message by `place`."""
 
     topic: str
     type: str
@@ -356,7 +356,7 @@ class BagFiles:
             with bag_errors(path):
                 entries = self._storage(number).entries(wanted)
                 found += [(entry, number, topic) for entry, topic in entries]
-        # Files of a split bag may overlap.
+        # The files of a split bag may overlap in time.
         return sorted(found, key=lambda one: one[0].time)
 
     def read(self, file: int, entry: Entry) -> bytes:
@@ -372,7 +372,7 @@ class BagFiles:
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Return an open file; only one is open, as bags may exceed the limit of open files."""
+        """Return an open file; only one stays open, as bags may exceed the open-file limit."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)
@@ -483,5 +483,5 @@ def _open(path: Path, *, recover: bool) -> _Storage:
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return layer names as a tuple, which can be iterated once for each map."""
+    """Return layer names as a tuple, because they are iterated once per map."""
     return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)

@@ -25,7 +25,7 @@ COMPRESSIONS = ("none", "lz4", "zstd")
 _HINT = "recover=True (--recover) reads up to the last whole chunk; 'mcap recover' repairs the file"
 
 _CHUNK_SIZE = 768 * 1024
-"""Chunk size at which a chunk is written [bytes], equal to the default of rosbag2."""
+"""Size at which a chunk is written [bytes], equal to the rosbag2 default."""
 
 _RESERVE = 2**20
 """Space reserved for message types, the header of the last chunk, and metadata [bytes]."""
@@ -54,8 +54,8 @@ class McapFile:
     """An MCAP file, open for reading.
 
     The reader finds messages through the file index, or scans the file if there is no index. The
-    `place` of a message is the offset of its chunk in the file (-1 if the message is not in a
-    chunk) and the offset of the message in the chunk.
+    `place` of a message is a pair: the file offset of its chunk, and the offset of the message in
+    the chunk. Without a chunk, the pair is -1 and the file offset of the message.
 
     If `recover` is true, the reader ignores the index and reads up to the first damaged record,
     with a warning.

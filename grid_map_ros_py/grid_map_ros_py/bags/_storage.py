@@ -138,7 +138,7 @@ def qos_profile(*, reliable: bool, latched: bool) -> dict[str, Any]:
 MAPS = Topic(
     GRID_MAP_TYPE, "cdr", dump([qos_profile(reliable=True, latched=True)]), DEFINITION, TYPE_HASH
 )
-"""Topic of maps in new bags; `ros2 bag play` publishes the topic latched."""
+"""Type, encoding and QoS of map topics in new bags; `ros2 bag play` latches these topics."""
 
 
 def save(folder: Path, document: object) -> None:

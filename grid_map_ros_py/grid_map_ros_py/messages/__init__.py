@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and ROS messages.
 
-All functions raise `LayerNotFoundError` for a layer that is missing, `MessageError` for a message
-that is inconsistent or cannot hold a value, `LimitError` for too many cells, other
-`GridMapError` for invalid arguments, and `MissingPackageError` for a message package that is not
-installed. Messages are checked completely before memory is allocated.
+All functions raise `LayerNotFoundError` for a missing layer, `MessageError` for an inconsistent
+message or a value that a message cannot hold, `LimitError` for too many cells, other `GridMapError`
+for invalid arguments, and `MissingPackageError` for a message package that is not installed.
+Messages are checked completely before memory is allocated.
 """
 
 from ._cdr import serialize as serialize, view as view

@@ -60,7 +60,7 @@ visualization_msgs/MarkerArray: Marker[] markers
 visualization_msgs/MeshFile: string filename; uint8[] data
 visualization_msgs/UVCoordinate: float32 u; float32 v
 """
-"""Field definitions of `grid_map_msgs/GridMap`, its nested types, and the types viewers show."""
+"""Field definitions of `grid_map_msgs/GridMap`, its nested types, and types that viewers show."""
 
 _LINES = {
     name: [line.strip() for line in text.split(";")]

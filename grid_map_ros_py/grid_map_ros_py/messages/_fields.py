@@ -123,7 +123,7 @@ def check_finite(
     expected: str = "finite coordinates",
     found: npt.NDArray[np.float64] | None = None,
 ) -> Any:
-    """Return `rows` (N, k) if all are finite; else raise an error with the row (of `found`)."""
+    """Return `rows` (N, k) if finite; otherwise raise an error that shows the row (of `found`)."""
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
@@ -149,7 +149,7 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
     Args:
         field: path of `info`.
         info: grid description with the number of cells along each axis, `resolution` and `origin`.
-        cells: attribute names of the number of cells along x and along y.
+        cells: names of the attributes with the cell counts along x and along y.
         values: number of values in the message; must equal the number of cells.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
@@ -181,7 +181,7 @@ def as_float32(field: str, value: float) -> float:
 
 
 def as_written(value: float) -> float:
-    """Return the float64 whose shortest decimal form equals that of a float32, such as 0.1.
+    """Return the float64 with the same shortest decimal form as a float32, such as 0.1.
 
     Values outside the float32 range, which only unsent messages can hold, become 0 or infinity.
     """

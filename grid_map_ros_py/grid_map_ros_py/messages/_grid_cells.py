@@ -96,7 +96,7 @@ def from_grid_cells(
 def centers_between(
     grid_map: GridMap, layer: str, lower: float, upper: float
 ) -> npt.NDArray[np.float64]:
-    """Return centers (N, 3) x, y [m, map frame], z = 0 of the cells with values between two bounds.
+    """Return cell centers (N, 3), x, y [m, map frame] and z = 0, for values between two bounds.
 
     Cells are in column-major order of the map buffer. Arguments: see `to_grid_cells`.
     """

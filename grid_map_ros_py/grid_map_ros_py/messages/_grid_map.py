@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from grid_map_msgs.msg import GridMap as GridMapMessage, GridMapInfo
 
 LARGEST_START_INDEX = 2**16 - 1
-"""Largest start index of a message, which stores it as uint16."""
+"""Largest start index that a message can hold (uint16)."""
 
 _LABELS = ("column_index", "row_index")
 """Dimension labels of column-major layers; row-major layers have the reverse order."""

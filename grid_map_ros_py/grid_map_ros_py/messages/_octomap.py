@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from octomap_msgs.msg import Octomap
 
 SMALLEST_VOXEL, LARGEST_VOXEL = 1e-30, 1e30
-"""Limits of the voxel size [m]; beyond them, float32 coordinates lose digits or are infinite."""
+"""Limits of the voxel size [m]; beyond them, float32 coordinates lose precision or overflow."""
 
 Points = npt.NDArray[np.float64]
 

@@ -22,10 +22,10 @@ from grid_map_core_py.limits import check_cells
 from ..errors import MessageError
 
 Keys = npt.NDArray[np.int32]
-"""Node indices (3, N) along x, y, z from the corner of the root, in node sizes at their depth."""
+"""Node indices (3, N) along x, y, z, counted from the root corner in nodes of their depth."""
 
 Voxel = npt.NDArray[np.int32]
-"""Voxel indices (3,) along x, y, z from the corner of the root."""
+"""Voxel indices (3,) along x, y, z, counted from the root corner."""
 
 Leaves = dict[int, tuple[Keys, npt.NDArray[np.bool_]]]
 """Keys (3, N) of the leaves and a mask (N,) of occupied leaves, by depth (0 is the root)."""

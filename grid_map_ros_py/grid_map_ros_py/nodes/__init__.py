@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Building blocks of ROS nodes: map topics, quality of service, parameters and life cycle.
+"""Building blocks for ROS nodes: map topics, quality of service, parameters and life cycle.
 
 The following node receives maps from all reliable publishers and publishes scaled maps:
 
@@ -56,7 +56,7 @@ _OFFERED = {
     "._topics": "MapPublisher MapSubscription map_qos",
 }
 _MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
-"""Modules of the public names, imported lazily; `_profile` needs no rclpy."""
+"""Module of each public name; the modules are imported lazily."""
 
 __all__ = sorted(["quiet_start", *_MODULE_OF])
 
@@ -64,8 +64,8 @@ __all__ = sorted(["quiet_start", *_MODULE_OF])
 def quiet_start() -> None:
     """Let Ctrl-C end an executable at once and without a traceback, until `run` handles signals.
 
-    Call it at the top of a package of executables, before the import of rclpy, which takes most of
-    the startup time. It has no effect if another program imports the package.
+    Call it at the top of a package of executables, before importing rclpy, which takes most of the
+    startup time. It has no effect if another program imports the package.
     """
     # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])

@@ -34,7 +34,7 @@ class Health:
         received, used, dropped: number of received, processed and unusable inputs.
         last_error: reason for the last dropped input; empty if there is none.
         problem: the last problem that did not cause a drop; empty if there is none.
-        details: returns additional values of the report, by name.
+        details: returns additional report values, by name.
     """
 
     inputs: str = "maps"
@@ -71,7 +71,7 @@ class Health:
         self._last_was_dropped = False
 
     def drop(self, why: str) -> None:
-        """Count an input that cannot be used, with the reason."""
+        """Count an unusable input and record the reason."""
         self.dropped += 1
         self._last_was_dropped, self.last_error = True, why
 
@@ -136,7 +136,7 @@ class LogThrottle:
 
     Texts are similar if they are equal up to the second colon, such as "get_grid_map: frame_id:
     expected ...". At most `LIMIT` different texts are logged per period. (rclpy throttles per line
-    of code, and therefore drops the second of two problems logged there.)
+    of code, and therefore drops the second of two problems logged by the same line.)
 
     Args:
         logger: logger of the node.

@@ -48,8 +48,8 @@ def read_parameter(
     """Declare a parameter on the node and return its value.
 
     Integers are converted to floats, and whole numbers such as 3.0 to integers, as `kind` requires.
-    An empty list in a file has no type: it is read as an empty list if `kind` is a list, and as not
-    given otherwise.
+    An empty list in a file has no type: if `kind` is a list, the value is an empty list; otherwise,
+    the parameter counts as not given.
 
     Args:
         node: the node.
@@ -81,13 +81,13 @@ def read_fields(
     defaults: Mapping[str, object] | None = None,
     read_only: bool = True,
 ) -> T:
-    """Read a dataclass from parameters named like its fields and described under `Attributes:`.
+    """Read a dataclass from one parameter per field, described in its `Attributes:` section.
 
     Args:
         node: the node.
-        cls: the dataclass; all its fields have defaults.
+        cls: the dataclass; all fields must have defaults.
         prefix: prefix of the parameter names, such as `input_sources.front.`.
-        defaults: defaults by field name, which override the defaults of the dataclass.
+        defaults: default values by field name, which override those of the dataclass.
         read_only: see `read_parameter`.
 
     Raises:
@@ -119,14 +119,14 @@ def names_below(node: "Node", prefix: str) -> list[str]:
 
 
 def read_limits(node: "Node") -> None:
-    """Set the limits of maps (`grid_map_core_py.limits`) from the parameters of the same names.
+    """Set the map limits (`grid_map_core_py.limits`) from the parameters with the same names.
 
     The limits apply to the whole process. Call this before the node creates or receives a map.
     """
     abouts = {
-        "max_cells": "largest number of cells of a map",
-        "max_bytes": "largest size of a map, and of unpacked data [bytes]",
-        "max_ratio": "largest ratio of unpacked to packed size, for data of more than 100 MB",
+        "max_cells": "maximum number of cells in a map",
+        "max_bytes": "maximum size of a map or of decompressed data [bytes]",
+        "max_ratio": "maximum compression ratio, for data that decompresses to over 100 MB",
     }
     set_limits(
         **{
@@ -157,7 +157,7 @@ def read_parameter_tree(
         read_only: False allows setting the parameters later, to values of any type; for example,
             the integer of `radius: 1` may become 1.5.
         description: text that `ros2 param describe` shows for each parameter.
-        describe: returns other descriptions by name, without the prefix, for the dictionaries.
+        describe: called with the result; returns overriding descriptions by name (without prefix).
 
     Raises:
         ConfigError: a name is given both a value and parameters below it.

@@ -61,7 +61,7 @@ class Placement:
 
 
 class Poses:
-    """Base class of pose sources; itself, it accepts only scans that are already in the map frame.
+    """Base class of pose sources; on its own, it accepts only scans in the map frame.
 
     Attributes:
         waits_for: description of the missing pose or transform after `place` has returned None.
@@ -128,7 +128,7 @@ class PoseHistory(Poses):
         return f"a later pose than that of {_seconds(self._stamps[-1])}"
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
-        """Return a pose source for another sensor that shares the current and all future poses."""
+        """Return a source for another sensor, sharing all current and future poses of this one."""
         other = copy.copy(self)
         other._sensor = sensor
         return other
@@ -193,7 +193,7 @@ class PoseHistory(Poses):
     def covariance_at(self, stamp: int) -> Covariance | None:
         """Return the covariance of the robot pose at a time [ns] (0: the latest); None if unknown.
 
-        The covariance is interpolated between poses, and constant before and after all poses.
+        It is interpolated between poses, and constant before the first and after the last pose.
         """
         if not self._stamps:
             return None
@@ -204,7 +204,7 @@ class PoseHistory(Poses):
         return (1 - share) * begin + share * end
 
     def _around(self, stamp: int) -> tuple[int, int, float]:
-        """Return the indices of the poses before and after a time, and the weight of the second."""
+        """Return the indices of the poses before and after a time, and the weight of the later."""
         last = len(self._stamps) - 1
         after = min(bisect_left(self._stamps, stamp), last) if stamp else last
         if after == 0 or stamp == 0 or stamp >= self._stamps[after]:
@@ -284,7 +284,7 @@ class TfPoses(Poses):
         robot_frame: frame of the robot; empty means the frame of the scan.
         track_frame: frame of `track_point`; empty means the robot frame.
         track_point: (3,) point that the map follows [m], in `track_frame`.
-        covariances: robot poses whose covariances are used; None means no covariances.
+        covariances: history that provides the pose covariances; None means no covariances.
     """
 
     def __init__(

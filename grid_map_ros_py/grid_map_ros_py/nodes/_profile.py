@@ -12,7 +12,7 @@ CHOICES = (
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
 )
-"""Environment variables with which the user overrides the profile."""
+"""Environment variables that override the profile."""
 
 SHARED_MEMORY = 2**28
 """Free shared memory that the profile requires [bytes]; a container has 64 MB by default."""

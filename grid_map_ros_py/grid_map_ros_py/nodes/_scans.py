@@ -35,7 +35,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Numbers of fused and dropped scans; points and processing time [s] of the fused scans."""
+    """Counts of fused and dropped scans; points and processing time [s] of the fused scans."""
 
     fused: int = 0
     dropped: int = 0
@@ -72,7 +72,7 @@ class Cloud:
 
 @dataclass
 class ScanQueue:
-    """Scans of one sensor that wait for their poses.
+    """Queue of scans of one sensor, which wait for their poses.
 
     A scan more than `LONGEST_JITTER` earlier than the previous scan indicates a time reset, for
     example when a bag restarts. Waiting scans and outdated poses are then discarded.
@@ -83,7 +83,7 @@ class ScanQueue:
             and a length; raises `GridMapError` if the message is invalid.
         fuse: called with a scan and its placement; raises `GridMapError` if the scan is invalid.
         report: called with a text when a scan is dropped.
-        what: noun for a message in these texts.
+        what: noun for a message in the texts passed to `report`.
         timeout: maximum time a scan waits for its pose [s].
         queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
         clock: returns the time [s]; the default clock continues while a simulation is paused.
@@ -177,7 +177,7 @@ class ScanInputs:
         prepare: called before waiting scans are fused.
 
     Attributes:
-        is_enabled: False ignores new scans.
+        is_enabled: if False, new scans are ignored.
     """
 
     def __init__(
@@ -248,7 +248,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """A sensor; `heard` is the time of its last message [s], infinite once silence was reported."""
+    """A sensor; `heard` is the time of its last message [s], infinite after silence is reported."""
 
     name: str
     topic: str

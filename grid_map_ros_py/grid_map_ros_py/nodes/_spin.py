@@ -47,7 +47,7 @@ T = TypeVar("T")
 N = TypeVar("N", int, float)
 
 EXTREMES = (1e-9, 1e9)
-"""Limits of positive parameters; with these limits, the period of a rate fits a ROS timer."""
+"""Smallest and largest positive parameter; rates in this range give valid ROS timer periods."""
 
 _WAKE_PERIOD = 0.1
 """Time between two checks for signals while a node waits for messages [s]."""
@@ -62,9 +62,9 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     stays ignored. The node reports its state on `/diagnostics`; see `Health`.
 
     Args:
-        create_node: class of the node, or a function that returns the node. If it raises a
-            `GridMapError` or a ROS error (invalid name, missing keys), the configuration is wrong,
-            and the error is logged as one message, as is a `NodeFailedError` of a callback. Other
+        create_node: class of the node, or a function that returns the node. A `GridMapError` or a
+            ROS error (invalid name, missing keys) raised here means a wrong configuration. Such an
+            error, or a `NodeFailedError` from a callback, is logged as one message; other
             exceptions propagate. Undeclared parameters cause a warning.
         args: command line arguments; None means `sys.argv`.
 
@@ -92,7 +92,7 @@ def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> T
 
 
 class ConfiguredNode(Node):
-    """A node that reads its parameters in `__init__`, including those of `read_limits`.
+    """Base class of nodes that read their parameters in `__init__`; calls `read_limits` first.
 
     Use `main` as the entry point of the executable.
     """
@@ -195,11 +195,11 @@ class _Life:
             pass
         finally:
             on_end(signal.SIG_IGN)
-            # Otherwise the garbage collector could destroy its parts first and cause a traceback.
+            # Otherwise, the garbage collector may destroy parts of it first and cause a traceback.
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:
-        """Log a `NodeFailedError`, and raise other errors; publish both on `/diagnostics`."""
+        """Publish an error on `/diagnostics`; log a `NodeFailedError`, raise any other error."""
         on_end(signal.SIG_IGN)
         if isinstance(error, NodeFailedError):
             name = Path(sys.argv[0]).stem or "grid_map"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Publishers, subscriptions and services of nodes, and the quality of service of map topics."""
+"""Publishers, subscriptions and services for nodes, and the quality of service of map topics."""
 
 import math
 from collections.abc import Callable
@@ -27,9 +27,9 @@ def map_qos(*, transient_local: bool = True) -> QoSProfile:
     """Return the quality of service of map topics: reliable, latched, depth 1.
 
     Args:
-        transient_local: True for a latched topic: the publisher keeps the last map for late-joining
-            subscribers, and a subscriber requests it. Map publishers always use True. With False, a
-            subscriber also receives from volatile publishers, but misses earlier maps.
+        transient_local: True for a latched topic: publishers keep the last map for late-joining
+            subscribers, and subscribers request that map. Map publishers always use True. With
+            False, a subscriber also receives from volatile publishers, but misses earlier maps.
     """
     durability = DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
@@ -55,9 +55,9 @@ def listen(
     what: str,
     depth: int = 1,
 ) -> None:
-    """Subscribe to a topic with best effort; drop and log messages that the callback rejects.
+    """Subscribe to a topic (best effort); drop and log messages that the callback rejects.
 
-    Unlike `LatchedSubscription`, it does not count the messages in the `Health` of the node.
+    Unlike in `LatchedSubscription`, the messages do not count in the `Health` of the node.
     """
 
     def receive(message: Any) -> None:
@@ -72,8 +72,8 @@ class LatchedSubscription:
     """Subscription that receives the last message of a latched topic and all later messages.
 
     A transient-local subscription receives the last earlier message, but does not connect to
-    volatile publishers. The subscription starts as transient local and becomes volatile when it
-    meets a volatile publisher.
+    volatile publishers. The subscription starts as transient local and becomes volatile when a
+    volatile publisher appears.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged; a `NodeFailedError` ends the node.
