@@ -61,18 +61,16 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
             np.copyto(output.T[lines], medians, where=cells.T[lines])
     elif slide is not None:
         length = max(_SIDE, side)
-        for lines, columns in product(*(slices(count, length) for count in ranks.shape)):
-            # The values in and around a block of cells.
-            around = padded[lines.start : lines.stop + side - 1]
-            around = around[:, columns.start : columns.stop + side - 1]
+        for block in product(*(slices(count, length) for count in ranks.shape)):
+            around = padded[tuple(slice(part.start, part.stop + side - 1) for part in block)]
             order = np.argsort(around, axis=None)
             places = np.empty_like(order)
             places[order] = np.arange(order.size)
-            found = ranks[lines, columns].astype(np.int64)
+            found = ranks[block].astype(np.int64)
             buckets = np.empty(order.size // _BUCKET + 1, np.int64)
             slide(places, (*found.shape, side), np.empty(order.size, np.uint8), buckets, found)
             medians = around.ravel()[order][found]
-            np.copyto(output.T[lines, columns], medians, where=cells.T[lines, columns])
+            np.copyto(output.T[block], medians, where=cells.T[block])
     else:
         rows, columns = np.divmod(np.flatnonzero(cells.T), len(cells))
         for piece in slices(rows.size, _PIECE // side**2):
