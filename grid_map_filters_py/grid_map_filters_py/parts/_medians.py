@@ -17,8 +17,8 @@ Values = npt.NDArray[np.float32]
 _SCATTERED = 0.3
 """Maximum fraction of chosen cells for which sorting single windows is faster than sliding."""
 
-_LARGEST_NETWORK = 5
-"""Maximum window side for which a sorting network is faster than sliding or sorting."""
+_LARGEST_BLUR = 5
+"""Maximum window side that `cv2.medianBlur` supports for float32."""
 
 _SIDE = 64
 """Minimum number of rows and columns of a block over which a window slides."""
@@ -43,23 +43,18 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
         half_width: squares have 2 half_width + 1 cells per side, and are cropped at the map border.
     """
     # Wider squares would contain no additional cells.
-    half_width = min(half_width, max(layer.shape) - 1)
+    half_width, chosen = min(half_width, max(layer.shape) - 1), cells
     side = 2 * half_width + 1
     # Missing values become infinity, which is sorted to the end.
     padded = np.full(np.add(layer.T.shape, 2 * half_width), np.inf, np.float32)
-    inner = padded[half_width:, half_width:][: layer.shape[1], : layer.shape[0]]
-    np.copyto(inner, layer.T, where=np.isfinite(layer.T))
-    known = np.isfinite(padded).view(np.uint8)
-    counts = cv2.boxFilter(known, cv2.CV_32S, (side, side), normalize=False)
-    ranks = np.asarray(counts)[half_width:, half_width:][: inner.shape[0], : inner.shape[1]] // 2
-    windows = sliding_window_view(padded, (side, side))
-    is_scattered = np.count_nonzero(cells) <= _SCATTERED * cells.size
-    slide = None if is_scattered or side <= _LARGEST_NETWORK else _slide.compiled()
-    if side <= _LARGEST_NETWORK and not is_scattered:
-        for lines in slices(len(ranks), _PIECE // 8 // ranks.shape[1]):
-            medians = _medians_by_network(windows[lines], ranks[lines])
-            np.copyto(output.T[lines], medians, where=cells.T[lines])
-    elif slide is not None:
+    inner = slice(half_width, half_width + layer.shape[1]), slice(half_width, -half_width or None)
+    np.copyto(padded[inner], layer.T, where=np.isfinite(layer.T))
+    ranks = _counts(np.isfinite(padded), side)[inner] // 2
+    fewest = _SCATTERED * cells.size
+    if 1 < side <= _LARGEST_BLUR and np.count_nonzero(cells) > fewest:
+        cells = _put_blurred(output, padded, cells, inner, ranks, side)
+    slide = _slide.compiled() if np.count_nonzero(cells) > fewest else None
+    if slide is not None:
         length = max(_SIDE, side)
         for block in product(*(slices(count, length) for count in ranks.shape)):
             around = padded[tuple(slice(part.start, part.stop + side - 1) for part in block)]
@@ -73,12 +68,45 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
             np.copyto(output.T[block], medians, where=cells.T[block])
     else:
         rows, columns = np.divmod(np.flatnonzero(cells.T), len(cells))
+        windows = sliding_window_view(padded, (side, side))
         for piece in slices(rows.size, _PIECE // side**2):
             at = rows[piece], columns[piece]
             values = windows[at].reshape(-1, side**2)
             values.sort(axis=1)
             output.T[at] = values[np.arange(len(values)), ranks[at]]
-    output[cells & np.isinf(output)] = np.nan
+    output[chosen & np.isinf(output)] = np.nan
+
+
+def _counts(mask: Mask, side: int) -> npt.NDArray[Any]:
+    """Count the True values in the square around each cell."""
+    counts = cv2.boxFilter(mask.view(np.uint8), cv2.CV_32S, (side, side), normalize=False)
+    return np.asarray(counts)
+
+
+def _put_blurred(
+    output: Layer,
+    padded: npt.NDArray[np.float32],
+    cells: Mask,
+    inner: tuple[slice, slice],
+    ranks: npt.NDArray[Any],
+    side: int,
+) -> Mask:
+    """Write medians that `cv2.medianBlur` computes, and return a mask of the other cells.
+
+    The middle value is the upper median if half of the missing values are minus infinity. Two
+    opposite checkerboards achieve this in most windows.
+    """
+    rest = cells.T.copy()
+    for color in (0, 1):
+        signed = padded.copy()
+        for row in (0, 1):
+            field = signed[row::2, (row + color) % 2 :: 2]
+            np.negative(field, out=field, where=np.isinf(field))
+        below = _counts(signed == -np.inf, side)[inner]
+        is_middle = rest & (ranks + below == side**2 // 2)
+        np.copyto(output.T, np.asarray(cv2.medianBlur(signed, side))[inner], where=is_middle)
+        rest &= ~is_middle
+    return rest.T
 
 
 @loop("int64*", ("int64", 3), "uint8*", "int64*", "int64*")
@@ -127,39 +155,3 @@ def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> N
                 left -= used[place]
                 place += 1
             found[row * columns + column] = place
-
-
-def _medians_by_network(windows: Values, ranks: npt.NDArray[Any]) -> Values:
-    """Return the values with the given ranks (n, m) in the windows (n, m, side, side)."""
-    values: list[Values] = [*np.moveaxis(windows, (2, 3), (0, 1)).copy().reshape(-1, *ranks.shape)]
-    spare = np.empty_like(values[0])
-    for low, high in _comparators(len(values), int(ranks.max()) + 1):
-        np.minimum(values[low], values[high], out=spare)
-        np.maximum(values[low], values[high], out=values[high])
-        values[low], spare = spare, values[low]
-    picked = values[0]
-    for rank in range(1, int(ranks.max()) + 1):
-        np.copyto(picked, values[rank], where=ranks == rank)
-    return picked
-
-
-def _comparators(count: int, wanted: int) -> list[tuple[int, int]]:
-    """Return comparators that bring the `wanted` smallest of `count` values into order.
-
-    These are the comparators of Batcher's merge exchange (Knuth, TAOCP 3, algorithm 5.2.2M) on
-    which the first values depend.
-    """
-    largest = 1 << (count - 1).bit_length() >> 1
-    step, pairs = largest, list[tuple[int, int]]()
-    while step:
-        bound, remainder, distance = largest, 0, step
-        while distance:
-            pairs += ((i, i + distance) for i in range(count - distance) if i & step == remainder)
-            distance, bound, remainder = bound - step, bound >> 1, step
-        step >>= 1
-    needed, kept = set(range(wanted)), list[tuple[int, int]]()
-    for pair in reversed(pairs):
-        if not needed.isdisjoint(pair):
-            needed.update(pair)
-            kept.append(pair)
-    return kept[::-1]
