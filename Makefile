@@ -54,9 +54,10 @@ fuzz: build  ## Feed damaged messages, files and texts to all readers for a minu
 	@$(ENTER) python3 test/fuzz.py $(if $(INPUTS),--inputs $(INPUTS),--seconds $(or $(FOR),60))
 
 check: build  ## Check style, types, imports, license headers and the list of public names
-	@$(ENTER) ruff check --output-format=concise . && ruff format --check . && \
-	    export MYPYPATH=$(SOURCES) PYTHONPATH=tools:$(SOURCES):$$PYTHONPATH && \
-	    mypy $(addprefix -p ,$(PACKAGES)) && lint-imports && python3 tools/api.py --check
+	@$(ENTER) export MYPYPATH=$(SOURCES) PYTHONPATH=tools:$(SOURCES):$$PYTHONPATH && failed= && \
+	    for tool in "ruff check --output-format=concise ." "ruff format --check ." "mypy $(addprefix -p ,$(PACKAGES))" \
+	        lint-imports "python3 tools/api.py --check"; do $$tool || failed="$$failed, $$(echo $$tool | cut -d ' ' -f 1-2)"; done; \
+	    [ -z "$$failed" ] || { echo "failed: $${failed#, }"; exit 1; }
 
 format:  ## Format the code and apply automatic fixes
 	@$(ENTER) ruff check --fix . ; ruff format .

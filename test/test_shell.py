@@ -23,6 +23,13 @@ def test_a_shell_anywhere_finds_python_colcon_and_our_packages(shell, tmp_path):
 
 
 @pytest.mark.parametrize("shell", SHELLS)
+def test_colcon_in_the_shell_may_write_byte_code(shell):
+    script = f". {ROOT}/tools/env.sh && python -c 'import sys; print(sys.dont_write_bytecode)'"
+    done = run(shell, "-c", script, environ={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
+    assert done.stdout == "False\n"
+
+
+@pytest.mark.parametrize("shell", SHELLS)
 def test_sourcing_twice_changes_nothing(shell):
     show = "env | grep -E '^(PATH|.*_PATH|PYTHONPATH)=' | sort"
     script = f". {ROOT}/tools/env.sh; {show}; echo --; . {ROOT}/tools/env.sh; {show}"

@@ -34,11 +34,15 @@ BESIDE_ROS = {
 """Debian package of each module that must come with a sourced ROS, never from pip: ROS is compiled
 against these versions, and a second copy would shadow them."""
 
+NO_BYTE_CODE = "PYTHONDONTWRITEBYTECODE"
+"""Variable that makes colcon warn, and each program of the tests compile what it imports."""
+
 
 def outer_environment(environ: Mapping[str, str]) -> dict[str, str]:
     """Return `environ` as it was before sourcing tools/env.sh of this or another checkout."""
     outer = dict(environ)
     roots = {str(ROOT), outer.pop("GRID_MAP_PY_ROOT", str(ROOT))}
+    outer.pop(NO_BYTE_CODE, None)
     for name in PATH_LISTS:
         entries = [entry for entry in outer.pop(name, "").split(":") if entry]
         if foreign := [entry for entry in entries if not _is_below(entry, roots)]:

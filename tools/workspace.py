@@ -58,9 +58,7 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
             "--packages-select",
             *outdated,
         )
-        # Installing compiled modules makes programs start faster.
-        compiling = {**inner, "PYTHONDONTWRITEBYTECODE": ""}
-        run("colcon", "build", *words, environ=compiling, takes_long=True)
+        run("colcon", "build", *words, environ=inner, takes_long=True)
     write_atomically(BUILT, json.dumps(wanted))
 
 
@@ -81,7 +79,7 @@ def exports(outer: Mapping[str, str], ros: bool) -> None:
         world = "a sourced ROS" if ros else "a shell without ROS"
         raise Refusal(f"{ROOT} is not set up for {world}: run `make build` there first.")
     inner = environment.inner_environment(outer, ros)
-    for name in machine.PATH_LISTS:
+    for name in (*machine.PATH_LISTS, machine.NO_BYTE_CODE):
         if name not in inner:
             print(f"unset {name}")
     for name, value in inner.items():
