@@ -22,7 +22,7 @@ class LargeMapRobotNode(Demo):
     def __init__(self) -> None:
         super().__init__("large_map_robot")
         self._speed = self.read_positive("speed", 150.0, "speed of the robot along x [m/s]")
-        rate = self.read_positive("rate", 50.0, "rate of the odometry [Hz]")
+        rate = self.read_positive("rate", 50.0, "odometry rate [Hz]")
         self._odometry = self.create_publisher(Odometry, "odom", 10)
         self._start = self.get_clock().now().nanoseconds
         steady_timer(self, 1 / rate, self._step)

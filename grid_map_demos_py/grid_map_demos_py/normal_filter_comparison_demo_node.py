@@ -144,9 +144,9 @@ class NormalFilterComparisonDemoNode(Demo):
         self._noise = self.read_number("noise_on_map", 0.015, 0.0, MOST_NOISE, about)
         about = "share of outliers (infinite heights), 0 to 1"
         self._outliers = self.read_number("outliers_percentage", 0.0, 0.0, 1.0, about)
-        about = "name of the parameter with the chain"
+        about = "name of the parameter that holds the chain"
         name = self.read("filter_chain_parameter_name", "filters", about)
-        about = "filter chain; by default both algorithms"
+        about = "filter chain; by default, it runs both algorithms"
         given = read_parameter_tree(self, name, description=about)
         self._chain = FilterChain.from_config(given) if given else default_chain()
         self._random = np.random.default_rng()

@@ -41,11 +41,11 @@ class OctomapToGridmapDemoNode(Demo):
         service = self.read_topic("octomap_service_topic", "/octomap_binary", about)
         about = "OctoMap file (.bt, .ot) to read instead of calling the service"
         path = self.read_path("octomap_path", "", about)
-        about = "leave out voxels with {} [m]; nan means no bound"
+        about = "{} of voxels [m]; nan means no bound"
         self._low, self._high = [0.0] * 3, [0.0] * 3
         for k, axis in enumerate("xyz"):
-            low = self.read(f"min_{axis}", math.nan, about.format(f"smaller {axis}"))
-            high = self.read(f"max_{axis}", math.nan, about.format(f"larger {axis}"))
+            low = self.read(f"min_{axis}", math.nan, about.format(f"minimum {axis}"))
+            high = self.read(f"max_{axis}", math.nan, about.format(f"maximum {axis}"))
             check(not low > high, f"max_{axis}", f"no less than min_{axis}, {low}", high)
             self._low[k], self._high[k] = low, high
         self._publisher = self.map_publisher()

@@ -37,7 +37,7 @@ class Bilateral(LayerFilter):
         sigma_space: standard deviation of the distance Gaussian [m].
         sigma_range: standard deviation of the value Gaussian, in the unit of the layer; steps
             much higher than this stay sharp.
-        radius: radius of the disc [m]; 3 `sigma_space` by default.
+        radius: radius of the disc [m]; by default 3 times `sigma_space`.
     """
 
     sigma_space: float

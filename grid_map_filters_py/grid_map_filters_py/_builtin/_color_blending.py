@@ -27,7 +27,7 @@ class ColorBlending(CellFilter):
         foreground_layer: layer with the foreground colors.
         blend_mode: "normal" shows the foreground; "hard_light" multiplies with dark foreground
             colors and screens with bright foreground colors; "soft_light" is Pegtop's formula.
-        opacity: opacity over the background, from 0 to 1.
+        opacity: opacity of the blended color, from 0 to 1.
         output_layer: layer for the result.
     """
 

@@ -25,7 +25,7 @@ class ColorMap(CellFilter, LayerFilter):
 
     Attributes:
         input_layer: layer with the values.
-        min_value: first value of the ramp. YAML also accepts `min: {value, color}`, `min/value`.
+        min_value: first value of the ramp; YAML also accepts `min/value` or `min: {value, color}`.
         max_value: last value of the ramp, above `min_value`.
         min_color, max_color: red, green and blue at the ends of the ramp, clamped to [0, 1].
     """

@@ -25,7 +25,7 @@ class GaussianBlur(AroundTypicalValue):
 
     Attributes:
         sigma: standard deviation of the Gaussian [m].
-        radius: half width of the kernel along x and y [m]; 3 `sigma` by default.
+        radius: half width of the kernel along x and y [m]; by default 3 times `sigma`.
         compute_empty_cells: also fill non-finite cells that have a finite value within the kernel.
     """
 

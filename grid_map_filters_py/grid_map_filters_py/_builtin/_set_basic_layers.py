@@ -15,7 +15,7 @@ class SetBasicLayers(CellFilter):
 
     Attributes:
         layers: names of the basic layers; may be empty.
-        layer: name of `layers` in the C++ filter; set exactly one of the two parameters.
+        layer: C++ name of `layers`; set exactly one of these two parameters.
     """
 
     layers: tuple[str, ...] | None = None

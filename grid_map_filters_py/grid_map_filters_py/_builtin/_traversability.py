@@ -27,7 +27,7 @@ class Traversability(CellFilter):
         input_layers: layers with costs such as slope, step height and roughness.
         output_layer: layer for the result.
         critical_values: per layer, the value at which its term reaches 0.
-        weights: weight per layer; only their ratios matter. Equal by default.
+        weights: weights of the layers, equal by default; only the ratios matter.
     """
 
     input_layers: tuple[str, ...]

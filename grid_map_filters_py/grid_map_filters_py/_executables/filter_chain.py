@@ -37,7 +37,7 @@ class FilterChainNode(ConfiguredNode):
         super().__init__("grid_map_filters", allow_undeclared_parameters=True)
         topic = self.read_topic("input_topic", "/grid_map", "topic of the incoming maps")
         output = self.read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
-        about = "name of the parameter with the chain"
+        about = "name of the parameter that holds the chain"
         self._chain_name = self.read("filter_chain_parameter_name", "filters", about)
         about = "filters `filter1`, `filter2`, ..., each with `name`, `type` and `params`"
         tree = read_parameter_tree(

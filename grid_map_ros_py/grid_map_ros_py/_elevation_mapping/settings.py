@@ -60,7 +60,7 @@ class Settings:
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: initial center of the map [m].
         resolution: cell size [m].
-        visibility_cleanup_rate: 0 disables the visibility cleanup; else it runs with every scan.
+        visibility_cleanup_rate: 0 disables visibility cleanup; otherwise, it runs with every scan.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
@@ -68,7 +68,7 @@ class Settings:
         init_submap_variance: variance of the patch [m^2].
         target_frame_init_submap: with tf, frame of the patch; empty means the robot frame.
         masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps the cell.
-        directory: directory for maps that services load and save; empty refuses such requests.
+        directory: directory for maps that services load and save; required for these services.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
         fused_map_publishing_rate: publication rate of the filtered map [Hz]; 0 means only on
@@ -175,7 +175,7 @@ def read_fusion(
     if settings.visibility_cleanup_rate == 0:
         parameters["enable_visibility_cleanup"] = False
     build(Parameters, parameters)
-    about = "`covariance_scale`: factor for pose covariances"
+    about = "`covariance_scale` multiplies the pose covariances"
     motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
     scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)
     about = "fusion of cloud fields, by name or regular expression"
@@ -198,7 +198,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
     name = node.read("postprocessor_pipeline_name", "postprocessor_pipeline", about)
     about = "filters `filter1`, `filter2`, ... with `name`, `type` and `params`"
     config = read_parameter_tree(node, name, description=about)
-    about = "number of threads for the filters"
+    about = "number of threads that the filters may use"
     threads = node.read("postprocessor_num_threads", 1, about)
     return make_chain(config, threads) if config else None
 

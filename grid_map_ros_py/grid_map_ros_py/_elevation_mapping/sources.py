@@ -125,15 +125,15 @@ class SourceSettings:
     Attributes:
         type: kind of sensor data on the topic.
         topic: topic of the clouds or images.
-        camera_info_topic: `sensor_msgs/CameraInfo`; empty means `camera_info` next to `topic`.
+        camera_info_topic: `CameraInfo` topic; if empty, `camera_info` in the namespace of `topic`.
         queue_size: maximum number of waiting messages.
         publish_on_update: publish the raw map after each scan.
         channels: cloud fields, or names of image channels, that become layers.
         min_range: smallest distance of points from the sensor [m].
         max_range: largest distance of points from the sensor [m].
         stride: use every n-th row and column of depth images.
-        sensor_xyz: position of the sensor on the robot, without tf [m].
-        sensor_rpy: roll, pitch and yaw of the sensor on the robot, without tf [rad].
+        sensor_xyz: position of the sensor on the robot [m]; used without tf.
+        sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; used without tf.
         reliability: `best_effort` receives from every publisher; `reliable` requests lost messages
             again.
     """

@@ -67,7 +67,7 @@ class GridMapWindowNode(ConfiguredNode):
         source = chosen_source(source, "odometry")
         about = "topic of the robot poses in the map frame; not used with tf"
         pose_topic = self.read_topic("pose_topic", "/odom", about)
-        robot_frame = self.read("robot_frame", "base_link", "frame of the robot, with tf")
+        robot_frame = self.read("robot_frame", "base_link", "frame of the robot; used with tf")
         topic = self.read_topic("output_topic", "/grid_map", "topic of the window")
         about = "merge maps from `write_topic` into the source, which must be a Zarr store"
         writes = self.read("write_back", False, about)

@@ -46,7 +46,7 @@ class OctomapToGridMapNode(ConfiguredNode):
         """Subscribe, or call the service periodically; return the name of the topic or service."""
         about = "topic of the octomaps, binary or full"
         topic = self.read_topic("octomap_topic", "/octomap_binary", about)
-        about = "service `octomap_msgs/GetOctomap` to call instead; empty uses the topic"
+        about = "service `octomap_msgs/GetOctomap` that replaces the topic; empty means none"
         service = self.read_topic("octomap_service_topic", "", about)
         about = "time between two service calls [s]"
         self._period = self.read_positive("octomap_service_period", 10.0, about)

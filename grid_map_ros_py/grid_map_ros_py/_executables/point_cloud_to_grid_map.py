@@ -61,10 +61,10 @@ class RollingSettings:
         max_range: largest distance of points from the sensor [m].
         pose_timeout: maximum time a cloud waits for its pose [s].
         queue_size: maximum number of waiting clouds.
-        pose_topic: topic of the robot poses in the map frame, without tf.
+        pose_topic: topic of the robot poses in the map frame; used without tf.
         robot_frame: with tf, frame that the map follows; empty means the cloud frame.
-        sensor_xyz: position of the sensor on the robot, without tf [m].
-        sensor_rpy: roll, pitch and yaw of the sensor on the robot, without tf [rad].
+        sensor_xyz: position of the sensor on the robot [m]; used without tf.
+        sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; used without tf.
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.
         statistics_period: time between two log messages with statistics [s]; 0 disables them.
         input_reliability: `best_effort` receives from every publisher; `reliable` requests lost

@@ -32,8 +32,8 @@ class SurfaceVisualization:
         lower: value at the lower end of the color map; by default the smallest.
         upper: value at the upper end of the color map; by default the largest.
         invert: swap the ends of the color map.
-        color: 0xRRGGBB.
-        opacity: from 0 (invisible) to 1 (opaque).
+        color: surface color in the mode "flat", 0xRRGGBB.
+        opacity: opacity from 0 (invisible) to 1 (opaque).
         max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
 
     Raises:

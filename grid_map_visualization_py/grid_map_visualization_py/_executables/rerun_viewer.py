@@ -45,9 +45,9 @@ class RerunViewerNode(ConfiguredNode):
         }
         about = "height layer; empty means `elevation`, or else the first layer of the map"
         height_layer = self.read("height_layer", "", about)
-        about = "initial color layer, packed if its name ends in `color`; empty means the heights"
+        about = "initial color layer, with packed colors if named `*color`; empty means the heights"
         color_layer = self.read("color_layer", "", about)
-        about = "Matplotlib color map of this layer; other layers use the default"
+        about = "Matplotlib color map of `color_layer`; other layers use the default"
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
         about = "factor that scales heights in the 3-D view"
         exaggeration = self.read_positive("exaggeration", 1.0, about)

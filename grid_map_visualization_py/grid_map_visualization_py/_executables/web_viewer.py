@@ -40,7 +40,7 @@ class WebViewerNode(ConfiguredNode):
         check_max_drawn_cells(max_drawn_cells)
         about = "maximum update rate of the page [Hz]"
         period = 1 / self.read_positive("update_rate", 20.0, about)
-        self._robot_frame = self.read("robot_frame", "", "robot frame in tf; empty means none")
+        self._robot_frame = self.read("robot_frame", "", "tf frame of the robot; empty means none")
         if self._robot_frame and not has_tf():
             remedy = "install tf2_ros_py of your ROS distribution, or leave it empty"
             raise MissingPackageError("tf2_ros", "robot_frame", remedy)
@@ -48,7 +48,7 @@ class WebViewerNode(ConfiguredNode):
         host = self.read("host", "127.0.0.1", about)
         port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 means any free port")
         height_layer = self.read("height_layer", "elevation", "initial height layer")
-        about = "initial color layer, packed if its name ends in `color`; empty means the heights"
+        about = "initial color layer, with packed colors if named `*color`; empty means the heights"
         color_layer = self.read("color_layer", "", about)
         about = "initial Matplotlib color map"
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
