@@ -58,7 +58,7 @@ class Loop:
             return self._compiled
 
     def must_compile(self) -> bool:
-        """Return whether `compiled` would compile now, because numba's cache is empty."""
+        """Return whether `compiled` would have to compile because numba's cache is empty."""
         if "_compiled" in self.__dict__ or not _has_numba():
             return False
         try:

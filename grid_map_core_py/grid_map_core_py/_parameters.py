@@ -130,7 +130,7 @@ def cast(name: str, value: object, kind: Any) -> Any:
 
 
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
-    """Return a `ConfigError` that states the expected and the given value."""
+    """Return a `ConfigError` that states the expected and the actual value."""
     found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
     return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 

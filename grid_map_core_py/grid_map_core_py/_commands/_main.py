@@ -39,7 +39,7 @@ HELP = {
     "record": "record topics of any type to a bag, until Ctrl-C",
     "play": "publish the messages of a bag at the pace of the recording",
 }
-"""Help texts of the suite's commands, so that `grid-map --help` imports none of them."""
+"""Help texts of the suite's commands, so that `grid-map --help` need not import the commands."""
 
 _NO_READER = 128 + signal.SIGPIPE
 
