@@ -61,7 +61,7 @@ def find_medians(cells: Any, values: Any, places: Any, dealt: Any, medians: Any)
     """Write the median of the values (n,) in each cell to `medians`.
 
     `places` is the start index of each cell in `dealt`, a buffer for the n values sorted by cell;
-    both are modified. Cells without values keep their entry in `medians`.
+    both arrays are modified. Cells without values keep their entry in `medians`.
     """
     for i in range(len(values)):
         dealt[places[cells[i]]] = values[i]
