@@ -137,7 +137,7 @@ def _compute(
     missing = [
         n for n, (row, column) in places.items() if any(f"{row}.{column}" not in c for c in chunks)
     ]
-    # Neighboring tiles share input blocks at their borders, which a process keeps in memory.
+    # Neighboring tiles share input blocks at their borders; a process keeps them in memory.
     missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
     done = len(tiles) - len(missing)
     if progress is not None:
@@ -166,7 +166,7 @@ class _Write:
 
     @cached_property
     def _arrays(self) -> dict[str, Any]:
-        # A tile is complete when all its chunks exist, so chunks of NaN are written, too.
+        # A tile is complete when all its chunks exist, so chunks of NaN must also be written.
         return {name: open_layer(self.store, name, empty_chunks=True) for name in self.names}
 
 
