@@ -96,7 +96,7 @@ class Loop:
 
 
 def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
-    """Return a decorator that turns a function into a `Loop` with these argument types."""
+    """Return a decorator that turns a function into a `Loop` with the argument types `takes`."""
     return lambda function: Loop(function, takes)
 
 

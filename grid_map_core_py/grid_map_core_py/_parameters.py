@@ -34,7 +34,7 @@ DEEPEST = 50
 
 
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
-    """Create an instance of the dataclass `cls` with the given parameters as fields.
+    """Create an instance of the dataclass `cls`, whose fields are set from `parameters`.
 
     Supported field types are `bool`, `int`, `float`, `str`, `Literal`, `tuple[X, ...]` and
     `list[X]` of these types, and optional types.

@@ -137,7 +137,7 @@ def as_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
 def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[Any]:
     if type(values) is np.ndarray and values.dtype == dtype:
         return values
-    # Values beyond float32 become infinite, as with a cast in C++.
+    # Values outside the float32 range become infinite, as with a cast in C++.
     with np.errstate(over="ignore"):
         return as_numbers(values, name).astype(dtype, copy=False)
 

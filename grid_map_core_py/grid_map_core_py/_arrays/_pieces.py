@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Piecewise computation on arrays, which keeps temporaries small enough for the cache."""
+"""Piecewise computation on arrays, which keeps temporaries small enough for the CPU cache."""
 
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -93,7 +93,7 @@ def _commands() -> dict[str, EntryPoint]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code; a signal ends the process."""
+    """Run a command line and return its exit code, unless a signal ends the process."""
     before = on_end(_end)
     try:
         with warnings.catch_warnings():

@@ -29,7 +29,7 @@ TimedMap: TypeAlias = "tuple[int | None, GridMap]"
 """Recording time [ns], or None if unknown, and the map."""
 
 STANDARD = "-"
-"""File name that means standard input or output, in npz format."""
+"""File name that stands for standard input or output, which use the npz format."""
 
 _READING = (
     *("topic", "index", "recover", "resolution", "black", "white", "height_layer"),

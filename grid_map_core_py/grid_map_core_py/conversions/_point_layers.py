@@ -45,7 +45,7 @@ from . import _point_loops as point_loops
 from ._point_reductions import COLOR_REDUCTIONS, REDUCTIONS, Reduction
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
-"""Default layers: `elevation`, the largest height in each cell."""
+"""Default of `layers` in `rasterize`: `elevation`, the largest height in each cell."""
 
 COLOR_FIELDS = ("rgb", "rgba", "color")
 """Names of packed-color fields: 0x00RRGGBB, as integers or as float32 bits."""

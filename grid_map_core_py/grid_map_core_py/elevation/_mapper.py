@@ -222,7 +222,7 @@ class ElevationMapper:
             hidden = in_map_order(self._hidden, moved.position)
             height, noise = self._noise, covariance
             if covariance is not None:
-                # Odometry drift is not noise: drift compensation shifts the map along with it.
+                # Odometry drift is not noise: drift compensation shifts the map with the odometry.
                 height = min(height, float(covariance.matrix[0, 0]))
                 noise = covariance.with_height(min(height, self._parameters.largest_share))
             limits = limits or self._parameters

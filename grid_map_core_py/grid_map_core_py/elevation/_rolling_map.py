@@ -138,7 +138,7 @@ class RollingMap:
         if position is not None:
             self.move(position)
         old, new = self._map, new.with_start_index(self._map.start_index)
-        # Heights beyond float32 become infinite.
+        # Heights outside the float32 range become infinite.
         with np.errstate(over="ignore", invalid="ignore"):
             fused = self._fusion(
                 {name: old[name] for name in self._layers},

@@ -59,7 +59,7 @@ HIDDEN = tuple(f"# {field.name}" for field in fields(Memory))
 
 @dataclass
 class State:
-    """Layers of a map during an update, flat: column by column in map order.
+    """Flat layers of a map during an update, column by column in map order.
 
     Attributes:
         heights, variances, times: (cells,) values of the cells; unknown heights are NaN.

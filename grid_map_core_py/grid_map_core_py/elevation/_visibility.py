@@ -121,7 +121,7 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
     with np.errstate(all="ignore"):
         length = np.sqrt(ways[0] * ways[0] + ways[1] * ways[1] + ways[2] * ways[2])
         ways, rise = ways[:2] / -frame[3], ways[2]
-        # Beam parameters at the map borders; 0 is the sensor, 1 is the point.
+        # Beam parameters at the map borders, from 0 at the sensor to 1 at the point.
         ends = np.stack([-start / ways, (limits - start) / ways])
         still = ways == 0.0
         off = (still & ((start < 0.0) | (start > limits))).any(axis=0) | still.all(axis=0)
@@ -289,7 +289,7 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
         x, y = -x / frame[3], -y / frame[3]
         t, last = within(frame[0], x, rows, 0.0, min(frame[5] / length, 1.0))
         t, last = within(frame[1], y, columns, t, last)
-        # A vertical beam stays in the cell of its point.
+        # A vertical beam stays in the cell of its point and clears nothing.
         if t < last and x * x + y * y > 0.0:
             last = last_ring(frame, table, width, x, y, rise, last)
             follow((x, y, rise), (t, last), frame, size, surface)

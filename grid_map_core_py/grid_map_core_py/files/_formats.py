@@ -24,7 +24,7 @@ GROUP = "grid_map_core_py.formats"
 
 
 class MapRecord(Protocol):
-    """A map in a file, not read yet."""
+    """A map in a file that has not been read yet."""
 
     time: int
     """Recording time [ns]."""

@@ -31,7 +31,7 @@ from ._shared import StoredMap, check_ending, new_file, package_for, storage_err
 _TAG = "GRID_MAP"
 
 _LARGEST_DIFFERENCE = 1e-6
-"""Largest relative difference between the sides of a pixel."""
+"""Largest relative difference between the sides of a pixel that counts as square."""
 
 _CACHE = 2**27
 """Size of GDAL's block cache in a process [bytes]; GDAL's default is 5 % of the memory."""

@@ -73,7 +73,7 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Import the package for a kind of file; if it is missing, the error says how to install it."""
+    """Import the package for a kind of file; if this fails, the error says how to install it."""
     return errors.required(name, f"{path}: {kind}", f"pip install {name}")
 
 

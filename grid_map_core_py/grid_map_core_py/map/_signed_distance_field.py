@@ -324,7 +324,7 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     squares: Layer = np.empty(shape, np.float32)
     np.subtract(upper, lower, out=squares, dtype=np.float64, casting="same_kind")
     np.maximum(squares, 0, out=squares)
-    # A squared distance beyond float32 becomes infinite, so that the column is never the nearest.
+    # A squared distance above the float32 range becomes infinite: the column is never nearest.
     with np.errstate(over="ignore"):
         np.multiply(squares, squares, out=squares)
     for _ in ("x", "y"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells of whole maps, blocks, discs, ellipses, polygons and lines; cell masks."""
+"""Select the cells in blocks, discs, ellipses and polygons or on lines; make cell masks."""
 
 from __future__ import annotations
 

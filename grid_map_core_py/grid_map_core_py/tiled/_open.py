@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`open_map` for stores, rasters and datasets; the Zarr format for `load` and `save`."""
+"""Opens stores, rasters and datasets as tiled maps; defines Zarr for `load` and `save`."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress

@@ -242,7 +242,7 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
         columns, rows = _opened(coarse, "").shape
     place = slice(0, rows), slice(0, columns)
     source = replace(source, parts=(coarse._replace(place=place),))
-    # GDAL stretches an overview to the extent of the raster: the cells are not exactly square.
+    # GDAL stretches an overview to the extent of the raster, so the cells are not exactly square.
     resolution = factor * tiled_map.resolution
     geometry = GridGeometry.from_size((rows, columns), resolution, tiled_map.position)
     return replace(tiled_map, source=source, geometry=geometry), factor
@@ -291,7 +291,7 @@ def _read_header(path: str, crs: str) -> _Header:
 
 
 def _warn(raster: Any, path: str) -> None:
-    """Warn if the coordinates of a raster are not meters, or if wide strips make reading slow."""
+    """Warn if raster coordinates are not in meters, or if wide strips make reading slow."""
     if unit := unit_of(raster):
         longitude, latitude = raster.lnglat()
         zone = min(max(int((longitude + 180.0) // 6.0), 0), 59) + 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every n-th cell of a tiled map, in bounded memory and time."""
+"""Reads every n-th row and column of a tiled map, in bounded memory and time."""
 
 import itertools
 import math

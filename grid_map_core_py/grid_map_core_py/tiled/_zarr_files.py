@@ -190,7 +190,7 @@ def check_local(path: str | PathLike[str]) -> Path:
 
 
 def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> None:
-    """Create a store for the layers `names` in an empty folder, without chunks."""
+    """In an empty folder, create a store without chunks for the layers `names`."""
     zarr = required("zarr", f"{path}: a Zarr store", REMEDY)
     blosc = required("numcodecs", "a Zarr store", REMEDY).Blosc
     taken = (*DIMENSIONS, CRS_VARIABLE)
