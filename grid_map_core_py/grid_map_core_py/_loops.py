@@ -58,7 +58,7 @@ class Loop:
             return self._compiled
 
     def must_compile(self) -> bool:
-        """Return whether `compiled` would compile now, because numba's cache is empty."""
+        """Return whether `compiled` would have to compile because numba's cache is empty."""
         if "_compiled" in self.__dict__ or not _has_numba():
             return False
         try:
@@ -96,7 +96,7 @@ class Loop:
 
 
 def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
-    """Return a decorator that turns a function into a `Loop` with these argument types."""
+    """Return a decorator that turns a function into a `Loop` with the argument types `takes`."""
     return lambda function: Loop(function, takes)
 
 

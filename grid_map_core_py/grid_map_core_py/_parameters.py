@@ -34,7 +34,7 @@ DEEPEST = 50
 
 
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
-    """Create an instance of the dataclass `cls` with the given parameters as fields.
+    """Create an instance of the dataclass `cls`, whose fields are set from `parameters`.
 
     Supported field types are `bool`, `int`, `float`, `str`, `Literal`, `tuple[X, ...]` and
     `list[X]` of these types, and optional types.
@@ -130,7 +130,7 @@ def cast(name: str, value: object, kind: Any) -> Any:
 
 
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
-    """Return a `ConfigError` that states the expected and the given value."""
+    """Return a `ConfigError` that states the expected and the actual value."""
     found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
     return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 

@@ -106,7 +106,7 @@ def short(value: object) -> str:
 
 
 def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
-    """Return `; did you mean a or b?` with at most `most` similar names, or "" without any."""
+    """Return `; did you mean a or b?` with at most `most` similar names; "" if there are none."""
     # A message may contain any number of names, so only the first ones are compared.
     close = difflib.get_close_matches(str(wrong)[:_LONGEST], islice(known, _MOST_NAMES), most)
     return f"; did you mean {' or '.join(close)}?" if close else ""

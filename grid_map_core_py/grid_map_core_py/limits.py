@@ -43,8 +43,8 @@ class Limits:
         max_cells: largest number of cells (rows times columns) in a map.
         max_bytes: largest size [bytes] of all map layers, of unpacked data, or of an image, point,
             mesh or octomap file.
-        max_ratio: largest ratio of unpacked to packed bytes, beyond 100 MB of unpacked data, for
-            each part of a file and for all data unpacked at once.
+        max_ratio: largest ratio of unpacked to packed bytes, for each part of a file and for all
+            data unpacked at once; up to 100 MB of unpacked data, the ratio is not limited.
     """
 
     max_cells: float = 16_000_000
@@ -66,10 +66,10 @@ def current_limits() -> Limits:
 
 
 def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
-    """Set the limits of the process and return the previous ones.
+    """Set the limits of the process and return the previous limits.
 
     Args:
-        limits: new limits; None keeps the current ones.
+        limits: new limits; None keeps the current limits.
         changes: new values of `max_cells`, `max_bytes` or `max_ratio`.
     """
     global _limits

@@ -58,7 +58,7 @@ class Registry(Generic[T]):
     @cached_property
     def _plugins(self) -> dict[str, EntryPoint]:
         plugins: dict[str, EntryPoint] = {}
-        # A package that is on the path twice yields each entry point twice.
+        # A package that is on the Python path twice yields each entry point twice.
         for entry in dict.fromkeys(entry_points(group=self.group)):
             if entry.name in self.built_in or entry.name in plugins:
                 other = plugins[entry.name].value if entry.name in plugins else "a built-in"

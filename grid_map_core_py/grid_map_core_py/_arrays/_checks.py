@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, short
 
 Layer: TypeAlias = NDArray[np.float32]
-"""(rows, cols) float32, Fortran order; rows run along -x, columns along -y; NaN means no data."""
+"""(rows, cols) float32, Fortran order, rows towards -x, columns towards -y; NaN means no data."""
 
 Mask: TypeAlias = NDArray[np.bool_]
 """Booleans, one per cell or per point."""
@@ -30,14 +30,14 @@ Cells: TypeAlias = tuple[Integers, Integers]
 """(rows, cols) of cells, as returned by `numpy.nonzero`; `layer[cells]` returns the cell values."""
 
 Size: TypeAlias = tuple[int, int]
-"""Rows and columns."""
+"""Number of rows and number of columns."""
 
 
 Pair: TypeAlias = tuple[float, float]
 """x, y in meters, map frame, as plain numbers."""
 
 _ROTATION_TOLERANCE = 1e-3
-"""Largest deviation of R^T R from I that passes as rounding of a rotation R."""
+"""Largest deviation of R^T R from I that is accepted as rounding error in a rotation matrix R."""
 
 _EXACT = 2**53  # integers up to this value are exact in float64
 
@@ -75,7 +75,7 @@ def as_point(values: ArrayLike, name: str) -> Pair:
 
 
 def plain_pair(values: Any) -> Pair | None:
-    """Return `values` as two floats if it is a plain pair of numbers, else None; a fast path."""
+    """Fast path: return `values` as two floats if it is a plain pair of numbers, else None."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind not in "fiu":
@@ -110,7 +110,7 @@ def as_finite(
     least: float = -math.inf,
     above: float = -math.inf,
 ) -> float:
-    """Return `value` as a finite float, at least `least` and more than `above`."""
+    """Return `value` as a finite float; it must be at least `least` and greater than `above`."""
     number = as_number(value, name)
     if not (math.isfinite(number) and number >= least and number > above):
         limit = f" >= {least:g}" if math.isfinite(least) else ""
@@ -137,7 +137,7 @@ def as_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
 def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[Any]:
     if type(values) is np.ndarray and values.dtype == dtype:
         return values
-    # Values beyond float32 become infinite, as with a cast in C++.
+    # Values outside the float32 range become infinite, as with a cast in C++.
     with np.errstate(over="ignore"):
         return as_numbers(values, name).astype(dtype, copy=False)
 
@@ -263,7 +263,7 @@ def is_name(text: object) -> bool:
 
 def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
     try:
-        # A string would be iterated letter by letter.
+        # Iterating over a string would yield its characters.
         return (names,) if isinstance(names, str) else tuple(names)
     except TypeError:
         raise GridMapError(f"layers: expected names of layers, got {short(names)}") from None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Piecewise computation on arrays, which keeps temporaries small enough for the cache."""
+"""Piecewise computation on arrays, which keeps temporaries small enough for the CPU cache."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -43,7 +43,7 @@ def elementwise(
 
 
 def piece_of(count: int) -> int:
-    """Return the number of elements in a piece of an array of `count` elements.
+    """Return the number of elements per piece for an array with `count` elements.
 
     Small arrays have smaller pieces, so that temporaries stay smaller than the array.
     """
@@ -51,7 +51,7 @@ def piece_of(count: int) -> int:
 
 
 def slices(count: int, step: int) -> Iterator[slice]:
-    """Yield slices of `step` items, the last one shorter, that cover `count` items."""
+    """Yield slices of `step` items that cover `count` items; the last slice may be shorter."""
     for first in range(0, count, max(1, step)):
         yield slice(first, min(first + max(1, step), count))
 

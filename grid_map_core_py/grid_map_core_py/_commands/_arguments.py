@@ -106,7 +106,7 @@ def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 
 def _topics(parsed_args: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return the map topics of a bag, or the single map of another file."""
+    """Return a description of each map topic in a bag, or of the single map in another file."""
     with suppress(Exception):
         from ._maps import describe
 

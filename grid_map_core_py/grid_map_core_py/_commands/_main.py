@@ -39,7 +39,7 @@ HELP = {
     "record": "record topics of any type to a bag, until Ctrl-C",
     "play": "publish the messages of a bag at the pace of the recording",
 }
-"""Help texts of the suite's commands, so that `grid-map --help` imports none of them."""
+"""Help texts of the suite's commands, so that `grid-map --help` need not import the commands."""
 
 _NO_READER = 128 + signal.SIGPIPE
 
@@ -93,7 +93,7 @@ def _commands() -> dict[str, EntryPoint]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code; a signal ends the process."""
+    """Run a command line and return its exit code, unless a signal ends the process."""
     before = on_end(_end)
     try:
         with warnings.catch_warnings():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads and writes the map files given on a command line.
+"""Reads and writes the map files named on a command line.
 
 Modules that are slow to import are imported inside functions.
 """
@@ -29,7 +29,7 @@ TimedMap: TypeAlias = "tuple[int | None, GridMap]"
 """Recording time [ns], or None if unknown, and the map."""
 
 STANDARD = "-"
-"""File name that means standard input or output, in npz format."""
+"""File name that stands for standard input or output, which use the npz format."""
 
 _READING = (
     *("topic", "index", "recover", "resolution", "black", "white", "height_layer"),
@@ -48,7 +48,7 @@ _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 def _choose(
     options: argparse.Namespace, of_source: Iterable[str] | None = None
 ) -> "tuple[Format, dict[str, Any]]":
-    """Return the format and the given options of the source, or of the destination.
+    """Return the format and the user's options for the source or for the destination.
 
     Args:
         options: the arguments.
@@ -61,8 +61,8 @@ def _choose(
     )
 
     writes = of_source is not None
-    # Black and white may belong to source or destination; the destination raises if neither format
-    # uses them.
+    # `--black` and `--white` may apply to the source or to the destination. If neither format uses
+    # them, choosing the destination format raises an error.
     shared = ("lower", "upper") if hasattr(options, "destination") else ()
     elsewhere = shared if of_source is None else of_source
 
@@ -99,7 +99,7 @@ def source_format(options: argparse.Namespace) -> str:
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the map given by the `add_source` arguments; `layers=None` reads all layers."""
+    """Read the map that the `add_source` arguments select; `layers=None` reads all layers."""
     found, given = _choose(options)
     with _source(options.source) as path:
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
@@ -174,7 +174,7 @@ def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]
 
 @contextmanager
 def _source(path: str) -> Iterator[Path | str]:
-    """Yield the path or address; standard input is copied to a file, for random access."""
+    """Yield the source path or address; standard input is copied to a file, for random access."""
     if path != STANDARD:
         yield path if _is_address(path) else Path(path)
         return
@@ -191,7 +191,7 @@ def _source(path: str) -> Iterator[Path | str]:
 
 
 class Destination:
-    """Map destination, given by the `add_destination` arguments.
+    """Destination of maps, selected by the `add_destination` arguments.
 
     Args:
         options: the arguments.
@@ -266,7 +266,7 @@ class Destination:
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Raise `CommandError` if a path exists; with `force`, only for devices, pipes and sockets."""
+    """Raise `CommandError` if `path` exists; `force` accepts existing files and folders."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)

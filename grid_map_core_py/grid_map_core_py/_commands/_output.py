@@ -21,7 +21,7 @@ class CommandError(GridMapError):
 
 
 class UsageError(CommandError):
-    """Invalid arguments, whatever the files contain; exit code 2."""
+    """Arguments that are invalid regardless of the file contents; exit code 2."""
 
 
 def message(text: str) -> None:
@@ -56,7 +56,7 @@ def number(value: float) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Format a length or coordinate [m] with 12 digits, enough for UTM northings to the mm."""
+    """Format a length or coordinate [m] with 12 digits, so UTM northings keep millimeters."""
     return f"{value:.12g}"
 
 
@@ -78,7 +78,7 @@ class ProgressBar:
     Args:
         stream: stream to write to; None means standard error, or standard output for `as_json`.
         clock: function that returns the time [s].
-        quiet: whether to show nothing.
+        quiet: whether to hide the progress; ignored for `as_json`.
         unit: name of the counted items.
         cells: number of cells per unit, to show the rate in cells. The first call must then report
             how many units were already finished.

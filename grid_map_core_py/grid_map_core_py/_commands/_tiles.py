@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Command-line options for tiled computation, and its execution."""
+"""Command-line options for tiled computation, and the computation itself."""
 
 import argparse
 import logging
@@ -22,7 +22,7 @@ _TILED = ("zarr", "geotiff")
 """Formats that are read and written window by window."""
 
 _RECTANGLE = ("position", "lat", "lon", "length")
-"""Options of `add_rectangle`."""
+"""Names of the options that `add_rectangle` adds."""
 
 _OPTIONS = ("workers", "memory", "scheduler", "resume", "cog")
 """Options that apply only to tiled maps."""
@@ -50,7 +50,7 @@ def add_tiles(parser: argparse.ArgumentParser) -> None:
 
 
 def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
-    """Add the options for a rectangle of a map; the map may be larger than memory."""
+    """Add the options that select a rectangle of a map; the map may be larger than memory."""
     group = parser.add_argument_group("rectangle")
     about = "its center [m] in the frame of the map"
     group.add_argument("--position", type=float, nargs=2, metavar=("X", "Y"), help=about)
@@ -64,7 +64,7 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 
 
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the rectangle given by the `add_rectangle` arguments.
+    """Read the rectangle that the `add_rectangle` arguments select.
 
     For stores and rasters, only the chunks that overlap the rectangle are read.
     """
@@ -99,8 +99,8 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    Zarr stores and GeoTIFF files are read window by window. Small files are read as a whole if no
-    destination is given, or for GeoTIFF to GeoTIFF, unless `also_small` is set.
+    Zarr stores and GeoTIFF files are read window by window. Small files are read as a whole if
+    there is no destination, or if both files are GeoTIFF, unless `--cog` or `also_small` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -158,7 +158,7 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Within the context, compute with the processes or cluster that `add_tiles` selects."""
+    """Context manager: make Dask use the processes or cluster that the options select."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles", _REMEDY).config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):

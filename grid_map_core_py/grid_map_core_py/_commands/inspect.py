@@ -64,7 +64,7 @@ def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dic
 
     is_color = name.endswith("color")
     nan = int(np.isnan(layer).sum())
-    # Double precision, so that neither sums nor bin widths overflow.
+    # Use double precision, so that neither sums nor bin widths overflow.
     finite = layer[np.isfinite(layer)].astype(np.float64)
     found: dict[str, Any] = {
         "name": name,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Navigation costmaps: one byte per cell, 255 for unknown; NaN becomes 255, never free."""
+"""Navigation costmaps with one byte per cell; NaN becomes 255 (unknown), never free."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Costs: TypeAlias = NDArray[np.uint8]
 
 FREE = 0
 INSCRIBED = 253
-"""Cost of a cell where a robot centered in it collides at any heading."""
+"""Cost at which a robot centered in the cell collides at any heading."""
 LETHAL = 254
 UNKNOWN = 255
 
@@ -38,9 +38,10 @@ class CostCodec(Protocol):
 
 @dataclass(frozen=True)
 class CostTable:
-    """Maps layer values to the named costs of costmap_2d and nav2; linear from free to inscribed.
+    """Maps layer values to the named costs of costmap_2d and nav2.
 
-    The defaults match the occupancy grid scale. Use `CostTable(0, 253, 254, 255)` for layers
+    Values between `free` and `inscribed` are mapped linearly. The defaults match occupancy grids,
+    from 0 to 100 with -1 for unknown. Use `CostTable(0, 253, 254, 255)` for layers
     that store costs.
 
     Attributes:

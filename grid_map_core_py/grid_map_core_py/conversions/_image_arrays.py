@@ -173,7 +173,7 @@ def _range(
     """Return `lower` and `upper`; a bound that is None becomes the finite minimum or maximum."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
-    # `fmin` and `fmax` handle values that are all beyond the given bound, or not finite.
+    # `fmin` and `fmax` return the other bound if all values are beyond it or not finite.
     if lower is None:
         low = float(np.fmin(min_of_finites(values), high))
     if upper is None:

@@ -158,7 +158,7 @@ class _Triangles(NamedTuple):
 def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
 ) -> _Triangles:
-    """Return the triangles that are finite, not vertical and of nonzero area.
+    """Return the finite, non-vertical triangles with nonzero area.
 
     Args:
         rows, columns, z: (3, T) positions of the corners [cells], with cell centers at integers,

@@ -15,7 +15,7 @@ from ..errors import GeometryError
 Bytes: TypeAlias = NDArray[np.uint8]
 
 NO_COLOR = np.float32(np.nan).view(np.uint32)
-"""Bits of a cell without a color."""
+"""Bits of the NaN that marks cells without a color."""
 
 _RED, _GREEN = np.uint32(16), np.uint32(8)
 
@@ -66,7 +66,7 @@ def join_channels(red: Any, green: Any, blue: Any) -> Any:
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Shift red, green, blue into the low byte of a uint32 each; filters compile it with numba.
+    """Return three uint32 whose low bytes are red, green and blue; filters compile it with numba.
 
     Args:
         bits: uint32 number or array, 0x00RRGGBB.
@@ -108,7 +108,7 @@ def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
 
 
 def _pack(*channels: NDArray[Any]) -> NDArray[np.uint32]:
-    """Return the bits of color channels, given as floats in [0, 1] or integers in [0, 255]."""
+    """Return the bits of color channels, which are floats in [0, 1] or integers in [0, 255]."""
     bits: NDArray[np.uint32] = join_channels(*map(_byte, channels))
     for channel in channels:
         if channel.dtype.kind == "f":

@@ -33,7 +33,7 @@ class _CloudTransform:
 
     Attributes:
         translation: x, y, z [m].
-        rotation: roll, pitch, yaw [rad], intrinsic about x, then the new y, then the new z.
+        rotation: roll, pitch, yaw [rad]; intrinsic rotations about x, the new y, and the new z.
     """
 
     translation: _Triple = (0.0, 0.0, 0.0)
@@ -293,7 +293,7 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
     voxels = np.ravel_multi_index((*places.T.astype(np.int64),), (*counts.astype(np.int64),))
     _, numbers = np.unique(voxels, return_inverse=True)
     sizes = np.bincount(numbers)
-    # Offsets from a point of the cloud, because sums of large coordinates lose precision.
+    # Average the offsets from one point, because sums of large coordinates lose precision.
     offsets = (xyz - xyz[0]).T
     means: Positions = np.column_stack([np.bincount(numbers, along) for along in offsets])
     means /= sizes[:, None]
@@ -385,7 +385,7 @@ def euclidean_clusters(
     linked, _ = np.nonzero(found)
     edges: _Edges = [(linked, neighbors[found])]
     clusters = _components(len(points), edges)
-    # Only points with the maximum number of links may have further neighbors.
+    # Only points with the maximum number of links may have neighbors that are not linked.
     crowded = np.flatnonzero(found[:, -1])
     edges += _missing_links(points, groups, clusters, crowded, reach, workers)
     if len(edges) > 1:
@@ -401,10 +401,11 @@ def _missing_links(
     reach: float,
     workers: int,
 ) -> _Edges:
-    """Return links between crowded points of different clusters in the same group.
+    """Return links between `crowded` points of different clusters in the same group.
 
-    For each pair of clusters, each point of the smaller one is linked to the nearest point of the
-    larger one within `reach`. Few clusters have crowded points, so this is cheap.
+    `crowded` indexes the points with the maximum number of links; few clusters contain any, so this
+    is cheap. For each pair of clusters, each crowded point of the cluster with fewer such points is
+    linked to the nearest crowded point of the other cluster within `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -419,7 +420,7 @@ def _missing_links(
     group_of = groups[crowded[starts]]
     order = np.argsort(group_of, kind="stable")
     _, begins, counts = np.unique(group_of[order], return_index=True, return_counts=True)
-    # Number of earlier clusters in the same group.
+    # For each cluster, the number of earlier clusters in the same group.
     before = np.arange(len(order)) - np.repeat(begins, counts)
     for places, steps in expanded(before, _POINTS):
         one, other = order[places], order[places - 1 - steps]

@@ -45,7 +45,7 @@ from . import _point_loops as point_loops
 from ._point_reductions import COLOR_REDUCTIONS, REDUCTIONS, Reduction
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
-"""Default layers: `elevation`, the largest height in each cell."""
+"""Default of `layers` in `rasterize`: `elevation`, the largest height in each cell."""
 
 COLOR_FIELDS = ("rgb", "rgba", "color")
 """Names of packed-color fields: 0x00RRGGBB, as integers or as float32 bits."""
@@ -117,7 +117,7 @@ def from_points(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Create a map from points; the other arguments are as in `rasterize`.
+    """Create a map from points; arguments not listed here are as in `rasterize`.
 
     Without `length` and `position`, the map is the smallest one that covers all points within the
     height limits. The map borders are at multiples of the resolution, so that the cells of maps
@@ -168,7 +168,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
     """Return packed colors without alpha.
 
     Args:
-        values: (N,) 0xAARRGGBB as integers or as float32 bits; the default NaN means no color.
+        values: (N,) 0xAARRGGBB as integers or as float32 bits; `float("nan")` means no color.
         name: name of the values in error messages.
     """
     given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
@@ -258,7 +258,7 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return flat cells (n,) of the points on the map and within limits, and their mask (N,)."""
+    """Return the flat cells (n,) and the mask (N,) of the points on the map and within limits."""
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)
     # For comparisons, NumPy rounds the limits to the data type of the heights.

@@ -37,7 +37,7 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
             resolution [m].
         size: number of rows and columns.
         cells: (n,) receives the flat cells of the points on the map, without gaps.
-        counted: (n,) receives 1 for points on the map and within the limits of z, else 0.
+        counted: (n,) receives 1 for points on the map and within the z limits, else 0.
     """
     lowest, highest, half_x, half_y, center_x, center_y, step = frame
     kept = 0
@@ -61,7 +61,7 @@ def find_medians(cells: Any, values: Any, places: Any, dealt: Any, medians: Any)
     """Write the median of the values (n,) in each cell to `medians`.
 
     `places` is the start index of each cell in `dealt`, a buffer for the n values sorted by cell;
-    both are modified. Cells without values keep their entry in `medians`.
+    both arrays are modified. Cells without values keep their entry in `medians`.
     """
     for i in range(len(values)):
         dealt[places[cells[i]]] = values[i]

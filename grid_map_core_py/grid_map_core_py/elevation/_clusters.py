@@ -71,7 +71,7 @@ def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: 
 
 
 def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
-    """Return the order of the points; ties in height and variance are broken by `values` (n,)."""
+    """Return `points.order` with ties in height and variance broken by `values` (n,)."""
     order = points.order
     same = np.zeros(len(order) + 1, np.bool_)
     same[1:-1] = (np.diff(points.heights) == 0) & (np.diff(points.variances) == 0)
@@ -176,7 +176,7 @@ class Clusters:
         """Return a mask (q,) of the clusters that agree with the height of their cell (the gate).
 
         A cluster agrees if its mean differs from the height by at most
-        `max(threshold * sqrt(sum of both variances and the spread), relief)`.
+        `max(threshold * sqrt(height variance + cluster variance + spread), relief)`.
 
         Args:
             heights, variances: (m,) values of the cells with points; unknown heights are NaN.
@@ -198,7 +198,7 @@ class Clusters:
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the point indices of clusters (k,), and the start of each cluster among them."""
+        """Return the point indices of clusters (k,), and each cluster's start in these indices."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins

@@ -101,8 +101,8 @@ class Fusion:
     """Fuses the clusters of a scan into the cells of a map, in place.
 
     Attributes:
-        entries: function that returns the heights [m] at which the beams of given points entered
-            their cells.
+        entries: function that returns, for points, the heights [m] at which the beams entered the
+            points' cells.
         outcomes: (m,) `Outcome` of each cell with points.
         chosen: (m,) cluster that determined the outcome.
     """
@@ -223,7 +223,7 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the candidates (m,) seen in enough scans, or `NONE`; remember the others."""
+        """Return the candidates (m,) seen in enough scans, or `NONE`; remember all others."""
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])

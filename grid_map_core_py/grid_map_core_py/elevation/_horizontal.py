@@ -62,7 +62,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield weights, heights and variances (k,) of one neighbor of each known cell at a time."""
+    """Yield weights, heights and variances (k,) of the known cells' neighbors, offset by offset."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
@@ -80,7 +80,7 @@ def _neighbors(
 
 
 def _share(step: int, deviations: Cells) -> Cells:
-    """Return the probability that an error lies within the cell `step` cells away."""
+    """Return the probability that a position error ends in the cell `step` cells away."""
     with np.errstate(divide="ignore"):
         share: Cells = ndtr((step + 0.5) / deviations) - ndtr((step - 0.5) / deviations)
     return share

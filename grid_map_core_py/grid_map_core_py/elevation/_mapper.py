@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`ElevationMapper`; the sibling modules implement the stages of an update."""
+"""Implements `ElevationMapper`; sibling modules implement the stages of an update."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 _LOOPS = deal, grow_clusters, cover, trace
 
 LATE = 10**9
-"""If scans stay earlier than a previous scan for longer than this [ns], the clock restarts."""
+"""Time span of consecutive too-early timestamps after which the map clock restarts [ns]."""
 
 KEPT = "time", *BOUNDS
 """Layers that `masked_replace` does not copy from the other map."""
@@ -183,7 +183,7 @@ class ElevationMapper:
                 `RuntimeWarning`.
             pose_covariance: (6, 6) covariance of x, y, z [m], roll, pitch, yaw [rad] of the sensor;
                 rotations are about the map axes. None means an exact pose.
-            values: further point values (N,) by layer name.
+            values: additional point values (N,) by layer name.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             sensor: noise model; None uses the model passed to the constructor.
             limits: parameters whose range and height limits apply to this scan; None uses the
@@ -222,7 +222,7 @@ class ElevationMapper:
             hidden = in_map_order(self._hidden, moved.position)
             height, noise = self._noise, covariance
             if covariance is not None:
-                # Odometry drift is not noise: drift compensation shifts the map along with it.
+                # Odometry drift is not noise: drift compensation shifts the map with the odometry.
                 height = min(height, float(covariance.matrix[0, 0]))
                 noise = covariance.with_height(min(height, self._parameters.largest_share))
             limits = limits or self._parameters
@@ -243,7 +243,7 @@ class ElevationMapper:
         return report
 
     def configure(self, **parameters: Any) -> None:
-        """Change parameters, except `horizontal_variances`; if an error occurs, none changes."""
+        """Change parameters, except `horizontal_variances`; after an error, all stay unchanged."""
         new = build(Parameters, {**vars(self._parameters), **parameters})
         has_layer = self._parameters.horizontal_variances
         kept = new.horizontal_variances == has_layer
@@ -257,7 +257,7 @@ class ElevationMapper:
         """Move the map by whole cells to a new center (2,) [m]; cells that leave it are dropped.
 
         Raises:
-            GeometryError: the position is not finite, or too far away to count the cells.
+            GeometryError: the position is not finite, or is 2^52 or more cells away.
         """
         self._map = in_map_order(self._map, position)
         self._hidden = in_map_order(self._hidden, position)
@@ -272,9 +272,9 @@ class ElevationMapper:
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace the layers of this map with the layers of another map where the maps overlap.
 
-        All layers that exist in both maps are replaced. Each cell gets the value (even NaN) of the
-        other map's cell that contains its center. If the other map has no layer `variance`, the
-        variance of new heights is `min_variance`.
+        Layers that exist in both maps are replaced, except `time` and the bounds, which are
+        recomputed. Each cell gets the value (even NaN) of the other map's cell that contains its
+        center. If the other map has no layer `variance`, new heights get `min_variance`.
 
         Args:
             grid_map: the other map, in the same frame.

@@ -56,13 +56,13 @@ class Covariance:
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
 
     def with_height(self, variance: float) -> Covariance:
-        """Return a copy with the given variance of z [m^2]."""
+        """Return a copy with another variance of z [m^2]."""
         matrix = self.matrix.copy()
         matrix[0, 0] = variance
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the variance of cell heights due to the pose [m^2], including covariances of z."""
+        """Return `of_points` plus the covariance of z with roll and pitch, for cells [m^2]."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
@@ -111,7 +111,7 @@ def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covaria
     `roll * dy - pitch * dx`. Nothing is added where the new covariance is smaller.
 
     Args:
-        old, new: covariances of both poses.
+        old, new: covariances of the previous and the new pose.
         dx, dy: motion of the sensor [m], map frame.
     """
     tilt = np.array([[1.0, dy, -dx], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])

@@ -85,7 +85,7 @@ class RollingMap:
         """Move the window by whole cells to a new center (2,) [m]; cells that leave it are dropped.
 
         Raises:
-            GeometryError: the position is not finite, or too far away to count the cells.
+            GeometryError: the position is not finite, or is 2^52 or more cells away.
         """
         for region in self._map.move(position):
             if _COUNT in self._layers:
@@ -107,8 +107,8 @@ class RollingMap:
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
                 map are ignored.
-            columns: further point values (N,) by layer name; these layers hold the mean from the
-                last cloud with values in the cell.
+            columns: additional point values (N,) by layer name; a layer holds, for each cell, the
+                mean over the last cloud with values in the cell.
             transform: (4, 4) from the sensor to the map frame; None for points in the map frame.
             min_range, max_range: smallest and largest distance of points from the sensor [m];
                 other points are ignored.
@@ -127,7 +127,7 @@ class RollingMap:
             cloud, columns = cloud[kept], {name: data[kept] for name, data in columns.items()}
         if transform is not None:
             matrix = as_rigid(transform)
-            # The identity transform is skipped, so that the points keep their type.
+            # The identity transform is skipped, so that the points keep their dtype.
             if not np.array_equal(matrix, np.eye(4)):
                 cloud = (rotated(cloud, matrix[:3, :3]) + matrix[:3, 3:4]).T
         # All steps that can fail come before the map is moved.
@@ -138,7 +138,7 @@ class RollingMap:
         if position is not None:
             self.move(position)
         old, new = self._map, new.with_start_index(self._map.start_index)
-        # Heights beyond float32 become infinite.
+        # Heights outside the float32 range become infinite.
         with np.errstate(over="ignore", invalid="ignore"):
             fused = self._fusion(
                 {name: old[name] for name in self._layers},

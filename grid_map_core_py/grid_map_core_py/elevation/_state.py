@@ -22,7 +22,7 @@ BOUND = 2.486
 
 BOUNDS = ("upper_bound", "lower_bound")
 FUSED = ("elevation", "variance")
-"""Layers that scans change; the other layers in `OWN` are derived."""
+"""Layers that scans change; all other layers in `OWN` are computed."""
 
 OWN = (*FUSED, "time", *BOUNDS)
 HORIZONTAL = "horizontal_variance"
@@ -59,7 +59,7 @@ HIDDEN = tuple(f"# {field.name}" for field in fields(Memory))
 
 @dataclass
 class State:
-    """Layers of a map during an update, flat: column by column in map order.
+    """Flat layers of a map during an update, column by column in map order.
 
     Attributes:
         heights, variances, times: (cells,) values of the cells; unknown heights are NaN.
@@ -110,7 +110,7 @@ class State:
         self.times[cells], self.memory.age[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
-        """Return all layers of the map, flat; cells above `max_variance` become NaN."""
+        """Return all layers, flat; cells whose variance exceeds `max_variance` become NaN."""
         with np.errstate(over="ignore", invalid="ignore"):
             heights = self.heights.astype(np.float32)
             least = np.float32(parameters.min_variance)
@@ -149,12 +149,12 @@ def highest_around(
 ) -> NDArray[np.float32]:
     """Return the maximum (cells,) of the values within `radius` cells of each cell.
 
-    NaN values are ignored; the result is -inf if no value remains. If `itself` is False, the value
-    of the cell is excluded.
+    NaN values are ignored; the result is -inf if no value remains. If `itself` is False, the cell's
+    own value is excluded.
     """
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
     kernel[radius, radius] = itself
-    # OpenCV is ten times as fast with float32.
+    # `cv2.dilate` is ten times as fast for float32 as for float64.
     with np.errstate(over="ignore"):
         known = np.fmax(values.astype(np.float32), np.float32(-np.inf)).reshape(size[::-1])
     around: Any = cv2.dilate(known, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=-np.inf)
@@ -172,9 +172,9 @@ def at_centers(
 ) -> Numbers:
     """Return the heights (n,) of points, moved along the slope to their cell centers [m].
 
-    The slope along each axis is the smaller of the height differences to both neighbors. If the
-    differences have opposite signs, or one is within the gate, the slope is 0: the cell is level
-    or at a step.
+    The slope along each axis is the smaller (in magnitude) of the height differences to the
+    preceding and the following cell. If these have opposite signs, or if one is within the gate,
+    the slope is 0: the cell is level or at a step.
 
     Args:
         points: (3, n) points on the map.

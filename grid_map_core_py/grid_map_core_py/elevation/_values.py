@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fusion of further point values, such as colors and classes; each value has one layer.
+"""Fusion of additional point values, such as colors and classes; each value has one layer.
 
 Only the values of points that were fused into the height of their cell are used. A cell whose
 height is replaced loses its earlier values. Fusion methods:
 
 - `average`: mean over all scans, weighted by the inverse variances of the heights.
-- `latest`: the same mean over the last scan with points in the cell.
+- `latest`: mean over the last scan with points in the cell, with the same weights.
 - `exponential`: weighted sum of `latest` (weight `exponential_alpha`) and the old value.
 - `max`: the largest value.
 - `color`: packed colors; the mean of each channel over the last scan with points in the cell.

@@ -17,8 +17,8 @@ clears a cell that was not confirmed for `scanning_duration`, unless
   less than `cleanup_min_angle`.
 
 The end of a beam is raised by three standard deviations of its point. Where a beam runs below the
-feet of all cells in the 3 x 3 neighborhood that this scan confirmed, the beam was reflected; from
-there on it clears no cells.
+feet of all cells in the 3 x 3 neighborhood that this scan confirmed, the beam counts as reflected;
+from there on it clears no cells.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def cleared_cells(
     geometry: GridGeometry,
     given: Parameters,
 ) -> Integers:
-    """Return the numbers of the cells that beams prove to be free.
+    """Return the indices of the cells that beams prove to be free.
 
     `points` are the points on the map; `confirmed` (k,) are the cells that this scan confirmed.
     """
@@ -121,7 +121,7 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
     with np.errstate(all="ignore"):
         length = np.sqrt(ways[0] * ways[0] + ways[1] * ways[1] + ways[2] * ways[2])
         ways, rise = ways[:2] / -frame[3], ways[2]
-        # Beam parameters at the map borders; 0 is the sensor, 1 is the point.
+        # Beam parameters at the map borders, from 0 at the sensor to 1 at the point.
         ends = np.stack([-start / ways, (limits - start) / ways])
         still = ways == 0.0
         off = (still & ((start < 0.0) | (start > limits))).any(axis=0) | still.all(axis=0)
@@ -192,7 +192,7 @@ MARGIN = 1e-9
 """Safety margin [m] for rounding when `last_ring` skips rings that a beam cannot clear."""
 
 SECTORS, RINGS = 512, 32
-"""Number of polar bins around the sensor; a beam above all cells in the outer bins skips these."""
+"""Number of polar bins around the sensor; a beam skips outer bins if it is above their cells."""
 
 
 def direction(x: Any, y: Any) -> Any:
@@ -211,7 +211,7 @@ def ring_width(frame: Any, size: Any) -> Any:
 
 @loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
 def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
-    """Write the maximum of `lowest` over the cells that overlap each polar bin into `table`."""
+    """Write to `table`, for each polar bin, the maximum of `lowest` over the overlapping cells."""
     width = ring_width(frame, size)
     for i in range(count):
         x = cells[i] % size[0] + 0.5 - frame[0]
@@ -235,7 +235,7 @@ def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any
 
 
 def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
-    """Clip the beam parameters `first` to `last` to the extent of the map along one axis."""
+    """Clip the range of beam parameters [`first`, `last`] to the map along one axis."""
     if way == 0.0:
         return first, (last if 0.0 <= start <= size else -1.0)
     one, other = -start / way, (size - start) / way
@@ -275,10 +275,11 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
             and the maximum beam length.
         size: rows and columns of the map.
         table: result of `cover`.
-        surface: for each cell, the height below which beams clear the cell, and its index among the
-            candidates; floors and normals of the candidates; for each cell, the height below which
-            beams end. The last two arrays are results for the candidates: the height of the lowest
-            beam that proves a candidate to be free, and 1 if a beam crossed the candidate.
+        surface: seven arrays. For each cell: the height below which beams clear the cell, and the
+            cell's index among the candidates. For each candidate: the height that clearing beams
+            must exceed, and the normal. For each cell: the height below which beams end. The last
+            two are results for each candidate: the height of the lowest beam that proves it to be
+            free, and 1 if a beam crossed it.
     """
     rows, columns = size
     width = ring_width(frame, size)
@@ -288,7 +289,7 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
         x, y = -x / frame[3], -y / frame[3]
         t, last = within(frame[0], x, rows, 0.0, min(frame[5] / length, 1.0))
         t, last = within(frame[1], y, columns, t, last)
-        # A vertical beam stays in the cell of its point.
+        # A vertical beam stays in the cell of its point and clears nothing.
         if t < last and x * x + y * y > 0.0:
             last = last_ring(frame, table, width, x, y, rise, last)
             follow((x, y, rise), (t, last), frame, size, surface)
@@ -327,7 +328,7 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return the first row, the beam parameter at its border, and the parameter step per row."""
+    """Return the first row, the beam parameter where it ends, and the parameter step per row."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

@@ -49,7 +49,7 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
             rows = np.atleast_1d(cloud.pc_data)
             if len(rows) != cloud.points:
                 raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
-        # PCL names all padding "_"; the reader renames it to unique names with this prefix.
+        # PCL names all padding fields "_"; the reader gives them unique names with this prefix.
         names = [name for name in rows.dtype.names or () if not name.startswith("#$%&~~")]
         table = {name: rows[name] for name in names}
     else:
@@ -118,7 +118,7 @@ def load_cloud(
         path: a PCD, PLY, OBJ or STL file.
         layers: names of the layers to create from the point heights and fields; None means all.
         resolution: side of a cell [m]; required.
-        kind: "points" or "mesh"; None means "mesh" if the file has faces.
+        kind: "points" or "mesh"; None means "mesh" if the file has faces, else "points".
         height_layer: name of the height layer.
         reduction: reduction of the point heights in a cell, as in `from_points`.
         min_height, max_height: smallest and largest height of points that are used [m].
@@ -204,7 +204,7 @@ def _read_meshes(file: Path) -> list[Any]:
             options = {"process": False, "skip_materials": True}
             scene = trimesh.load_scene(BytesIO(file.read_bytes()), ending, **options)
         except ImportError as error:
-            # To guess the encoding of other text, trimesh would need another package.
+            # For text that is not UTF-8, trimesh needs another package to guess the encoding.
             raise ValueError("neither valid nor text in UTF-8") from error
         except ValueError as error:
             hint = " (the faces of a binary PLY file must all have the same number of vertices)"
@@ -219,7 +219,7 @@ def _read_meshes(file: Path) -> list[Any]:
 
 
 def _check_complete(mesh: Any) -> None:
-    """Reject damage that trimesh accepts: truncated PLY text, invalid faces, no x, y, z."""
+    """Raise ValueError for truncated PLY text, invalid faces or missing x, y, z."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(getattr(mesh, "faces", ()))
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"expected x, y, z of every vertex, got an array {vertices.shape}")

@@ -24,7 +24,7 @@ GROUP = "grid_map_core_py.formats"
 
 
 class MapRecord(Protocol):
-    """A map in a file, not read yet."""
+    """A map in a file that has not been read yet."""
 
     time: int
     """Recording time [ns]."""
@@ -87,7 +87,7 @@ def load(
     """Load a map from a file or folder; the name selects the format.
 
     `formats()` lists the formats; [bags and files] in the documentation lists their options. If
-    several formats share an ending, the first that accepts all given options is used:
+    several formats share an ending, the first that accepts all options is used:
     `load("a.tif")` reads a GeoTIFF, `load("a.tif", resolution=0.1)` reads a height image.
 
     Args:
@@ -136,8 +136,8 @@ def save(
 def formats() -> dict[str, Format]:
     """Return all formats by name: first built-in formats, then formats from entry points.
 
-    An entry point in the group `grid_map_core_py.formats` adds a format: it has the format's name
-    and refers to a `Format`. A format that cannot be loaded is skipped with a warning.
+    An entry point in the group `grid_map_core_py.formats` adds a format; the entry point is named
+    after the format and refers to a `Format`. Formats that fail to load are skipped with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
     # Built-in formats come first, because any folder may be a bag.
@@ -146,7 +146,7 @@ def formats() -> dict[str, Format]:
     for entry in sorted(entries, key=lambda one: (not one.value.startswith(own), one.name)):
         try:
             known.setdefault(entry.name, entry.load())
-        # Any error in a plug-in leaves the other formats usable.
+        # An error in a plug-in must not make other formats unusable.
         except Exception as error:
             warnings.warn(
                 f"format {entry.name!r} of {entry.value}: cannot be loaded: {error}", stacklevel=2

@@ -31,7 +31,7 @@ from ._shared import StoredMap, check_ending, new_file, package_for, storage_err
 _TAG = "GRID_MAP"
 
 _LARGEST_DIFFERENCE = 1e-6
-"""Largest relative difference between the sides of a pixel."""
+"""Largest relative difference between the sides of a pixel that counts as square."""
 
 _CACHE = 2**27
 """Size of GDAL's block cache in a process [bytes]; GDAL's default is 5 % of the memory."""
@@ -48,7 +48,7 @@ def save_geotiff(
         grid_map: the map; it is stored in map order.
         path: the file.
         crs: coordinate reference system of the frame, as accepted by rasterio, such as
-            "EPSG:25832", WKT or a PROJ string; empty for none.
+            "EPSG:25832", WKT or a PROJ string; empty if unknown.
         compress: whether to compress the file with Deflate.
     """
     check_ending(path, ".tif", ".tiff")
@@ -74,7 +74,7 @@ def save_geotiff(
 def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
     """Load a map from a GeoTIFF file written by `save_geotiff` or another program.
 
-    A single band without a name becomes the layer `elevation`; several become `band_1` and so on.
+    A single unnamed band becomes the layer `elevation`; several become `band_1` and so on.
     Masked pixels become NaN. Band scales and offsets are applied. The function warns if the
     coordinates are not in meters.
 
@@ -101,7 +101,7 @@ def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
-    """Open a raster file; yield the raster and the map in it."""
+    """Open a raster file; yield the raster and its `StoredMap`."""
     with storage_errors(Path(path), "read"), gdal(path), open_raster(path) as raster:
         if unit := unit_of(raster):
             warnings.warn(
@@ -119,7 +119,7 @@ def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
 
 
 def gdal(path: str | PathLike[str], **options: Any) -> Any:
-    """Return a rasterio environment with a small block cache, which also logs GDAL errors."""
+    """Return a rasterio environment that limits the block cache and logs GDAL errors."""
     if "GDAL_CACHEMAX" not in os.environ:
         options["GDAL_CACHEMAX"] = _CACHE
     return package_for(path, "GeoTIFF", "rasterio").Env(**options)
@@ -213,7 +213,7 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
 def read_pixels(
     raster: Any, bands: Sequence[int], window: tuple[slice, slice], images: Sequence[Layer]
 ) -> None:
-    """Read a window of several bands; masked pixels become NaN, scales and offsets are applied.
+    """Read a window of several bands; mask pixels with NaN, and apply scales and offsets.
 
     Args:
         raster: the open dataset.
@@ -257,7 +257,7 @@ def raster_profile(
         # A classic TIFF holds at most 4 GB.
         "BIGTIFF": "IF_SAFER",
     }
-    # Neighboring floats differ little, so a predictor helps; 3 is the predictor for floats.
+    # Predictors improve the compression of smooth layers; 3 is the predictor for floats.
     return profile | ({"compress": "deflate", "predictor": 3} if compress else {})
 
 

@@ -41,7 +41,7 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free), with which loading restores all saved values."""
+"""Default thresholds (occupied, free); with these, loading restores all saved values."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
 """Pixel values of occupied, unknown and free cells that `map_saver` writes in `trinary` mode."""
@@ -216,7 +216,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
         gray = np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5))
         return np.dstack([gray, gray, gray, 255 * known]).astype(np.uint8)
-    # Between the thresholds, because the usual pixel value of unknown cells may lie outside them.
+    # Pixels of unknown cells must lie between the thresholds; the usual value may lie outside.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)

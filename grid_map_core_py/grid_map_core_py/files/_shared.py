@@ -38,7 +38,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Convert all errors while reading or writing a file to a `GridMapError` with its path.
+    """Convert errors raised while a file is read or written to a `GridMapError` with the path.
 
     Args:
         file: the file.
@@ -55,7 +55,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or error.__cause__ or error
         raise GridMapError(f"{file}: cannot be {doing}: {reason}") from error
-    # Libraries fail in many ways when a file is damaged.
+    # For damaged files, libraries raise errors of many classes.
     except Exception as error:
         text = f"{error} is missing" if isinstance(error, KeyError) else str(error).strip()
         first_line = text.splitlines()[0] if text else type(error).__name__
@@ -73,7 +73,7 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Import the package for a kind of file; if it is missing, the error says how to install it."""
+    """Import the package for a kind of file; if this fails, the error says how to install it."""
     return errors.required(name, f"{path}: {kind}", f"pip install {name}")
 
 

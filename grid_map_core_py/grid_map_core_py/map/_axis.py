@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .._arrays._checks import Mask, Positions
 
 Coordinate = TypeVar("Coordinate", float, NDArray[Any])
-"""One coordinate [m] or an array of coordinates; rounding is the same for both."""
+"""One coordinate [m] or an array of coordinates; scalars and arrays are rounded alike."""
 
 BORDER_TOLERANCE = 1e-9
 """Distance [m] within which an edge or rim counts as lying on a cell border or center."""
@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    All attributes are plain numbers, which are several times faster than NumPy scalars, or arrays
-    in the result of `both_axes`.
+    All attributes are plain numbers, which are several times faster than NumPy scalars; in the
+    result of `both_axes`, they are arrays.
 
     Attributes:
         size: number of cells.
@@ -49,8 +49,8 @@ class Axis:
     def contains(self, x: Coordinate) -> bool | Mask:
         """Return whether coordinates are on the map; False for NaN.
 
-        The + border belongs to the map, the - border does not. Rounding is as in the C++
-        library, so that a position on a border falls on the same side in both.
+        The border with the larger coordinate (the + border) belongs to the map, the other does
+        not. A position on a border is rounded to the same side as in the C++ library.
         """
         offset = self.offset(x)
         return (offset >= 0.0) & (offset < self.length)
@@ -86,7 +86,7 @@ class Axis:
         return lower, upper
 
     def cell_at(self, x: float) -> int:
-        """Return the cell that contains a coordinate on the map, including its + border."""
+        """Return the cell that contains a coordinate on the map; a cell includes its + border."""
         return min(max(int(self.steps(x)), 0), self.size - 1)
 
     def center_of(self, cell: Coordinate) -> Coordinate:
@@ -129,7 +129,7 @@ class Axis:
         """
         size, tolerance = self.size, BORDER_TOLERANCE / self.resolution
         near, far = self.steps(upper) + tolerance, self.steps(lower) - tolerance
-        # For distant positions, `near` or `far` may be infinite. `min` and `max` would be slower.
+        # `near` or `far` may be infinite. Comparisons are faster than `min` and `max`.
         if near >= size or (near < 0.0 and far <= 0.0):
             return slice(0, 0)
         first = int(near) if near > 0.0 else 0

@@ -64,7 +64,7 @@ class GridGeometry:
         resolution = as_finite(resolution, "resolution", "a positive number", above=_SUBNORMAL)
         if not min(sides) > 0:
             raise GeometryError(f"length: expected positive numbers, got {sides}")
-        # The quotient is positive: adding a half and truncating rounds half away from zero.
+        # The quotient is positive: adding 0.5 and truncating rounds half away from zero.
         rows, columns = x / resolution + 0.5, y / resolution + 0.5
         if not min(rows, columns) >= 1:
             raise GeometryError(
@@ -215,7 +215,7 @@ class GridGeometry:
     def axes_in_map_order(self) -> tuple[Positions, Positions]:
         """Return the x of each row (rows,) and the y of each column (cols,) [m], both descending.
 
-        `GridMap.axes` returns both in the order in which layers are stored.
+        `GridMap.axes` returns these coordinates in the order in which layers are stored.
         """
         rows, columns = self.size
         return self._x.centers(0, rows), self._y.centers(0, columns)
@@ -236,7 +236,7 @@ class GridGeometry:
         """
         cells = as_cells(cells, name)
         if not cells[0].size or all(
-            # Viewed as unsigned integers, negative numbers are too large, too.
+            # Viewed as unsigned integers, negative numbers also exceed `count`.
             int(numbers.view(np.uint64).max()) < count
             for numbers, count in zip(cells, self.size, strict=True)
         ):
@@ -294,7 +294,7 @@ class GridGeometry:
     def index_shift(self, position: ArrayLike) -> Size:
         """Return the shift in rows and columns that centers the map as near `position` as possible.
 
-        Rounded half away from zero; positive towards -x and -y.
+        The shift is rounded half away from zero, and is positive towards -x and -y.
         """
         x, y = as_pair(position, "position")
         rows, columns = self._x.shift_to(x), self._y.shift_to(y)

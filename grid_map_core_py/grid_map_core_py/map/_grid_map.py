@@ -292,7 +292,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             layers: names and values, or a map of the same size with any start index.
-            named: further layers as keyword arguments.
+            named: additional layers as keyword arguments.
         """
         for name, value in {**dict(self._in_my_order(layers)), **named}.items():
             self[name] = value
@@ -326,7 +326,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._with({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
-        """Return a new map without the named layers; the rest is shared as in `with_layers`."""
+        """Return a new map without the named layers; all others are shared as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
         return self._with({n: data for n, data in self._layers.items() if n not in dropped})
 
@@ -393,7 +393,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             indices: buffer indices as (rows, cols), such as those from `get_indices` and regions,
-                or as (N, 2). None means all cells, column by column of the buffer.
+                or as (N, 2). None means all cells in buffer order, column by column.
         """
         if indices is None:
             x, y = self.axes()
@@ -450,7 +450,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Validity and vectors
 
     def is_valid(self, index: ArrayLike, layers: str | Iterable[str] | None = None) -> bool | Mask:
-        """Return whether one cell, or each of several cells, has finite values in the given layers.
+        """Return whether one cell, or each of several cells, has finite values in all `layers`.
 
         Args:
             index: buffer index (row, col), or several as (rows, cols) or (N, 2).
@@ -487,7 +487,7 @@ class GridMap(MutableMapping[str, Layer]):
         return _finite_or_nan(x, y, self[layer].item(cell))
 
     def get_vector(self, prefix: str, index: ArrayLike) -> Positions:
-        """Return the (3,) vector in the layers `prefix` + x, y, z; all NaN if one is not finite."""
+        """Return the (3,) vector in the layers `prefix` + x, y, z; all NaN if any is not finite."""
         cell = self._checked(index)
         return _finite_or_nan(*(self[f"{prefix}{axis}"].item(cell) for axis in "xyz"))
 
@@ -751,7 +751,7 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`; a map of the same size is first reordered to this map's start index."""
+        """Return `layers`, reordered to this map's start index if they are a map of this size."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers

@@ -116,7 +116,7 @@ def _outside(geometry: GridGeometry, point: object) -> OutOfMapError:
 
 
 def check_inside(geometry: GridGeometry, points: Positions) -> None:
-    """Raise `OutOfMapError` if any of (N, 2) positions is not on the map."""
+    """Raise `OutOfMapError` if any of the positions (N, 2) is not on the map."""
     if not len(points):
         return
     # Rounding preserves the order, so if the extremes are inside, all positions are.
@@ -217,7 +217,8 @@ class Surface:
 def _shape(method: Interpolation) -> tuple[int, bool]:
     """Return the number of cells that a method uses along an axis, and whether it is `CUBIC`.
 
-    As in C++, `CUBIC` assigns a position on a cell center to the interval below it, others above.
+    A position on a cell center belongs to the interval below it for `CUBIC`, as in C++, and to the
+    interval above it for all other methods.
     """
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 
@@ -225,7 +226,7 @@ def _shape(method: Interpolation) -> tuple[int, bool]:
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
 ) -> list[tuple[int, float]]:
-    """Return the buffer rows (or columns) around a coordinate, lowest first, with weights."""
+    """Return the buffer rows (or columns) around a coordinate, lowest first, and their weights."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
     weights = _weights(t, reach)
@@ -268,7 +269,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Return the weights of the cell far from a border and of the repeated border cell."""
+    """Adapt the weights of the far and the repeated border cell, so that the slope continues."""
     return far - near, 2.0 * near
 
 

@@ -37,7 +37,7 @@ def to_html(grid_map: GridMap) -> str:
 
 
 def to_png(grid_map: GridMap) -> bytes | None:
-    """Return a PNG of the first basic layer, else of the first layer; None without layers."""
+    """Return a PNG of the first basic layer, else the first layer; None if there are no layers."""
     layers = (*grid_map.basic_layers, *grid_map.layers)
     return _png(grid_map, layers[0], PICTURE) if layers else None
 

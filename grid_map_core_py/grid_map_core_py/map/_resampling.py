@@ -57,7 +57,7 @@ def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Lay
     values, known = np.where(finite, layer, np.float32(0)), finite.astype(np.float32)
     result = _resized(values, size, factor, interpolation)
     shares = _resized(known, size, factor, interpolation)
-    # Near NaN cells, positive and negative weights could cancel; a mean has no negative weights.
+    # Near NaN cells, positive and negative weights may cancel, so use nonnegative weights there.
     positive = cv2.INTER_AREA if interpolation == cv2.INTER_AREA else cv2.INTER_LINEAR
     with np.errstate(divide="ignore", invalid="ignore"):
         means = _resized(values, size, factor, positive) / _resized(known, size, factor, positive)

@@ -55,7 +55,7 @@ def place(numbers: Integers, start: int, size: int) -> None:
         # Two passes of arithmetic are faster than a lookup, but only for many cells.
         numbers += start
         unsigned = numbers.view(np.uint64)
-        # Below `size`, the unsigned difference wraps to a huge number, so the minimum is valid.
+        # For indices below `size`, the unsigned difference is huge, so the minimum keeps them.
         np.minimum(unsigned, unsigned - np.uint64(size), out=unsigned)
 
 
@@ -81,7 +81,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Return the (buffer slices, block slices) of the one to four pieces of a block."""
+    """Return (buffer slices, block slices) for each of the one to four pieces of a block."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
@@ -121,7 +121,7 @@ def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
 
 
 def _runs(first: int, count: int, size: int) -> list[tuple[int, int]]:
-    """Return (first, count) of the runs of `count` buffer lines, which wrap around at `size`."""
+    """Split `count` buffer lines from `first`, which may wrap around at `size`, into runs."""
     first %= size
     before_end = size - first
     if count <= before_end:

@@ -35,8 +35,8 @@ class SignedDistanceField:
     there is neither ground nor air. Distances are exact at nodes, which lie at the cell centers on
     horizontal levels spaced by the resolution.
 
-    Between nodes, distances are interpolated trilinearly; outside, linear extrapolation gives only
-    an estimate. Along an axis with a single cell, distances are constant.
+    Between nodes, distances are interpolated trilinearly; beyond the outermost nodes, linear
+    extrapolation gives only an estimate. Along an axis with a single cell, distances are constant.
 
     A height of +inf means ground at any z; -inf means air at any z. Without any ground, all
     distances are +inf; without any air, they are -inf. In both cases, gradients are 0.
@@ -156,7 +156,7 @@ class SignedDistanceField:
         """Return the derivatives of the signed distance along x, y and z.
 
         These are the derivatives of the interpolation in `value`. At planes through nodes (within
-        1e-9 m), where the derivative is discontinuous, the result is the mean of both sides.
+        1e-9 m), where the derivative is discontinuous, its values on either side are averaged.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -226,8 +226,8 @@ class SignedDistanceField:
             width: number of nodes needed along each axis, including the first node.
 
         Returns:
-            places: coordinates counted in nodes; NaN if not finite.
-            cells: `rounded` places, clipped to existing nodes.
+            places: coordinates in units of the node spacing; NaN if not finite.
+            cells: first nodes: places rounded by `rounded` and clipped to existing nodes.
         """
         places, cells = [], []
         for axis, size in enumerate(self._counts):
@@ -237,14 +237,14 @@ class SignedDistanceField:
             # Usually all points are inside, and this check is faster than clamping.
             if not (cell.min() >= 0 and cell.max() <= last):
                 place[~np.isfinite(place)] = np.nan
-                # Unlike `np.clip` this also turns NaN into a valid node index.
+                # Unlike `np.clip`, this also turns NaN into a valid node index.
                 np.fmax(np.fmin(cell, last, out=cell), 0, out=cell)
             places.append(place)
             cells.append(cell)
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the memory indices of cells, which float64 represents exactly."""
+        """Return the memory indices of cells, computed in float64, which is exact here."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -255,12 +255,12 @@ class SignedDistanceField:
         """Write the distances (8, N) at the corners of cells to `out`; x changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._corner_nodes, strict=True):
-            # Every index is in range; other modes would copy through a buffer.
+            # All indices are valid, so "clip" changes none, and avoids the buffer of "raise".
             nodes.take(index, out=corner, mode="clip")
         return out
 
     def _values_and_slopes(self, places: _Coordinates, cells: _Coordinates) -> Nodes:
-        """Return (4, N): the values, and the derivatives per node along the three axes."""
+        """Return (4, N): the values, and their change per node spacing along x, y and z."""
         found: Nodes = self._corners(cells, np.empty((8, cells[0].size), np.float32))[:, None]
         for place, cell in zip(places, cells, strict=True):
             low, high = found[: len(found) // 2], found[len(found) // 2 :]
@@ -313,18 +313,18 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     """Return the distances (rows, cols) from the nodes of a level to the nearest ground or air.
 
-    For ground, `upper` is the z of the level and `lower` the heights (rows, cols); for air, the two
-    are swapped. The vertical gap in cell c is f(c) = max(upper - lower, 0). The squared
+    For ground, `upper` is the z of the level and `lower` the heights (rows, cols); for air, the
+    arguments are swapped. The vertical gap in cell c is f(c) = max(upper - lower, 0). The squared
     distance of a node is the minimum of (distance to the center of c)^2 + f(c)^2 over all cells c:
     the generalized distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
     Sampled Functions, 2012), computed along one axis after the other.
     """
-    # In float64, because the difference of large heights may be small.
+    # Subtract in float64, because the difference of large heights may be small.
     shape = np.broadcast_shapes(np.shape(upper), np.shape(lower))
     squares: Layer = np.empty(shape, np.float32)
     np.subtract(upper, lower, out=squares, dtype=np.float64, casting="same_kind")
     np.maximum(squares, 0, out=squares)
-    # A squared distance beyond float32 becomes infinite, so that the column is never the nearest.
+    # A squared distance above the float32 range becomes infinite: the column is never nearest.
     with np.errstate(over="ignore"):
         np.multiply(squares, squares, out=squares)
     for _ in ("x", "y"):

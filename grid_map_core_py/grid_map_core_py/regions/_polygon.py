@@ -106,9 +106,10 @@ class Polygon:
 
     @classmethod
     def convex_hull(cls, *polygons: Polygon | ArrayLike) -> Polygon:
-        """Return the convex hull of polygons, counter-clockwise from the vertex with smallest x, y.
+        """Return the counter-clockwise convex hull of polygons.
 
-        Vertices in the middle of an edge are omitted (Andrew's monotone chain).
+        The first vertex has the smallest x, and among equal x the smallest y. Vertices in the
+        middle of an edge are omitted (Andrew's monotone chain).
 
         Args:
             polygons: polygons, or (V, 2) vertices of polygons [m].
@@ -126,7 +127,7 @@ class Polygon:
 
     @property
     def area(self) -> float:
-        """Enclosed area [m^2], never negative; if edges cross, parts may cancel each other."""
+        """Enclosed area [m^2], never negative; if edges cross, parts of the area may cancel out."""
         self._need_vertices(3, "area")
         return abs(0.5 * float(_doubled_areas(self._vertices).sum()))
 
@@ -253,7 +254,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Return the (C, 2) vertices without repetitions, and the (V,) index of each vertex."""
+        """Return the (C, 2) distinct vertices, and the (V,) index of each vertex in them."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -261,12 +262,12 @@ class Polygon:
             abs(_doubled_areas(corners).sum()) > 1e-12 * np.ptp(corners, axis=0).max() ** 2
         ):
             raise GeometryError(f"expected a polygon with an area, got {short(self)}")
-        # Vertices before the first corner get index -1, the last corner.
+        # Vertices before the first corner get index -1, which selects the last corner.
         return corners, np.cumsum(begins) - 1
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x where edges from `start` to `end` (2, ...) reach y (...), rounded as in C++."""
+    """Return the x at which edges `start` to `end` (2, ...) reach y (...), rounded as in C++."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -293,7 +294,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return (n, 2) vectors: `start` rotated counter-clockwise in equal steps up to `turns`."""
+    """Return (n, 2) rotations of `start` by 0 to `turns`, counter-clockwise in equal steps."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells of whole maps, blocks, discs, ellipses, polygons and lines; cell masks."""
+"""Select the cells in blocks, discs, ellipses and polygons or on lines; make cell masks."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _FLIP = np.uint8(1)  # has the type of the array, which avoids a conversion
 
 
 def map_cells(grid_map: GridMap) -> Cells:
-    """Return all cells (rows, cols) of a map, column by column of the buffer."""
+    """Return all cells (rows, cols) of a map in buffer order, column by column."""
     rows, columns = grid_map.size
     cells = empty_cells(rows * columns)
     cells[0].reshape(columns, rows)[...] = np.arange(rows)
@@ -61,7 +61,7 @@ def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> 
 
 
 def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
-    """Return a mask (rows, cols) that is True in the given cells.
+    """Return a mask (rows, cols) that is True at `cells` and False elsewhere.
 
     Masks combine with `&`, `|` and `~`:
 

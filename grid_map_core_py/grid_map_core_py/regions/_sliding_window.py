@@ -59,11 +59,11 @@ def window_array(
     """Return the windows around all cells as one array, in map order for any start index.
 
     `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a median filter.
-    The arguments are as in `sliding_windows`, except that "crop" is invalid: its windows differ in
-    size.
+    The arguments are as in `sliding_windows`, except that "crop" is invalid, because cropped
+    windows differ in size.
 
     Returns:
-        (rows, cols, size, size) float32, read-only; with "inside" (rows - size + 1,
+        (rows, cols, size, size) float32, read-only; with "inside", (rows - size + 1,
         cols - size + 1, size, size). "inside" and "empty" use the memory of one layer, "mean" uses
         the memory of all windows.
     """

@@ -19,7 +19,7 @@ from ._shapes import checked_radius, circle_cells, empty_cells
 # Smaller spirals are cut out of a cached spiral with this many rings (0.8 MB), to avoid sorting.
 KEPT_RINGS = 128
 
-# Largest distance [cells] from the map, so that squares of distances are exact integers.
+# Limit on distances from the map [cells], so that their squares are exact integers.
 FAR = 2.0**30
 
 
@@ -101,7 +101,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return the (2, N) offsets from the center cell, and the number of offsets within n rings."""
+    """Return the (2, N) offsets from the center cell, and how many are in the first n rings."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Place objects on a terrain. Each function returns a map that shares all other layers."""
+"""Place objects on a terrain. The returned maps share all other layers with the terrain."""
 
 from __future__ import annotations
 

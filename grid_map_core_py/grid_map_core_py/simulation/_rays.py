@@ -63,7 +63,7 @@ def cast_rays(
     ranges = np.full(len(along), np.nan)
     with np.errstate(all="ignore"):
         along = along / np.linalg.norm(along, axis=1, keepdims=True)
-        # In cells of the padded heights, which start one cell before the map.
+        # Horizontal unit: cells of the padded heights, which start one cell before the map.
         corner = geometry.corner + 0.5 * geometry.resolution
         rays = np.empty((6, len(along)))
         rays[:2] = ((corner - begins[:, :2]) / geometry.resolution).T
@@ -86,7 +86,7 @@ def cast_rays(
 
 
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
-    """Return the smallest and largest range (2, N) at which beams may hit the surface, or NaN.
+    """Return the smallest and largest range (2, N) at which beams may hit the surface, NaN if none.
 
     Between these ranges, a beam is above or below the map area and not above the highest point.
     """
@@ -164,7 +164,7 @@ def _crossing(start: float, step: float, patch: int) -> float:
 def _above(
     a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
 ) -> Any:
-    """Return f: at t, a beam is f[0] + f[1] t + f[2] t^2 above the patch a + b u + c v + d u v."""
+    """Return f: at t, a beam's height above a + b u + c v + d u v is f[0] + f[1] t + f[2] t^2."""
     return (
         z - (a + b * u + c * v + d * (u * v)),
         d_z - (b * d_row + c * d_column + d * (u * d_column + v * d_row)),
@@ -173,7 +173,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the first t >= 0 at which f0 + f1 t + f2 t^2 <= 0 (no cancellation); NaN if none."""
+    """Return the first t >= 0 with f0 + f1 t + f2 t^2 <= 0, without cancellation; NaN if none."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0

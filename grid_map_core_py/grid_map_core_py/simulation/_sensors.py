@@ -72,7 +72,7 @@ class DepthCamera:
 
     @property
     def directions(self) -> Positions:
-        """(height * width, 3) vectors with z = 1, row by row from the top, each from the left."""
+        """(height * width, 3) vectors with z = 1, row by row from the top, left to right."""
         x = (np.arange(self.width) - 0.5 * (self.width - 1)) / self.focal_length
         y = (np.arange(self.height) - 0.5 * (self.height - 1)) / self.focal_length
         down, right = np.meshgrid(y, x, indexing="ij")

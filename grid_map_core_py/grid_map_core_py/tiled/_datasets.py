@@ -40,7 +40,7 @@ CRS_VARIABLE = "spatial_ref"
 """Name of the variable with the coordinate reference system, as in rioxarray."""
 
 _BAND = "band"
-"""Band dimension in rioxarray."""
+"""Name of the band dimension in rioxarray."""
 
 _ENCODED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 """Attributes of variables whose values xarray has not decoded."""
@@ -453,5 +453,5 @@ def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | N
     (tiled_map,) = found if len(found) == 1 else (None,)
     if tiled_map is None or tuple(layers) != tiled_map.layers or len(arrays) != len(layers):
         return None
-    # The graph of a persisted array has only one layer.
+    # Once persisted, an array has only one layer in its Dask graph.
     return tiled_map if all(len(array.dask.layers) > 1 for array in arrays.values()) else None

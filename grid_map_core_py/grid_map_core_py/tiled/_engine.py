@@ -27,7 +27,7 @@ _AHEAD = 2
 """Number of running and queued calls per thread of this process."""
 
 _PER_BATCH = 16
-"""Number of calls per process that are submitted at once to another local scheduler."""
+"""Number of calls per process submitted at once to a local scheduler other than threads."""
 
 _TASKS = 4
 """Number of running and queued tasks per thread of a cluster."""
@@ -43,8 +43,8 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
     """Yield each part and `function(part)` as soon as the result is available.
 
     Parts are drawn from `parts` on demand, so that neither this process nor the scheduler stores
-    all parts. Closing the iterator cancels queued calls; threads of this process finish running
-    calls.
+    all parts. Closing the iterator cancels queued calls; calls that already run in threads of this
+    process are completed.
 
     Args:
         function: pickled together with the parts if other processes call it.
@@ -75,7 +75,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
         try:
             while True:
                 for part in itertools.islice(rest, _AHEAD * threads - len(running)):
-                    # The context includes, for example, the thread count of a filter chain.
+                    # Context variables hold, for example, the thread count of a filter chain.
                     running[pool.submit(copy_context().run, function, part)] = part
                 if not running:
                     return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`open_map` for stores, rasters and datasets; the Zarr format for `load` and `save`."""
+"""Opens stores, rasters and datasets as tiled maps; defines Zarr for `load` and `save`."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -43,7 +43,7 @@ def open_map(
             coordinates of the reference system. See `TiledMap.with_origin`.
 
     Raises:
-        ConfigError: `crs` is malformed, or is given for a map that is not a GeoTIFF file.
+        ConfigError: `crs` is malformed, or is set although the map is not a GeoTIFF file.
         MissingPackageError: a package required for this kind of map is not installed.
         GridMapError: `path` cannot be read or is not a map.
     """

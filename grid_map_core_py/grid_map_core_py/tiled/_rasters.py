@@ -50,7 +50,7 @@ _MOST_OPEN = 64
 """Maximum number of rasters that a process keeps open."""
 
 _WIDEST_STRIP = 8192
-"""Width of compressed strips above which reading a window unpacks many times its size [pixels]."""
+"""Width of compressed strips [pixels] above which reading a window unpacks many times its size."""
 
 _WARPING: dict[str, Any] = {
     "dtype": "float32",
@@ -148,7 +148,7 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """First and end (exclusive) rows and columns of the rasters, each (N, 2)."""
+        """First rows and columns (N, 2) of the rasters, and their exclusive ends (N, 2)."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
@@ -221,7 +221,7 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
 
 
 def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
-    """Return the coarsest overview of a raster whose cells are at most `step` times as large.
+    """Return a raster's coarsest overview with cells at most `step` times as large as its own.
 
     Returns:
         overview: map of the overview, accurate to half a cell; `tiled_map` itself if the map is a
@@ -242,7 +242,7 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
         columns, rows = _opened(coarse, "").shape
     place = slice(0, rows), slice(0, columns)
     source = replace(source, parts=(coarse._replace(place=place),))
-    # GDAL stretches an overview to the extent of the raster: the cells are not exactly square.
+    # GDAL stretches an overview to the extent of the raster, so the cells are not exactly square.
     resolution = factor * tiled_map.resolution
     geometry = GridGeometry.from_size((rows, columns), resolution, tiled_map.position)
     return replace(tiled_map, source=source, geometry=geometry), factor
@@ -291,7 +291,7 @@ def _read_header(path: str, crs: str) -> _Header:
 
 
 def _warn(raster: Any, path: str) -> None:
-    """Warn if the coordinates of a raster are not meters, or if wide strips make reading slow."""
+    """Warn if raster coordinates are not in meters, or if wide strips make reading slow."""
     if unit := unit_of(raster):
         longitude, latitude = raster.lnglat()
         zone = min(max(int((longitude + 180.0) // 6.0), 0), 59) + 1
@@ -312,7 +312,7 @@ def _warn(raster: Any, path: str) -> None:
 
 
 def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
-    """Return west, north, east and south sides of a raster [cells from the corner of `first`].
+    """Return the west, north, east and south sides of a raster [cells from the corner of `first`].
 
     Args:
         header, first: headers of the raster and of the first raster of the mosaic.
@@ -427,7 +427,7 @@ def _write_windows(
 
 
 def _compute(tiled_map: TiledData, names: Sequence[str], window: Window) -> list[Layer]:
-    """Compute the layers of a window given in raster lines and pixels."""
+    """Compute the layers in a window of raster lines and pixels."""
     lines, pixels = window
     rows = slice(tiled_map.size[0] - pixels.stop, tiled_map.size[0] - pixels.start)
     return tiled_map.source.read((rows, lines), names)
@@ -468,7 +468,7 @@ def _check_complete(file: Path) -> None:
                     raise OSError("a block is missing, perhaps because the disk is full")
                 if level is None:
                     last = max(last, (int(offset), band, row, column))
-        # GDAL 3.6 keeps the place of a block that it could not write.
+        # GDAL 3.6 records an offset even if it could not write the block; reading then fails.
         _, band, row, column = last
         raster.read(
             band, window=tuple((n * _FILE_BLOCK, n * _FILE_BLOCK + 1) for n in (row, column))

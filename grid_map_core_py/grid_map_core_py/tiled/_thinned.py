@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every n-th cell of a tiled map, in bounded memory and time."""
+"""Reads every n-th row and column of a tiled map, in bounded memory and time."""
 
 import itertools
 import math
@@ -25,7 +25,7 @@ _MOST_TILES = 4096
 """Maximum number of tiles to read; reading them takes about half a minute."""
 
 _Run: TypeAlias = tuple[slice, slice]
-"""Rows or columns to read from a tile, and the rows or columns of the result they fill."""
+"""Rows or columns to read from a tile, and the rows or columns of the result that they fill."""
 
 
 def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridMap:

@@ -153,7 +153,7 @@ class TiledMap(TiledData):
         return self.get_block(*self.geometry.overlapped(position, length), layers)
 
     def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
-        """Read the whole map into memory; raises `LimitError` if it exceeds the limits."""
+        """Read the whole map into memory; raise `LimitError` if the map exceeds the limits."""
         rows, columns = self.size
         return self.get_block(slice(0, rows), slice(0, columns), layers)
 
@@ -211,7 +211,7 @@ class TiledMap(TiledData):
 
         Each tile is one chunk, and is computed once even if several layers are used together. In
         all other respects the dataset equals the result of `GridMap.to_xarray`, with `crs` as a CF
-        grid mapping. If a filter needs quantities of the whole map, they are computed immediately.
+        grid mapping. If a filter needs values of the whole map, these are computed immediately.
 
         Args:
             layers: names of the layers; None means all.
@@ -223,9 +223,9 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        Each cell of the result has the center of the original cell it is copied from, and is `step`
-        times as large. If a raster has overviews, the overviews are read. If more than about 4000
-        tiles would have to be read, a larger step is used.
+        Each cell of the result has the center of the original cell it is copied from; its sides are
+        `step` times as long. If a raster has overviews, the overviews are read. If more than about
+        4000 tiles would have to be read, a larger step is used.
 
         Args:
             step: rows and columns of the map per row and column of the result.
@@ -399,7 +399,7 @@ class TiledMap(TiledData):
         return _pairs(latitude, longitude)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
-        """Return the map in a frame whose origin is at the given latitude and longitude.
+        """Return the map in a frame whose origin has this latitude and longitude.
 
         Coordinates in a reference system can be millions of meters; in a frame near the robot,
         coordinates are small. The directions of the axes do not change. Datasets, stores and
@@ -420,7 +420,7 @@ class TiledMap(TiledData):
 
 
 def _pairs(*coordinates: ArrayLike) -> Positions:
-    """Stack coordinates to (2,) or (N, 2) pairs; pairs with a non-finite coordinate become NaN."""
+    """Stack coordinates into (2,) or (N, 2) pairs; pairs with a non-finite number become NaN."""
     pairs = np.stack([np.asarray(one, np.float64) for one in coordinates], axis=-1)
     pairs[~np.isfinite(pairs).all(axis=-1)] = np.nan
     return pairs

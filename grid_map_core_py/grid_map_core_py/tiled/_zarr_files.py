@@ -137,7 +137,7 @@ def _compute(
     missing = [
         n for n, (row, column) in places.items() if any(f"{row}.{column}" not in c for c in chunks)
     ]
-    # Neighboring tiles share input blocks at their borders, which a process keeps in memory.
+    # Neighboring tiles share input blocks at their borders; a process keeps them in memory.
     missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
     done = len(tiles) - len(missing)
     if progress is not None:
@@ -166,7 +166,7 @@ class _Write:
 
     @cached_property
     def _arrays(self) -> dict[str, Any]:
-        # A tile is complete when all its chunks exist, so chunks of NaN are written, too.
+        # A tile is complete when all its chunks exist, so chunks of NaN must also be written.
         return {name: open_layer(self.store, name, empty_chunks=True) for name in self.names}
 
 
@@ -190,7 +190,7 @@ def check_local(path: str | PathLike[str]) -> Path:
 
 
 def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> None:
-    """Create a store for the layers `names` in an empty folder, without chunks."""
+    """In an empty folder, create a store without chunks for the layers `names`."""
     zarr = required("zarr", f"{path}: a Zarr store", REMEDY)
     blosc = required("numcodecs", "a Zarr store", REMEDY).Blosc
     taken = (*DIMENSIONS, CRS_VARIABLE)

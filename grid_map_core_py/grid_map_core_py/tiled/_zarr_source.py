@@ -139,7 +139,7 @@ def merge(
 
 
 def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArray[Any]]]:
-    """Return the store cells whose centers are on a map, and the map cells under the centers.
+    """Return the store cells whose centers are on a map, and the map cells at these centers.
 
     Returns:
         window: cells of the store.
