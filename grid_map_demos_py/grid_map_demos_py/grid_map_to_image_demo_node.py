@@ -38,7 +38,7 @@ DTYPES = {8: np.uint8, 16: np.uint16}
 
 
 def keeps(file: Path, image: Image) -> bool:
-    """Return whether the format of a file keeps the data type and channels of an image."""
+    """Return whether a file format preserves the data type and channels of an image."""
     try:
         data = np.frombuffer(encode_image(image, file.suffix), np.uint8)
     except (cv2.error, ValueError):

@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for line in table(options.sides):
             print(line, flush=True)
     except BrokenPipeError:
-        # Otherwise Python would try to write the remaining output at exit.
+        # Prevent Python from writing the remaining output to the closed pipe at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
     return 0

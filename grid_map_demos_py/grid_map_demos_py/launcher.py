@@ -215,7 +215,7 @@ class ProcessGroup:
             )
 
     def wait(self) -> tuple[str, int] | None:
-        """Wait until a process ends; return its module and exit code, or None if stopped."""
+        """Wait for a process to end; return its module and exit code, or None after a stop."""
         while not self.stopped:
             for module, process in self._processes.items():
                 code = process.poll()

@@ -136,7 +136,7 @@ class DemoReportNode(ReportNode):
         self._count(FILTERED)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        # All nodes of a robot publish on this topic.
+        # All nodes publish on `/diagnostics`; use only the status of the filter chain.
         for status in message.status:
             if status.name == FILTER_CHAIN:
                 times = [(v.key[3:], v.value) for v in status.values if v.key.startswith("ms ")]

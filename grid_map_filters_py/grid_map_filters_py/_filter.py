@@ -78,7 +78,7 @@ class PartlyLocalFilter(Filter, Protocol):
     """Filter that runs on tiles only with certain parameters."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
-        """Return why a map with these layers must be filtered as a whole; empty if tiles work."""
+        """Return the reason why a map with these layers cannot be filtered in tiles, or ""."""
 
 
 @runtime_checkable

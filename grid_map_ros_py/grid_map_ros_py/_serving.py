@@ -79,7 +79,7 @@ def part(
 
 
 def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
-    """Return a function that opens the map given by `source`; None if the parameter is empty."""
+    """Return a function that opens the map that the parameter `source` names; None if empty."""
     kind: Any = str | list[str]
     about = "map of any size: a Zarr store, or one or more GeoTIFF files; empty means none"
     source = read_parameter(node, "source", kind, "", description=about)

@@ -65,7 +65,7 @@ for main, words in starts:
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
-    """Reserve a ROS domain other than the caller's; return it and the socket that reserves it."""
+    """Reserve a ROS domain other than `ROS_DOMAIN_ID`; return it and the reserving socket."""
     for k in range(DOMAINS):
         # The number depends on the process id, so that a domain is not reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS

@@ -81,7 +81,7 @@ class Expression:
         return Analysis(self._layers).is_cellwise(self._root)
 
     def why_whole_map(self, layers: Container[str]) -> str:
-        """Return why a map with these layers must be evaluated as a whole; empty if tiles work.
+        """Return the reason why a map with these layers cannot be evaluated in tiles, or "".
 
         Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
         """

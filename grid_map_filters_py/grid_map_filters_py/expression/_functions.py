@@ -54,7 +54,7 @@ def _finite_or(substitute: float) -> Callable[[Any], Any]:
 # --- operators ------------------------------------------------------------------------------------
 
 ARITHMETIC = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "^": np.power}
-"""A leading dot, as in `.*`, makes an operator elementwise."""
+"""Arithmetic operators; a leading dot, as in `.*`, makes an operator elementwise."""
 
 COMPARISONS = {
     "<": np.less,
@@ -220,7 +220,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Return a `Function` that applies `fold` to the finite elements; NaN without finite ones."""
+    """Return a `Function` that applies `fold` to the finite elements; NaN if there are none."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)

@@ -26,7 +26,7 @@ from .._filter import WHOLE_MAP
 Field = npt.NDArray[Any]
 
 _LARGEST = 2**31
-"""Number of cells along a side that exceeds any map."""
+"""Side length that exceeds any map [cells]."""
 
 
 def disc_reach(radius: float, resolution: float) -> float:
@@ -78,9 +78,9 @@ class Disc:
 
     @cached_property
     def half_widths(self) -> tuple[Field, Field]:
-        """Half-lengths of the disc lines along rows and along columns [cells].
+        """Half-lengths of the lines of cells in the disc, along axis 0 and along axis 1 [cells].
 
-        The index is the distance of the line from the center [cells].
+        Element i of each array is for the lines at a distance of i cells from the center.
         """
         rows, columns = (
             np.minimum(half_chords(self._limit, np.arange(other + 1.0)), reach).astype(int)
@@ -104,7 +104,7 @@ class Disc:
         """Pad a layer with the reach of the disc, and separate missing cells from values.
 
         Args:
-            layer: (rows, columns) array of the size given to `Disc`.
+            layer: (rows, columns) array of the size passed to `Disc`.
             offset: number subtracted from all values; see `typical_value`.
             dtype: type of the differences.
 
@@ -117,7 +117,7 @@ class Disc:
         known = np.zeros(values.shape, np.bool_, order="F")
         finite = np.isfinite(layer, out=known[self.inner])
         differences = np.subtract(layer, offset, out=values[self.inner], dtype=dtype)
-        # Three times as fast as an argument `where` of `subtract`.
+        # Three times as fast as the argument `where` of `subtract`.
         np.copyto(differences, 0.0, where=~finite)
         return known, values
 
@@ -188,7 +188,7 @@ class Disc:
 
 
 def typical_value(layer: Layer) -> float:
-    """Return the approximate median of the finite values; 0 without finite values.
+    """Return the approximate median of the finite values; 0 if there are none.
 
     Subtracting this value preserves the precision of sums at heights of 1000 m, even with outliers.
     """

@@ -226,7 +226,8 @@ def _smallest_eigenvectors(
     smallest = (squared * root * 8.0 + cosine) / gap * radius * 2.0 + mean
     a, b, c = xx - smallest, yy - smallest, zz - smallest
     x, y, z = xy * yz - xz * b, xy * xz - yz * a, a * b - xy2
-    # The trace of the adjugate is the multiple. A column of mere rounding errors is much shorter.
+    # The trace of the adjugate is the factor before the outer product. A column that contains only
+    # rounding errors is much shorter.
     factor = (a + b) * c - xz2 - yz2 + z
     length = np.sqrt(x * x + y * y + z * z)
     is_exact = (gap > _SMALLEST_GAP) & (length > _SMALLEST_Z * factor)

@@ -204,7 +204,7 @@ class PoseHistory(Poses):
         return (1 - share) * begin + share * end
 
     def _around(self, stamp: int) -> tuple[int, int, float]:
-        """Return the indices of the poses before and after a time, and the weight of the later."""
+        """Return the indices of the poses around a time, and the weight of the later pose."""
         last = len(self._stamps) - 1
         after = min(bisect_left(self._stamps, stamp), last) if stamp else last
         if after == 0 or stamp == 0 or stamp >= self._stamps[after]:

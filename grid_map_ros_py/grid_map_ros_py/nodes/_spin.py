@@ -47,7 +47,7 @@ T = TypeVar("T")
 N = TypeVar("N", int, float)
 
 EXTREMES = (1e-9, 1e9)
-"""Smallest and largest positive parameter; rates in this range give valid ROS timer periods."""
+"""Range of positive parameters; rates in this range give valid ROS timer periods."""
 
 _WAKE_PERIOD = 0.1
 """Time between two checks for signals while a node waits for messages [s]."""
@@ -195,7 +195,7 @@ class _Life:
             pass
         finally:
             on_end(signal.SIG_IGN)
-            # Otherwise, the garbage collector may destroy parts of it first and cause a traceback.
+            # Otherwise, garbage collection may first destroy parts of the executor and then fail.
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:

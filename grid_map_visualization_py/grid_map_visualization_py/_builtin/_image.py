@@ -19,7 +19,7 @@ class ImageVisualization:
     """Show a layer as an image with one pixel per cell; up is +x and left is +y.
 
     Attributes:
-        layer: the layer to show.
+        layer: layer to show.
         color_mode: "intensity" colors the values with a color map, "color" reads packed colors.
         color_map: name of a Matplotlib color map.
         lower: value at the lower end of the color map; by default the smallest.

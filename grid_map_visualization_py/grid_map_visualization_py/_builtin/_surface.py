@@ -32,7 +32,7 @@ class SurfaceVisualization:
         lower: value at the lower end of the color map; by default the smallest.
         upper: value at the upper end of the color map; by default the largest.
         invert: swap the ends of the color map.
-        color: 0xRRGGBB.
+        color: color as 0xRRGGBB.
         opacity: from 0 (invisible) to 1 (opaque).
         max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video: MP4, GIF."""
+"""Draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to an MP4 or GIF video."""
 
 import argparse
 from collections.abc import Iterator, Sequence
