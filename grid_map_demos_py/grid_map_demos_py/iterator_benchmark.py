@@ -4,8 +4,8 @@
     iterator_benchmark [SIDE ...]
 
 Prints a table of times for square maps with SIDE cells per side. Two tasks, the larger of two
-layers and the mean of 3 x 3 cells, are solved in several ways, from single cells in Python to whole
-arrays in NumPy and OpenCV. ROS is not required.
+layers and the mean of 3 x 3 cells, are solved in several ways, from loops over cells in Python to
+whole arrays in NumPy and OpenCV. ROS is not required.
 """
 
 import argparse

@@ -70,7 +70,7 @@ def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
 
 
 def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Blur a polygon with the mean of the window around each cell."""
+    """Blur a filled polygon with the mean of the window around each cell."""
     grid_map["type"] = 0.0
     grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
@@ -106,7 +106,7 @@ class IteratorsDemoNode(Demo):
         if step is not None:
             self._publish(step)
             self._timer.timer_period_ns = round(1e9 * step.pause / self._speed)
-            # Otherwise the new period would start only after the current one.
+            # Without a reset, the new period would start only after the current one.
             self._timer.reset()
         elif self._repeat:
             self._steps = show_everything(self._map)

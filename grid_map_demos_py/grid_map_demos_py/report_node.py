@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Nodes that collect the messages of a demo, write pictures, print tables, and end.
+"""Nodes that collect the messages of a demo, write pictures, print tables, and exit.
 
     python3 -m grid_map_demos_py.report_node filters | elevation_mapping | large_map
 

@@ -26,7 +26,7 @@ _FEWEST_CELLS = 1000**2
 """Minimum map size for threads [cells]; on smaller maps, waking threads costs more time."""
 
 _MOST_THREADS = 1000
-"""Maximum number of threads; all threads start, even without work."""
+"""Maximum number of threads; all threads are started, even if some get no work."""
 
 
 class FilterChain:

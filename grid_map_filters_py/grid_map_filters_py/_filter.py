@@ -65,7 +65,7 @@ class GlobalFilter(Filter, Protocol):
     """Filter that needs quantities of the whole map, such as a mean, but is otherwise local."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
-        """Compute the quantities, and return a `LocalFilter` for the tiles.
+        """Compute quantities of the whole map, and return a `LocalFilter` for the tiles.
 
         Args:
             tiled_map: input map; use `tiled_map.over_tiles` to compute the quantities.

@@ -57,7 +57,7 @@ class Inpaint(LayerFilter):
 
     Uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV. Finite
     cells, and layers without finite cells, do not change. Missing cells that touch, even
-    only at corners, form one hole.
+    if only at corners, form one hole.
 
     Attributes:
         radius: radius of the neighborhood from which a cell is filled [m], at least one cell.

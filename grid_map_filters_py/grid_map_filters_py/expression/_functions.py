@@ -187,8 +187,8 @@ class Function:
         elementwise: each element of the result depends only on the same element of the arguments.
         keeps_nan: elementwise, and the result is NaN wherever an argument is NaN.
         skips_nan: accepts one argument and ignores its NaN elements.
-        reduces: number of arguments with which the function reduces its first argument, or the
-            shape of this argument, to a number; 0 for other functions.
+        reduces: number of arguments for which the result is a single number, computed from the
+            elements or the shape of the first argument; 0 for other functions.
     """
 
     apply: Callable[..., Any]

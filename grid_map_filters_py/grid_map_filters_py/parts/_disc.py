@@ -130,7 +130,7 @@ class Disc:
     def sums_of_lines(
         self, values: Field, axis: int, *, moments: bool = False
     ) -> Iterator[tuple[int, Field, Field]]:
-        """Yield sums over the lines of the discs, from the rim to the center.
+        """Yield sums over the lines of cells in the discs, from the rim to the center.
 
         Args:
             values: array returned by `padded`.
@@ -143,7 +143,7 @@ class Disc:
                 the flat array of `totals`; equal for distance 0. The next iteration overwrites
                 both arrays.
         """
-        # In a flat array, the neighbors of all cells at one distance are a single slice.
+        # In a flat array, the neighbors of all cells at one offset are a single slice.
         flat, strides = values.T.reshape(-1), (1, len(values))
         along, across = strides[axis], strides[1 - axis]
         widths, margin = self.half_widths[axis], along * self.reach[axis]

@@ -105,7 +105,7 @@ class _Recorder:
         self._session.spin(_REST, until_ended=False)
 
     def _follow(self, topic: str, types: list[str]) -> None:
-        """Subscribe with the QoS that all publishers offer; subscribe again if an offer weakens."""
+        """Subscribe with the QoS that all publishers offer; resubscribe if one offers less."""
         publishers = self._session.publishers(topic)
         if not publishers:
             return

@@ -84,7 +84,7 @@ def to_header(grid_map: GridMap) -> "Header":
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
-    """Raise `MessageError` unless `message` has all attribute `paths` and a valid frame."""
+    """Raise `MessageError` unless `message` has the attributes `paths` and a valid frame."""
     try:
         operator.attrgetter(*paths)(message)
     except AttributeError:

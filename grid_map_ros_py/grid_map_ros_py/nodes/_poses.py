@@ -193,7 +193,7 @@ class PoseHistory(Poses):
     def covariance_at(self, stamp: int) -> Covariance | None:
         """Return the covariance of the robot pose at a time [ns] (0: the latest); None if unknown.
 
-        It is interpolated between poses, and constant before the first and after the last pose.
+        The value is interpolated between poses, and constant before the first and after the last.
         """
         if not self._stamps:
             return None

@@ -56,7 +56,7 @@ _WAKE_PERIOD = 0.1
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
-    Call it in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
+    Call this in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
     callback; a second signal interrupts the callback. (The rclpy handlers shut ROS down during a
     callback, and a spinning executor may miss the shutdown.) An ignored SIGHUP, as under `nohup`,
     stays ignored. The node reports its state on `/diagnostics`; see `Health`.

@@ -50,7 +50,7 @@ _FAR = 1000.0
 """Grid spacing of the local origins near distant maps [m]; multiples are exact in float32."""
 
 _LARGEST_IMAGE = 4096
-"""Maximum rows and columns of an image that all graphics hardware supports."""
+"""Maximum number of rows or columns of an image that all graphics hardware supports."""
 
 _VIEW, _NO_FRAME = "view", "(no frame)"
 
@@ -71,7 +71,7 @@ class Style:
     """Style in which maps are drawn.
 
     Attributes:
-        height_layer: layer of the surface heights [m]; empty means `elevation`, or else the first.
+        height_layer: surface heights [m]; empty means `elevation`, or else the first layer.
         color_layer: layer that initially colors the surface; empty means the heights.
         color_map: Matplotlib color map of `color_layer`; other layers use the default color map.
         lower, upper: values at the ends of `color_map`; None means the smallest and the largest
