@@ -50,7 +50,7 @@ class Expression:
     _root: Node = field(init=False, repr=False, compare=False)
     _places: dict[str, int] = field(init=False, repr=False, compare=False)
     _layers: frozenset[str] | None = field(init=False, repr=False, compare=False, default=None)
-    """Layers of the tiled map, for results of `for_tiles_of`; None if any map is allowed."""
+    """Layers of the tiled map, set by `for_tiles_of`; None if any map is allowed."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):

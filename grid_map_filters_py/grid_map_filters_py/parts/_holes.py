@@ -118,7 +118,7 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: maximum length of inner holes that are omitted [cells].
+        length: length up to which holes inside the tile are omitted [cells].
     """
 
     layer: str

@@ -48,7 +48,7 @@ class Settings:
     Attributes:
         map_frame_id: map frame, usually the odometry frame; it must not jump.
         robot_base_frame_id: frame of the robot.
-        track_point_frame_id: with tf, frame of the track point; empty means the robot frame.
+        track_point_frame_id: frame of the track point (tf only); empty means the robot frame.
         track_point_x, track_point_y, track_point_z: coordinate of the point that the map follows
             [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
@@ -66,7 +66,7 @@ class Settings:
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
-        target_frame_init_submap: with tf, frame of the patch; empty means the robot frame.
+        target_frame_init_submap: frame of the patch (tf only); empty means the robot frame.
         masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps the cell.
         directory: directory for maps that services load and save; empty disables these services.
         storage: file format of saved bags.

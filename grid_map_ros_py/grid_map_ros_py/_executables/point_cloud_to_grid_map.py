@@ -62,7 +62,7 @@ class RollingSettings:
         pose_timeout: maximum time a cloud waits for its pose [s].
         queue_size: maximum number of waiting clouds.
         pose_topic: topic of the robot poses in the map frame; unused with tf.
-        robot_frame: with tf, frame that the map follows; empty means the cloud frame.
+        robot_frame: frame that the map follows (tf only); empty means the cloud frame.
         sensor_xyz: position of the sensor on the robot [m]; unused with tf.
         sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.

@@ -37,7 +37,7 @@ _STYLES_OF = {
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
     "max_drawn_cells": (("flat", "surface"), "without --relief"),
 }
-"""Options that only some picture styles support, with the condition for the error text."""
+"""Options that only some picture styles support: these styles, and the condition as text."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
