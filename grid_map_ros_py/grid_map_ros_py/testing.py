@@ -160,7 +160,7 @@ class Process(subprocess.Popen[str]):
         return code
 
     def kill(self) -> None:
-        """Kill the process group if the process still runs."""
+        """Kill the process group if the process is still running."""
         if self.is_running:
             os.killpg(self.pid, signal.SIGKILL)
         self.wait()
@@ -187,7 +187,7 @@ def running_node(module: str, *arguments: str) -> AbstractContextManager[Process
 def running(process: Process) -> Iterator[Process]:
     """Run a node as a context manager, and check how it ends.
 
-    On exit, the node must still run, and SIGINT must end the node with exit code 0 and without a
+    On exit, the node must still be alive, and SIGINT must end it with exit code 0 and without a
     traceback.
     """
     try:

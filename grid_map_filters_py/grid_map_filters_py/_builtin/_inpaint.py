@@ -129,7 +129,7 @@ class Inpaint(LayerFilter):
         return self.enclosed_holes_only or self.max_hole_area is not None
 
     def wanted(self, holes: Holes, size: Size, resolution: float) -> Mask:
-        """Return an (n,) mask of the holes to fill."""
+        """Return an (n,) mask that is True for the holes to fill."""
         limit = math.inf if self.max_hole_area is None else self.max_hole_area
         wanted: Mask = holes.areas * resolution**2 <= limit * (1 + 1e-9)
         return wanted & ~holes.touch_border(size) if self.enclosed_holes_only else wanted

@@ -31,7 +31,7 @@ class MathExpression:
     A numeric result is assigned to all cells; a matrix must have the shape of the map.
 
     Attributes:
-        expression: for example `0.5 * slope + roughness`.
+        expression: expression to evaluate, for example `0.5 * slope + roughness`.
         output_layer: layer for the result.
     """
 

@@ -18,7 +18,7 @@ class SlidingWindowMathExpression(LayerFilter):
 
     Attributes:
         input_layer: layer to filter; its name denotes the window in the expression.
-        expression: for example `meanOfFinites(elevation)`.
+        expression: expression to evaluate, for example `meanOfFinites(elevation)`.
         compute_empty_cells: also compute cells that are NaN in the input.
         edge_handling: for windows across the border: "inside" sets the cell to NaN, "crop" uses the
             part on the map, "empty" pads with NaN, "mean" pads with the mean of the finite values.

@@ -182,7 +182,7 @@ class Disc:
 
     def counts(self, known: Field) -> Field:
         """Count the True values of a padded mask in the disc around every cell."""
-        # The smallest integer type is by far the fastest.
+        # The smallest sufficient integer type is by far the fastest.
         smallest = np.min_scalar_type(np.count_nonzero(self.kernel))
         return self.sums(known.view(np.uint8).astype(smallest, copy=False))
 

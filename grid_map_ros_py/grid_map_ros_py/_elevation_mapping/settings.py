@@ -164,7 +164,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine may compile for some seconds."""
+    """Create the fusion; the first call on a machine may take some seconds to compile."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,

@@ -128,7 +128,7 @@ class PoseHistory(Poses):
         return f"a later pose than that of {_seconds(self._stamps[-1])}"
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
-        """Return a source for another sensor, sharing all current and future poses of this one."""
+        """Return a source for another sensor, with the same current and future robot poses."""
         other = copy.copy(self)
         other._sensor = sensor
         return other

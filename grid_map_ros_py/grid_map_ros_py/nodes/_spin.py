@@ -169,7 +169,7 @@ class _Life:
         except (GridMapError, NameValidationException, rclpy_implementation.RCLError) as error:
             text = str(error)
             if isinstance(error, NameValidationException):
-                # The last line is only a caret that marks the invalid character.
+                # The last line of the error text is only a caret that marks the invalid character.
                 text = text.rpartition("\n")[0]
             if not isinstance(error, GridMapError):
                 text = " ".join(text.split())

@@ -108,7 +108,7 @@ def paint(
         if heights:
             z = reduced(grid_map.unwrapped(heights), side).means[..., 0].astype(np.float64)
             with np.errstate(invalid="ignore"):
-                # Central differences, one-sided at the border, zero along a single cell.
+                # Central differences, one-sided at the border, zero along an axis of one cell.
                 down, right = (
                     (np.gradient(z, axis=axis) if z.shape[axis] > 1 else 0 * z)
                     * (exaggeration / cells)
