@@ -32,7 +32,7 @@ def inpainted(
     """Inpaint an image like `cv2.inpaint` with `cv2.INPAINT_NS`; return None without numba.
 
     Args:
-        image: (rows, columns) gray values; both sides are at least 3 cells.
+        image: (rows, columns) gray values, at least 3 x 3.
         missing: mask of the cells to fill.
         radius: radius of the neighborhood [cells], from 1 to 100.
     """

@@ -53,7 +53,7 @@ def raster_normals(layer: Layer, resolution: float) -> Fields:
     unknown cell. Normals are NaN at the layer border, and where a slope lacks two finite cells.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
-    # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
+    # Rows run towards -x and columns towards -y: the slopes are -dz/dx and -dz/dy.
     minus_x = _slope(heights[:, 1:-1], resolution)
     minus_y = _slope(heights[1:-1].T, resolution).T
     z = 1.0 / np.sqrt(minus_x * minus_x + minus_y * minus_y + 1.0)
@@ -122,7 +122,7 @@ def _sums(
 ) -> tuple[npt.NDArray[np.bool_], tuple[npt.NDArray[Any], ...]]:
     """Return a mask of the finite cells, and sums over the points in the discs.
 
-    The sums are those of 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
+    The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
     """
     known, heights = disc.padded(layer, offset)
     # In units of cells, x and y are integers. Rows run towards -x and columns towards -y; negated

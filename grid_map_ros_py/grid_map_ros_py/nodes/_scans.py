@@ -161,7 +161,7 @@ class ScanQueue:
 
 
 def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
-    """Decode a `PointCloud2`, or its serialized bytes, with the given fields as columns."""
+    """Decode a `PointCloud2`, or its serialized bytes, with `fields` as columns."""
     if isinstance(message, bytes):
         message = view(message, PointCloud2)
     stamp = from_stamp(message.header.stamp)
