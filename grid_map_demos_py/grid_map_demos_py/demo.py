@@ -28,7 +28,7 @@ class Demo(ConfiguredNode):
         return Path(os.path.expanduser(given))  # noqa: PTH111
 
     def map_publisher(self, topic: str = "grid_map") -> Publisher:
-        """Create a latched publisher of maps."""
+        """Create a latched map publisher."""
         return self.create_publisher(GridMapMessage, topic, map_qos())
 
     def publish_maps(self, default_rate: float, topic: str = "grid_map") -> None:

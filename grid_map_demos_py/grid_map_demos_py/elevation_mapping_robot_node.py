@@ -41,7 +41,7 @@ SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
     "lidar": (LIDAR, SpinningLidar(azimuths=720).directions, LaserModel()),
     "camera": (CAMERA, DepthCamera().directions, StructuredLightModel()),
 }
-"""Sensors by frame: transform to the robot frame, beam directions, and noise model."""
+"""Sensors by frame name: transform to the robot frame, beam directions, and noise model."""
 
 
 class ElevationMappingRobotNode(Demo):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_to_image_demo`: saves a layer of the next map as an image file and ends.
+"""Node `grid_map_to_image_demo`: saves a layer of the next map as an image file and exits.
 
 Pixel (row, column) is cell (row, column) in map order, with +x up and +y to the left. The file
 is written atomically.
@@ -38,7 +38,7 @@ DTYPES = {8: np.uint8, 16: np.uint16}
 
 
 def keeps(file: Path, image: Image) -> bool:
-    """Return whether the format of a file keeps the data type and channels of an image."""
+    """Return whether a file format preserves the data type and channels of an image."""
     try:
         data = np.frombuffer(encode_image(image, file.suffix), np.uint8)
     except (cv2.error, ValueError):

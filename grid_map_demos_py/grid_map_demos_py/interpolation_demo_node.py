@@ -132,7 +132,7 @@ class InterpolationDemoNode(Demo):
         length = np.array([x, y])
         truth = self._read_geometry("groundtruth_resolution", length, 0.02, "the true surface")
         data = self._read_geometry("interpolation.data_resolution", length, 0.1, "the samples")
-        # The samples cover whole cells; the interpolated map must stay within them.
+        # The interpolated map must stay within the samples, which cover whole cells.
         name = "interpolation.interpolated_resolution"
         fine = self._read_geometry(name, data.length, 0.02, "the interpolated map")
         samples = sampled(world, data)

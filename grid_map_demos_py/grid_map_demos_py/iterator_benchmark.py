@@ -4,8 +4,8 @@
     iterator_benchmark [SIDE ...]
 
 Prints a table of times for square maps with SIDE cells per side. Two tasks, the larger of two
-layers and the mean of 3 x 3 cells, are solved in several ways, from single cells in Python to whole
-arrays in NumPy and OpenCV. ROS is not required.
+layers and the mean of 3 x 3 cells, are solved in several ways, from loops over cells in Python to
+whole arrays in NumPy and OpenCV. ROS is not required.
 """
 
 import argparse
@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for line in table(options.sides):
             print(line, flush=True)
     except BrokenPipeError:
-        # Otherwise Python would try to write the remaining output at exit.
+        # Prevent Python from writing the remaining output to the closed pipe at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
     return 0

@@ -3,7 +3,7 @@
 
 Publishes the map on `grid_map` (its layer `type` is 1 in the cells filled so far), and the polygon
 or the sliding window on `polygon`. The demo shows all regions in turn and then keeps the last map,
-or starts again with the parameter `repeat`.
+or starts again if the parameter `repeat` is true.
 """
 
 import math
@@ -43,7 +43,7 @@ CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
 
 
 class Step(NamedTuple):
-    """Map change: pause after the change [s], title of a new region, and polygon to publish."""
+    """Step of the demo: pause after the step [s], title of a new region, polygon to publish."""
 
     pause: float
     title: str = ""
@@ -56,7 +56,7 @@ def make_map() -> gm.GridMap:
 
 
 def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Show all regions, then the sliding window, on a map; yield each step."""
+    """Fill all regions of a map, then show the sliding window; yield each step."""
     yield Step(2.0)
     for title, find_cells in REGIONS.items():
         grid_map.clear_all()
@@ -70,7 +70,7 @@ def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
 
 
 def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Blur a polygon with the mean of the window around each cell."""
+    """Blur a filled polygon with the mean of the window around each cell."""
     grid_map["type"] = 0.0
     grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
@@ -106,7 +106,7 @@ class IteratorsDemoNode(Demo):
         if step is not None:
             self._publish(step)
             self._timer.timer_period_ns = round(1e9 * step.pause / self._speed)
-            # Otherwise the new period would start only after the current one.
+            # Without a reset, the new period would start only after the current one.
             self._timer.reset()
         elif self._repeat:
             self._steps = show_everything(self._map)

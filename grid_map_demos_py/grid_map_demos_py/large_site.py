@@ -26,10 +26,10 @@ END = 1500.0
 """The path leads from x = END to x = -END [m]."""
 
 _TILE = 1024
-"""Side of a chunk [cells]."""
+"""Side length of a chunk [cells]."""
 
 _LENGTHS = np.geomspace(1.5, 400.0, 24)
-"""Wavelengths of the ground [m]."""
+"""Wavelengths of the waves that form the ground [m]."""
 
 
 def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:

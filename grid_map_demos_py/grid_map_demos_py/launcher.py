@@ -180,7 +180,7 @@ class ProcessGroup:
 
     def __exit__(self, *_: object) -> None:
         for process in self._processes.values():
-            # Unlike SIGINT, SIGTERM prints nothing while Python is still starting.
+            # Unlike SIGINT, SIGTERM causes no traceback while Python is still starting.
             process.terminate()
         deadline = time.monotonic() + PATIENCE
         for process in self._processes.values():
@@ -189,7 +189,7 @@ class ProcessGroup:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-        # Python removes its own signal handlers at exit.
+        # Ignore late signals: Python removes its own signal handlers at exit.
         on_end(signal.SIG_IGN)
 
     def start(self, module: Sequence[str], parameter_file: str, *parameters: str) -> None:
@@ -215,7 +215,7 @@ class ProcessGroup:
             )
 
     def wait(self) -> tuple[str, int] | None:
-        """Wait until a process ends; return its module and exit code, or None if stopped."""
+        """Wait for a process to end; return its module and exit code, or None after a stop."""
         while not self.stopped:
             for module, process in self._processes.items():
                 code = process.poll()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `move_demo`: shows the two ways to change the position of a map, along a spiral.
+"""Node `move_demo`: moves a map along a spiral, in turn with `move` and by setting `position`.
 
 `move` keeps the data in place in the world, and data that leaves the map is lost. Setting
-`position` moves the data with the map. The node publishes on `grid_map`, 10 times a second.
+`position` moves the data with the map. The node publishes the map on `grid_map` at 10 Hz.
 """
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `normal_filter_comparison_demo`: compares two algorithms for surface normals with the truth.
+"""Node `normal_filter_comparison_demo`: compares two surface normal algorithms with true normals.
 
 The surface is a formula with known normals. The demo adds noise and outliers to the heights,
 smooths them, and computes normals with the algorithms area and raster in a filter chain. The error

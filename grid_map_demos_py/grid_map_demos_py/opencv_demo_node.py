@@ -31,7 +31,7 @@ def kernel_size(seconds: float) -> int:
 
 
 def blur(grid_map: GridMap, image: Image, size: int) -> None:
-    """Blur an image with a kernel of `size` x `size` pixels, into the layer `elevation`."""
+    """Blur an image with a `size` x `size` kernel, and store it in the layer `elevation`."""
     blurred = cv2.GaussianBlur(image, (size, size), 0.0)
     # Blurred cells with lower opacity become NaN.
     add_layer_from_image(grid_map, blurred, "elevation", 0.0, HEIGHT, alpha_threshold=0.3)

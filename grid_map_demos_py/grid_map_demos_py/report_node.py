@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Nodes that collect the messages of a demo, write pictures, print tables, and end.
+"""Nodes that collect the messages of a demo, write pictures, print tables, and exit.
 
     python3 -m grid_map_demos_py.report_node filters | elevation_mapping | large_map
 
@@ -136,7 +136,7 @@ class DemoReportNode(ReportNode):
         self._count(FILTERED)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        # All nodes of a robot publish on this topic.
+        # All nodes publish on `/diagnostics`; use only the status of the filter chain.
         for status in message.status:
             if status.name == FILTER_CHAIN:
                 times = [(v.key[3:], v.value) for v in status.values if v.key.startswith("ms ")]

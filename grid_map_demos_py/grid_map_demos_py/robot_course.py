@@ -14,7 +14,7 @@ from grid_map_core_py.simulation import with_box, with_ramp, with_stairs
 from .terrain import load_terrain
 
 Matrix = npt.NDArray[np.float64]
-"""(4, 4) rotation and translation [m]."""
+"""(4, 4) homogeneous transform: rotation and translation [m]."""
 
 RESOLUTION = 0.05
 RADII = (6.0, 4.5)

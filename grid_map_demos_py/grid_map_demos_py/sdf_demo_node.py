@@ -2,9 +2,9 @@
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
 Subscribes to maps. The field extends from just below the lowest cell of a map to just above the
-highest cell. The `intensity` of each point is the distance to the surface [m]. Below the cloud
-topic, `full_sdf` contains all points, `free_space` points in the air, `occupied_space` points in
-the ground. Cells without a height are set to the lowest height.
+highest cell. The `intensity` of each point is the distance to the surface [m]. Under the cloud
+topic, `full_sdf` contains all points, `free_space` the points above the surface, `occupied_space`
+all others. Cells without a height are set to the lowest height.
 """
 
 import array

@@ -23,10 +23,10 @@ from .errors import FilterConfigError
 from .parts._side_by_side import use_threads
 
 _FEWEST_CELLS = 1000**2
-"""Minimum map size for threads [cells]; on smaller maps, waking threads costs more time."""
+"""Minimum map size for threads [cells]; on smaller maps, waking threads takes too long."""
 
 _MOST_THREADS = 1000
-"""Maximum number of threads; all threads start, even without work."""
+"""Maximum number of threads; all threads are started, even if some get no work."""
 
 
 class FilterChain:

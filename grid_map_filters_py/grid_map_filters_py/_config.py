@@ -72,7 +72,7 @@ def read_chain(path: str | Path, name: str) -> object:
     """Read the configuration of the chain called `name` from a YAML file.
 
     In a ROS 2 parameter file, the chain is one of the `ros__parameters` of a node. In a ROS 1 file,
-    it is the top-level entry `name` or the only top-level list. The file may also be just the list.
+    it is the top-level entry `name` or the only top-level list. The file may also be a bare list.
 
     Raises:
         FilterConfigError: the file is not YAML, or does not contain exactly one such chain.

@@ -65,7 +65,7 @@ class GlobalFilter(Filter, Protocol):
     """Filter that needs quantities of the whole map, such as a mean, but is otherwise local."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
-        """Compute the quantities, and return a `LocalFilter` for the tiles.
+        """Compute quantities of the whole map, and return a `LocalFilter` for the tiles.
 
         Args:
             tiled_map: input map; use `tiled_map.over_tiles` to compute the quantities.
@@ -78,7 +78,7 @@ class PartlyLocalFilter(Filter, Protocol):
     """Filter that runs on tiles only with certain parameters."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
-        """Return why a map with these layers must be filtered as a whole; empty if tiles work."""
+        """Return the reason why a map with these layers cannot be filtered in tiles, or ""."""
 
 
 @runtime_checkable

@@ -23,7 +23,7 @@ ALIASES: dict[str, type[Filter]] = {
     for alias in (f"gridMapFilters/{name}Filter", f"gridMapCv/{name}Filter", name)
     if alias != type_name
 }
-"""Aliases of the built-in filters: with the other prefix, and without a prefix."""
+"""Aliases of the built-in filters, such as "gridMapCv/SlopeFilter" and "Slope"."""
 
 
 class FilterRegistry(Registry[Filter]):

@@ -181,7 +181,7 @@ def filtered_tiles(
             name for name in result if name not in grid_map or result[name] is not given[name]
         )
         if type(step.filter) not in BUILT_IN.values():
-            # Layers that external filters read and change may depend on the data.
+            # The data may determine which layers an external filter reads and changes.
             reads, writes = frozenset(grid_map), frozenset(result)
         tried.append(_TileStep(step, reads, writes, result.layers, result.basic_layers))
         grid_map = result

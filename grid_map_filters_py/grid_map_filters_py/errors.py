@@ -21,4 +21,4 @@ class FilterConfigError(FilterError, ConfigError):
 
 
 class ExpressionError(FilterError, ValueError):
-    """An expression is malformed, or does not fit the given layers."""
+    """An expression is malformed, or does not fit the layers."""

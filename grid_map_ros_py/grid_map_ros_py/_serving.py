@@ -79,7 +79,7 @@ def part(
 
 
 def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
-    """Return a function that opens the map given by `source`; None if the parameter is empty."""
+    """Return a function that opens the map that the parameter `source` names; None if empty."""
     kind: Any = str | list[str]
     about = "map of any size: a Zarr store, or one or more GeoTIFF files; empty means none"
     source = read_parameter(node, "source", kind, "", description=about)
@@ -171,7 +171,7 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item and stop; return True if it finishes within `timeout` [s]."""
+        """Process the waiting item and stop; return True if the thread ends in `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

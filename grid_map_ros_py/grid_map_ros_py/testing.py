@@ -65,7 +65,7 @@ for main, words in starts:
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
-    """Reserve a ROS domain other than the caller's; return it and the socket that reserves it."""
+    """Reserve a ROS domain other than `ROS_DOMAIN_ID`; return it and the reserving socket."""
     for k in range(DOMAINS):
         # The number depends on the process id, so that a domain is not reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS
@@ -160,7 +160,7 @@ class Process(subprocess.Popen[str]):
         return code
 
     def kill(self) -> None:
-        """Kill the process group if the process still runs."""
+        """Kill the process group if the process is still running."""
         if self.is_running:
             os.killpg(self.pid, signal.SIGKILL)
         self.wait()
@@ -187,7 +187,7 @@ def running_node(module: str, *arguments: str) -> AbstractContextManager[Process
 def running(process: Process) -> Iterator[Process]:
     """Run a node as a context manager, and check how it ends.
 
-    On exit, the node must still run, and SIGINT must end the node with exit code 0 and without a
+    On exit, the node must still be alive, and SIGINT must end it with exit code 0 and without a
     traceback.
     """
     try:

@@ -24,7 +24,7 @@ class LineMarker:
     """Base class of visualizations that draw single-color lines.
 
     Attributes:
-        color: line color, 0xRRGGBB.
+        color: color as 0xRRGGBB.
         line_width: width of the lines [m].
 
     Raises:

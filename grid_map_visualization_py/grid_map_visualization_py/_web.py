@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Page URLs of both viewers, and checks of page requests."""
+"""Page URLs of the web viewer and the Rerun viewer, and checks of page requests."""
 
 import ipaddress
 import socket

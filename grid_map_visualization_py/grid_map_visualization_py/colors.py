@@ -95,7 +95,7 @@ class Coloring:
         """Return the lower and upper end of the color map for an array of layer values.
 
         A bound that is None is the smallest or the largest finite value, limited by the other bound
-        so that lower <= upper. Both bounds are 0 if none is given and no value is finite.
+        so that lower <= upper. Both bounds are 0 if neither is set and no value is finite.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper

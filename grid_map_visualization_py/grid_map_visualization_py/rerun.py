@@ -3,7 +3,7 @@
 
 - `show` shows a map or a bag in a notebook.
 - `recorded` writes several maps to a file (`.rrd`); `grid_map_core_py.save` writes one map.
-- `Scene` writes maps and messages to any recording in a given `Style`.
+- `Scene` writes maps and messages to any recording, with a `Style` of your choice.
 - `log_bag` writes the messages of a bag to a scene.
 """
 

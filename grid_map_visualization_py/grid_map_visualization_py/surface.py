@@ -6,8 +6,8 @@ triangles if all four heights are finite, one triangle if three are finite, and 
 The square is split along the diagonal with the smaller height difference (the higher diagonal if
 the differences are equal), so that edges and ridges are straight.
 
-If a map has more than `max_drawn_cells` cells, only every n-th row and column is kept, plus the
-first and last ones, so that the surface covers the map. Values are not averaged. Rows and columns
+If a map has more than `max_drawn_cells` cells, only every n-th row and column is kept, plus those
+at the border, so that the surface covers the map. Values are not averaged. Rows and columns
 are chosen by position in the map frame, so that the surface of a moving map does not flicker.
 """
 
@@ -218,7 +218,7 @@ def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, i
     kept = inside & row & column & ~turned
     yield kept & first, (0, 1, rows)
     yield kept & both, (1, rows + 1, rows)
-    # Triangles along the other diagonal, also if a corner on the usual diagonal is missing.
+    # Triangles along the other diagonal; it is needed if a corner of the usual one is missing.
     crossed = inside & first & both
     yield crossed & column & (turned | ~row), (0, rows + 1, rows)
     yield crossed & row & (turned | ~column), (0, 1, rows + 1)

@@ -19,7 +19,7 @@ _FAR = np.float32(12.0)
 """Difference at which a value counts as missing [standard deviations]; its weight is 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Mean differences below this become 0 [standard deviations]; missing values can cause them."""
+"""Smaller mean differences, which missing values can cause, become 0 [standard deviations]."""
 
 _PIECE = 2**16
 """Number of cells computed at once, so that temporary arrays fit into the cache."""

@@ -19,7 +19,7 @@ class ColorFill(CellFilter):
     """Fill a layer with one color.
 
     Attributes:
-        red, green, blue: component of the color, clamped to [0, 1].
+        red, green, blue: color component, clamped to [0, 1].
         mask_layer: cells where this layer is finite get the color, other cells NaN; empty means
             that all cells get the color.
         output_layer: layer for the result.

@@ -19,14 +19,15 @@ _FIRST, _LAST = np.float32(0), np.float32(1)
 
 @dataclass(frozen=True, kw_only=True)
 class ColorMap(CellFilter, LayerFilter):
-    """Color a layer with a linear color gradient between two values.
+    """Color a layer with a linear color ramp between two values.
 
     Values outside the range are clamped to the nearest end. Non-finite cells get no color.
 
     Attributes:
         input_layer: layer with the values.
-        min_value: first value of the ramp; YAML also accepts `min/value` or `min: {value, color}`.
-        max_value: last value of the ramp, above `min_value`.
+        min_value: value that gets `min_color`. YAML also accepts `min: {value, color}` and
+            `min/value`.
+        max_value: value that gets `max_color`; above `min_value`.
         min_color, max_color: red, green and blue at the ends of the ramp, clamped to [0, 1].
     """
 

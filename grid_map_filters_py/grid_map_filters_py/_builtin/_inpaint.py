@@ -56,8 +56,8 @@ class Inpaint(LayerFilter):
     """Fill the non-finite cells of a layer from surrounding cells.
 
     Uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV. Finite
-    cells, and layers without finite cells, do not change. Missing cells that touch, also at
-    corners, form one hole.
+    cells, and layers without finite cells, do not change. Missing cells that touch, even
+    if only at corners, form one hole.
 
     Attributes:
         radius: radius of the neighborhood from which a cell is filled [m], at least one cell.
@@ -129,7 +129,7 @@ class Inpaint(LayerFilter):
         return self.enclosed_holes_only or self.max_hole_area is not None
 
     def wanted(self, holes: Holes, size: Size, resolution: float) -> Mask:
-        """Return an (n,) mask of the holes to fill."""
+        """Return an (n,) mask that is True for the holes to fill."""
         limit = math.inf if self.max_hole_area is None else self.max_hole_area
         wanted: Mask = holes.areas * resolution**2 <= limit * (1 + 1e-9)
         return wanted & ~holes.touch_border(size) if self.enclosed_holes_only else wanted
@@ -145,7 +145,7 @@ class _InpaintTiles:
     Args:
         whole: the `Inpaint` filter of the chain.
         geometry: geometry of the whole map.
-        extremes: lowest and highest finite value of the whole layer; NaN without finite values.
+        extremes: lowest and highest finite value of the whole layer; NaN if there are none.
         max_hole: length of the longest hole to fill [cells].
         fills_all: True if all holes of the map are to be filled.
     """
@@ -210,7 +210,7 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the cells of wanted holes; label 0 marks cells outside holes."""
+    """Return a mask of the cells of `wanted` holes; label 0 marks cells outside holes."""
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 

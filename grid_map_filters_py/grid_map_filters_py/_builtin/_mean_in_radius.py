@@ -13,7 +13,7 @@ from ..parts._disc import Disc
 from ..parts._layer_filter import AroundTypicalValue, DiscFilter
 
 _FEW = 4
-"""Maximum disc reach for single-precision sums [cells]."""
+"""Maximum reach of discs whose sums are computed in single precision [cells]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,13 +34,13 @@ class MedianFill:
         input_layer: layer to filter.
         output_layer: layer for the result.
         fill_hole_radius: half the width of the square [m], rounded down to whole cells.
-        filter_existing_values: also replace finite cells in the mask with the median around them.
+        filter_existing_values: also replace finite cells in the mask with the median.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
         fill_mask_layer: mask of the cells that may change; computed if the layer is missing.
-        num_erode_dilation_iterations: number of closing iterations of one cell each.
+        num_erode_dilation_iterations: closing iterations of one cell each.
         debug: also store the mask before the closing.
-        debug_infill_mask_layer: layer for the mask before the closing; required with `debug`.
+        debug_infill_mask_layer: layer for the debug mask; required with `debug`.
     """
 
     input_layer: str

@@ -21,7 +21,7 @@ class NormalColorMap(CellFilter):
     Cells without a normal get no color.
 
     Attributes:
-        input_layers_prefix: common prefix of the normal layers, which end in `x`, `y` and `z`.
+        input_layers_prefix: prefix of the normal layers, which end in `x`, `y` and `z`.
         output_layer: layer for the result.
     """
 

@@ -24,13 +24,13 @@ class NormalVectors:
 
     Attributes:
         input_layer: heights [m].
-        output_layers_prefix: common prefix of the normal layers, which end in `x`, `y` and `z`.
+        output_layers_prefix: prefix of the normal layers, which end in `x`, `y` and `z`.
         normal_vector_positive_axis: axis along which the normals have a positive component. In
             ROS parameter files, quote `'y'`: a bare `y` means *true*.
         algorithm: "area" fits a plane to the disc around each cell, "raster" uses the slopes to
             the four neighbors.
         radius: radius of the disc [m]; 0 or less means "raster".
-        parallelization_enabled, thread_number: C++ parameter; accepted, but ignored.
+        parallelization_enabled, thread_number: C++ parameter; ignored.
     """
 
     input_layer: str

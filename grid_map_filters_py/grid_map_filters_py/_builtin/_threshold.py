@@ -18,11 +18,11 @@ class Threshold(CellFilter):
     """Set the cells of a layer to a fixed value where a layer is below or above a threshold.
 
     Attributes:
-        layer: layer to compare and change, instead of `condition_layer` and `output_layer`.
-        condition_layer: layer to compare with the threshold.
-        output_layer: existing layer in which cells are set.
+        layer: layer for both `condition_layer` and `output_layer`.
+        condition_layer: layer compared with the threshold; requires `output_layer`.
+        output_layer: existing layer in which cells are set; requires `condition_layer`.
         lower_threshold: cells below this value are set.
-        upper_threshold: cells above this value are set; specify exactly one of the two thresholds.
+        upper_threshold: cells above this value are set; set exactly one threshold.
         set_to: new value of the cells; may be `.nan` or `.inf`.
     """
 

@@ -26,8 +26,8 @@ class Traversability(CellFilter):
     Attributes:
         input_layers: layers with costs such as slope, step height and roughness.
         output_layer: layer for the result.
-        critical_values: per layer, the value at which its term reaches 0.
-        weights: weights of the layers, equal by default; only the ratios matter.
+        critical_values: for each layer, the value at which its term reaches 0.
+        weights: weight per layer; only their ratios matter. Equal by default.
     """
 
     input_layers: tuple[str, ...]

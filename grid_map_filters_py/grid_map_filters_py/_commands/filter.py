@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")
-"""Options for filtering on tiles only, and in memory only."""
+"""Options that are valid only on tiles, and options that are valid only in memory."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run `grid-map filter`: filter the maps of a file, and print how many."""
+    """Run `grid-map filter`: filter the maps of a file, and print their number."""
     if options.chain == options.source == "-":
         raise UsageError("the chain and the map cannot both come from standard input")
     path = "/dev/stdin" if options.chain == "-" else options.chain

@@ -26,8 +26,8 @@ class Analysis:
 
     Args:
         layers: layer names, which hide functions and constants of the same name. None means that
-            the names are unknown: nothing then counts as hidden, but calls that may be indices
-            count as indices.
+            the names are unknown: nothing then counts as hidden, but a call that may index a
+            layer of the same name counts as an index.
         reduced: treat reductions as numbers.
     """
 

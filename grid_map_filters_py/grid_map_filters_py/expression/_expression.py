@@ -50,7 +50,7 @@ class Expression:
     _root: Node = field(init=False, repr=False, compare=False)
     _places: dict[str, int] = field(init=False, repr=False, compare=False)
     _layers: frozenset[str] | None = field(init=False, repr=False, compare=False, default=None)
-    """Layers of the tiled map, for results of `for_tiles_of`; None if any map is allowed."""
+    """Layers of the tiled map, set by `for_tiles_of`; None if any map is allowed."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
@@ -81,7 +81,7 @@ class Expression:
         return Analysis(self._layers).is_cellwise(self._root)
 
     def why_whole_map(self, layers: Container[str]) -> str:
-        """Return why a map with these layers must be evaluated as a whole; empty if tiles work.
+        """Return the reason why a map with these layers cannot be evaluated in tiles, or "".
 
         Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
         """

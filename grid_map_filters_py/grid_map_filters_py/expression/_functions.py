@@ -54,7 +54,7 @@ def _finite_or(substitute: float) -> Callable[[Any], Any]:
 # --- operators ------------------------------------------------------------------------------------
 
 ARITHMETIC = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "^": np.power}
-"""A leading dot, as in `.*`, makes an operator elementwise."""
+"""Arithmetic operators; a leading dot, as in `.*`, makes an operator elementwise."""
 
 COMPARISONS = {
     "<": np.less,
@@ -187,8 +187,8 @@ class Function:
         elementwise: each element of the result depends only on the same element of the arguments.
         keeps_nan: elementwise, and the result is NaN wherever an argument is NaN.
         skips_nan: accepts one argument and ignores its NaN elements.
-        reduces: number of arguments with which the function reduces its first argument, or the
-            shape of this argument, to a number; 0 for other functions.
+        reduces: number of arguments for which the result is a single number, computed from the
+            elements or the shape of the first argument; 0 for other functions.
     """
 
     apply: Callable[..., Any]
@@ -220,7 +220,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Return a `Function` that applies `fold` to the finite elements; NaN without finite ones."""
+    """Return a `Function` that applies `fold` to the finite elements; NaN if there are none."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)

@@ -17,7 +17,7 @@ _DEEPEST = 150
 
 
 class Interpreter:
-    """Evaluates nodes of a syntax tree for given values, with one method per node kind.
+    """Evaluates nodes of a syntax tree for values of the names; one method per node kind.
 
     Args:
         algebra: primitive operations for the type of the values.

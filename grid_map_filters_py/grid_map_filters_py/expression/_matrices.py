@@ -27,7 +27,7 @@ SCALAR: Shape = (1, 1)
 class Fold:
     """A reduction: apply `map` to every element, then `combine` the results in any order.
 
-    The optional `whole` reduces a whole array faster; it returns NaN without valid elements.
+    The optional `whole` reduces a whole array faster; it returns NaN if no element is valid.
     """
 
     map: Callable[[Any], Any]

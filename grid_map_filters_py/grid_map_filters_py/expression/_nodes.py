@@ -56,7 +56,7 @@ class Node:
             yield from child.descendants()
 
     def with_numbers(self, numbers: Mapping["Node", float]) -> "Node":
-        """Return a copy of the tree in which the given nodes are replaced by numbers."""
+        """Return a copy of the tree with some nodes replaced by numbers."""
         if self in numbers:
             return Node("number", (numbers[self],), self.position)
         return Node(self.kind, _with_numbers(self.parts, numbers), self.position)

@@ -21,7 +21,7 @@ from grid_map_core_py._loops import Loop
 from ._side_by_side import CELLS, side_by_side
 
 Value: TypeAlias = Any
-"""A number of one cell, or an array with the numbers of all cells."""
+"""The value of one cell, or an array with the values of all cells."""
 
 _ZERO = np.float32(0)
 
@@ -82,7 +82,8 @@ class CellFunction:
             numbers: last argument of the function.
 
         Returns:
-            Float32 array (bits of uint32 results) in Fortran order, with the shape of the layers.
+            Float32 array in Fortran order, with the shape of the layers; uint32 results keep
+            their bits.
         """
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
         with np.errstate(over="ignore"):

@@ -26,7 +26,7 @@ from .._filter import WHOLE_MAP
 Field = npt.NDArray[Any]
 
 _LARGEST = 2**31
-"""Number of cells along a side that exceeds any map."""
+"""Side length that exceeds any map [cells]."""
 
 
 def disc_reach(radius: float, resolution: float) -> float:
@@ -78,9 +78,9 @@ class Disc:
 
     @cached_property
     def half_widths(self) -> tuple[Field, Field]:
-        """Half-lengths of the disc lines along rows and along columns [cells].
+        """Half-lengths of the lines of cells in the disc, along axis 0 and along axis 1 [cells].
 
-        The index is the distance of the line from the center [cells].
+        Element i of each array is for the lines at a distance of i cells from the center.
         """
         rows, columns = (
             np.minimum(half_chords(self._limit, np.arange(other + 1.0)), reach).astype(int)
@@ -104,7 +104,7 @@ class Disc:
         """Pad a layer with the reach of the disc, and separate missing cells from values.
 
         Args:
-            layer: (rows, columns) array of the size given to `Disc`.
+            layer: (rows, columns) array of the size passed to `Disc`.
             offset: number subtracted from all values; see `typical_value`.
             dtype: type of the differences.
 
@@ -117,7 +117,7 @@ class Disc:
         known = np.zeros(values.shape, np.bool_, order="F")
         finite = np.isfinite(layer, out=known[self.inner])
         differences = np.subtract(layer, offset, out=values[self.inner], dtype=dtype)
-        # Three times as fast as an argument `where` of `subtract`.
+        # Three times as fast as the argument `where` of `subtract`.
         np.copyto(differences, 0.0, where=~finite)
         return known, values
 
@@ -130,7 +130,7 @@ class Disc:
     def sums_of_lines(
         self, values: Field, axis: int, *, moments: bool = False
     ) -> Iterator[tuple[int, Field, Field]]:
-        """Yield sums over the lines of the discs, from the rim to the center.
+        """Yield sums over the lines of cells in the discs, from the rim to the center.
 
         Args:
             values: array returned by `padded`.
@@ -143,7 +143,7 @@ class Disc:
                 the flat array of `totals`; equal for distance 0. The next iteration overwrites
                 both arrays.
         """
-        # In a flat array, the neighbors of all cells at one distance are a single slice.
+        # In a flat array, the neighbors of all cells at one offset are a single slice.
         flat, strides = values.T.reshape(-1), (1, len(values))
         along, across = strides[axis], strides[1 - axis]
         widths, margin = self.half_widths[axis], along * self.reach[axis]
@@ -182,13 +182,13 @@ class Disc:
 
     def counts(self, known: Field) -> Field:
         """Count the True values of a padded mask in the disc around every cell."""
-        # The smallest integer type is by far the fastest.
+        # The smallest sufficient integer type is by far the fastest.
         smallest = np.min_scalar_type(np.count_nonzero(self.kernel))
         return self.sums(known.view(np.uint8).astype(smallest, copy=False))
 
 
 def typical_value(layer: Layer) -> float:
-    """Return the approximate median of the finite values; 0 without finite values.
+    """Return the approximate median of the finite values; 0 if there are none.
 
     Subtracting this value preserves the precision of sums at heights of 1000 m, even with outliers.
     """

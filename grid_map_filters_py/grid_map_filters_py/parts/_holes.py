@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Finds holes in layers: groups of missing cells that touch, also at corners and across tiles."""
+"""Finds holes in layers: groups of missing cells that touch, even at corners or across tiles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -100,7 +100,7 @@ class HolesOfTile(NamedTuple):
     """Holes in a tile that must be merged across the whole map.
 
     Args:
-        lowest, highest: extremes of the finite values; NaN without finite values.
+        lowest, highest: extremes of the finite values; NaN if there are none.
         holes: long holes and holes that touch the tile border, in cells of the whole map.
         edges: first and last row, first and last column.
     """
@@ -118,7 +118,7 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: maximum length of inner holes that are omitted [cells].
+        length: length up to which holes inside the tile are omitted [cells].
     """
 
     layer: str

@@ -32,7 +32,7 @@ def inpainted(
     """Inpaint an image like `cv2.inpaint` with `cv2.INPAINT_NS`; return None without numba.
 
     Args:
-        image: (rows, columns) gray values; both sides are at least 3 cells.
+        image: (rows, columns) gray values, at least 3 x 3.
         missing: mask of the cells to fill.
         radius: radius of the neighborhood [cells], from 1 to 100.
     """
@@ -138,7 +138,7 @@ def _inpaint(images: Any, frame: Any) -> None:
     rows, columns, _ = frame
     # A heap; cells with equal times are ordered by number.
     queue, number = [(_ZERO, 0, 0) for _ in range(0)], 0
-    # The cells around holes come first, row by row.
+    # The queue starts with the cells around holes, row by row.
     for row in range(1, rows + 1):
         for cell in range(row * (columns + 2) + 1, row * (columns + 2) + 1 + columns):
             if times[cell] == _ZERO and _has_unknown_neighbor(times, cell, columns + 2):

@@ -49,7 +49,7 @@ class LayerFilter(ABC):
         """Return the reach of the filter in rows and columns; see `LocalFilter.reach`."""
 
     def _for_blocks_of(self, _layer: Layer) -> Callable[[Layer, float], Values]:
-        """Return a function that filters a block, given the block and the resolution."""
+        """Return a function that filters a block; its arguments are block and resolution."""
         return self._filter
 
     @abstractmethod
@@ -109,7 +109,7 @@ def check_radius(radius: float, name: str = "radius") -> None:
 
 
 def highest_in_disc(layer: Layer, radius: float, resolution: float, *, fill: bool = True) -> Layer:
-    """Return the largest finite value in the disc around every cell; NaN without finite values.
+    """Return the largest finite value in the disc around every cell; NaN if there is none.
 
     This is the gray-scale dilation of the layer with the disc as structuring element; non-finite
     cells are ignored.

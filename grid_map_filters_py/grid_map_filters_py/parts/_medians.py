@@ -94,7 +94,7 @@ def _put_blurred(
     """Write medians that `cv2.medianBlur` computes, and return a mask of the other cells.
 
     The middle value is the upper median if half of the missing values are minus infinity. Two
-    opposite checkerboards achieve this in most windows.
+    complementary checkerboards of signs achieve this in most windows.
     """
     rest = cells.T.copy()
     for color in (0, 1):
@@ -111,7 +111,7 @@ def _put_blurred(
 
 @loop("int64*", ("int64", 3), "uint8*", "int64*", "int64*")
 def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> None:
-    """Replace the rank of each window's median by the place of the median in sorted order.
+    """Replace the rank of each median in its window with its place among all sorted values.
 
     From one window to the next, one column of values leaves and one enters, and the median moves
     by a few places (J. Suomela, "Median Filtering is Equivalent to Sorting", 2014).
@@ -119,8 +119,8 @@ def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> N
     Args:
         places: places in sorted order of the values in and around a block.
         shape: rows and columns of the block, and side of the windows.
-        used: memory for 1 if the value at a place is in the window.
-        in_buckets: memory for the number of values in the window, by bucket of places.
+        used: work array: 1 if the value at a place is in the window.
+        in_buckets: work array: number of values in the window, by bucket of places.
         found: (rows, columns) ranks of the medians on entry, places on return.
     """
     rows, columns, side = shape

@@ -53,7 +53,7 @@ def raster_normals(layer: Layer, resolution: float) -> Fields:
     unknown cell. Normals are NaN at the layer border, and where a slope lacks two finite cells.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
-    # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
+    # Rows run towards -x and columns towards -y: the slopes are -dz/dx and -dz/dy.
     minus_x = _slope(heights[:, 1:-1], resolution)
     minus_y = _slope(heights[1:-1].T, resolution).T
     z = 1.0 / np.sqrt(minus_x * minus_x + minus_y * minus_y + 1.0)
@@ -122,7 +122,7 @@ def _sums(
 ) -> tuple[npt.NDArray[np.bool_], tuple[npt.NDArray[Any], ...]]:
     """Return a mask of the finite cells, and sums over the points in the discs.
 
-    The sums are those of 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
+    The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
     """
     known, heights = disc.padded(layer, offset)
     # In units of cells, x and y are integers. Rows run towards -x and columns towards -y; negated
@@ -226,7 +226,8 @@ def _smallest_eigenvectors(
     smallest = (squared * root * 8.0 + cosine) / gap * radius * 2.0 + mean
     a, b, c = xx - smallest, yy - smallest, zz - smallest
     x, y, z = xy * yz - xz * b, xy * xz - yz * a, a * b - xy2
-    # The trace of the adjugate is the multiple. A column of mere rounding errors is much shorter.
+    # The trace of the adjugate is the factor before the outer product. A column that contains only
+    # rounding errors is much shorter.
     factor = (a + b) * c - xz2 - yz2 + z
     length = np.sqrt(x * x + y * y + z * z)
     is_exact = (gap > _SMALLEST_GAP) & (length > _SMALLEST_Z * factor)

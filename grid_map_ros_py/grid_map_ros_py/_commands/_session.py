@@ -59,7 +59,7 @@ class Session:
         self.ended = True
 
     def spin(self, seconds: float, *, until_ended: bool = True) -> None:
-        """Process callbacks for a time [s], by default only until `ended` is set."""
+        """Process callbacks for `seconds`; with `until_ended`, stop early if `ended` is set."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
             if until_ended and self.ended:
@@ -114,7 +114,7 @@ def offers(endpoint: Any) -> dict[str, bool]:
 
 
 def check_positive(options: argparse.Namespace, *names: str) -> None:
-    """Raise a `UsageError` if one of the named options is given but not a positive number."""
+    """Raise a `UsageError` if one of the named options is set but not a positive number."""
     for name in names:
         value = getattr(options, name)
         if value is not None and not 0 < value < math.inf:

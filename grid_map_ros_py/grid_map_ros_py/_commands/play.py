@@ -59,7 +59,7 @@ def _play(
     publishers: dict[str, Any],
     rate: float,
 ) -> int:
-    """Publish messages until the end or a signal; return the number of published messages."""
+    """Publish messages until the bag ends or a signal arrives; return their number."""
     begin = time.monotonic()
     for count, (entry, file, topic) in enumerate(entries):
         data = bag.read(file, entry)

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Record until a signal, a limit or a full disk; the bag is complete in all cases."""
+    """Record until a signal, a limit or a full disk ends the recording; the bag is complete."""
     if options.all == bool(options.topics):
         raise UsageError("name the topics to record, or use --all")
     check_positive(options, "duration", "count")
@@ -93,7 +93,7 @@ class _Recorder:
         return sum(self.counts.values())
 
     def record(self, seconds: float, most: float) -> None:
-        """Record for `seconds` [s] or `most` messages, unless a signal or a full disk ends it."""
+        """Record for `seconds` [s] or `most` messages, or until a signal or a full disk ends it."""
         self._most = most
         end = time.monotonic() + seconds
         while not self._session.ended and (left := end - time.monotonic()) > 0:
@@ -105,7 +105,7 @@ class _Recorder:
         self._session.spin(_REST, until_ended=False)
 
     def _follow(self, topic: str, types: list[str]) -> None:
-        """Subscribe with the QoS that all publishers offer; subscribe again if an offer weakens."""
+        """Subscribe with the QoS that all publishers offer; resubscribe if one offers less."""
         publishers = self._session.publishers(topic)
         if not publishers:
             return

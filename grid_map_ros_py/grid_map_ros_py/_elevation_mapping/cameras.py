@@ -65,7 +65,7 @@ class Camera:
     coefficients: tuple[float, ...] = ()
 
     def project(self, points: Floats) -> Floats:
-        """Project points (N, 3) [m], camera frame, to pixels (N, 2); NaN outside the image."""
+        """Project points (N, 3) [m] in the camera frame to pixels (N, 2); NaN outside the image."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             flat = points[:, :2] / points[:, 2:]
             pixels = self._distorted(flat) * self.focal + self.center
@@ -124,7 +124,7 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest visible distance from the axis at depth 1; farther points may fold back in."""
+        """Largest visible distance from the axis at depth 1; beyond, points may fold into view."""
         height, width = self.size
         u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
         edges = [(u, np.full(50, y)) for y in (v[0], v[-1])]

@@ -178,7 +178,7 @@ class ElevationFusion:
         self._note({})
 
     def load(self, grid_map: GridMap) -> None:
-        """Move the map to the position of a saved map, and load the layers that both contain."""
+        """Move the map to the position of a saved map, and load the layers that both maps have."""
         kept = self.mapper.grid_map.copy()
         try:
             self.mapper.move(grid_map.position)

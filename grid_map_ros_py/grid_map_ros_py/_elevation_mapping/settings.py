@@ -46,12 +46,12 @@ class Settings:
     """Parameters of the node, except the parameters of sources and of the mapper.
 
     Attributes:
-        map_frame_id: map frame, usually the odometry frame; must not jump.
+        map_frame_id: map frame, usually the odometry frame; it must not jump.
         robot_base_frame_id: frame of the robot.
-        track_point_frame_id: with tf, frame of the track point; empty means the robot frame.
+        track_point_frame_id: frame of the track point (tf only); empty means the robot frame.
         track_point_x, track_point_y, track_point_z: coordinate of the point that the map follows
             [m].
-        pose_source: source of the poses; `auto` means `tf` where tf2 is installed, else `topic`.
+        pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. With tf, only their covariances
             are used; without a topic, poses are assumed exact.
         pose_type: message type of `robot_pose_with_covariance_topic`.
@@ -66,9 +66,9 @@ class Settings:
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
-        target_frame_init_submap: with tf, frame of the patch; empty means the robot frame.
+        target_frame_init_submap: frame of the patch (tf only); empty means the robot frame.
         masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps the cell.
-        directory: directory for maps that services load and save; required for these services.
+        directory: directory for maps that services load and save; empty disables these services.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
         fused_map_publishing_rate: publication rate of the filtered map [Hz]; 0 means only on
@@ -164,7 +164,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine may compile for some seconds."""
+    """Create the fusion; the first call on a machine may take some seconds to compile."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
@@ -193,7 +193,7 @@ def read_fusion(
 
 
 def read_chain(node: ConfiguredNode) -> Chain | None:
-    """Create the filter chain of the filtered map from parameters; None without filters."""
+    """Create the filter chain of the filtered map from parameters; None if there are none."""
     about = "parameter that holds the filter chain of `~/elevation_map`"
     name = node.read("postprocessor_pipeline_name", "postprocessor_pipeline", about)
     about = "filters `filter1`, `filter2`, ... with `name`, `type` and `params`"
@@ -204,7 +204,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
 
 
 def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
-    """Return the given parameters of the C++ package that have no effect, with the reasons."""
+    """Return the parameters that are set but have no effect (C++ only), with the reasons."""
     given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
     for name in given:
         value = node._parameter_overrides[name].value

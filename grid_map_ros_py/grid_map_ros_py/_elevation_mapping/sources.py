@@ -125,15 +125,15 @@ class SourceSettings:
     Attributes:
         type: kind of sensor data on the topic.
         topic: topic of the clouds or images.
-        camera_info_topic: `CameraInfo` topic; if empty, `camera_info` in the namespace of `topic`.
+        camera_info_topic: topic of the `CameraInfo`; empty means `camera_info` next to `topic`.
         queue_size: maximum number of waiting messages.
         publish_on_update: publish the raw map after each scan.
-        channels: cloud fields, or names of image channels, that become layers.
+        channels: cloud fields or image channels that become layers.
         min_range: smallest distance of points from the sensor [m].
         max_range: largest distance of points from the sensor [m].
         stride: use every n-th row and column of depth images.
-        sensor_xyz: position of the sensor on the robot [m]; used without tf.
-        sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; used without tf.
+        sensor_xyz: position of the sensor on the robot [m]; unused with tf.
+        sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
         reliability: `best_effort` receives from every publisher; `reliable` requests lost messages
             again.
     """
@@ -179,7 +179,7 @@ class InputSource:
 
     @property
     def queue_size(self) -> int:
-        """Maximum number of waiting messages; a 0, which is no limit in ROS 1, becomes 100."""
+        """Maximum number of waiting messages; 0, which means no limit in ROS 1, becomes 100."""
         return self.settings.queue_size or 100
 
 

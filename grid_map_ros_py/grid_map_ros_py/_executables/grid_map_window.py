@@ -152,7 +152,7 @@ class GridMapWindowNode(ConfiguredNode):
     # --- maps to merge ----------------------------------------------------------------------------
 
     def _merge(self, received: ReceivedMap) -> None:
-        """Write the layers that the store contains; runs in the thread of the writer."""
+        """Write the layers that the store contains; runs in the writer thread."""
         known = [name for name in received.layers if name in self._whole.layers]
         if not known:
             raise MessageError("layers", f"one of {list(self._whole.layers)}", received.layers)

@@ -52,7 +52,7 @@ class RollingSettings:
         layer: name of the height layer.
         fusion: how clouds are combined: `max`, `min`, `mean` or `last`.
         reduction: how the points of one cloud within a cell are combined: `max`, `min`, `mean`,
-            `median`, `first` or `last`; not used with the fusion `mean`.
+            `median`, `first` or `last`; unused with the fusion `mean`.
         max_count: largest weight of earlier clouds in the fusion `mean` [points]; 0 means no limit.
         min_height: smallest height of points in the map frame [m].
         max_height: largest height of points in the map frame [m].
@@ -61,10 +61,10 @@ class RollingSettings:
         max_range: largest distance of points from the sensor [m].
         pose_timeout: maximum time a cloud waits for its pose [s].
         queue_size: maximum number of waiting clouds.
-        pose_topic: topic of the robot poses in the map frame; used without tf.
-        robot_frame: with tf, frame that the map follows; empty means the cloud frame.
-        sensor_xyz: position of the sensor on the robot [m]; used without tf.
-        sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; used without tf.
+        pose_topic: topic of the robot poses in the map frame; unused with tf.
+        robot_frame: frame that the map follows (tf only); empty means the cloud frame.
+        sensor_xyz: position of the sensor on the robot [m]; unused with tf.
+        sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.
         statistics_period: time between two log messages with statistics [s]; 0 disables them.
         input_reliability: `best_effort` receives from every publisher; `reliable` requests lost

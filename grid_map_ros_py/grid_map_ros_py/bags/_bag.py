@@ -483,5 +483,5 @@ def _open(path: Path, *, recover: bool) -> _Storage:
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return layer names as a tuple, because they are iterated once per map."""
+    """Return layer names as a tuple, which can be iterated again for each map."""
     return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)

@@ -165,7 +165,7 @@ def files_of(path: Path, *, recover: bool = False) -> list[Path]:
                 raise BagError(path, f"its file {file.name} is missing")
         return files
     files = [file for file in path.iterdir() if file.suffix in (".mcap", ".db3")]
-    # The file names end in numbers without leading zeros.
+    # File names end in numbers without leading zeros, so shorter names come first.
     files.sort(key=lambda file: (len(file.name), file.name))
     if recover:
         return [file for file in files if file.stat().st_size]

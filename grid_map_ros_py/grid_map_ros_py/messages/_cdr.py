@@ -97,7 +97,7 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
 @dataclass(frozen=True)
 class Reordered:
-    """Values (N,) to send in another order; `write` fills an array (N,) in the order to send."""
+    """Values (N,) to send in another order; `write` fills an array (N,) in that order."""
 
     values: npt.NDArray[Any]
     write: Callable[[npt.NDArray[Any]], object]
@@ -117,7 +117,7 @@ class _Writer:
     def joined(self) -> bytes:
         if not self._reordered:
             return b"".join(self._pieces)
-        # `BytesIO` neither copies the initial zeros nor the returned bytes.
+        # `BytesIO` copies neither the initial zeros nor the returned bytes.
         stream, begin = BytesIO(bytes(self._end)), 0
         with stream.getbuffer() as memory:
             for piece in self._pieces:

@@ -84,7 +84,7 @@ def to_header(grid_map: GridMap) -> "Header":
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
-    """Raise `MessageError` unless `message` has all attribute `paths` and a valid frame."""
+    """Raise `MessageError` unless `message` has the attributes `paths` and a valid frame."""
     try:
         operator.attrgetter(*paths)(message)
     except AttributeError:
@@ -123,7 +123,7 @@ def check_finite(
     expected: str = "finite coordinates",
     found: npt.NDArray[np.float64] | None = None,
 ) -> Any:
-    """Return `rows` (N, k) if finite; otherwise raise an error that shows the row (of `found`)."""
+    """Return `rows` (N, k) if finite, else raise an error that shows the bad row (from `found`)."""
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))

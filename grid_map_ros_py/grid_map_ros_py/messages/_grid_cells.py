@@ -71,7 +71,7 @@ def from_grid_cells(
             same shortest decimal form.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
             None means the smallest grid that covers all cells. This grid has the same cells as the
-            message if the centers lie on a lattice, as in messages of `to_grid_cells`.
+            message if the centers lie on a lattice, as in messages from `to_grid_cells`.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)

@@ -149,7 +149,7 @@ def add_color_layer_from_image(
 ) -> None:
     """Set a layer of a map to the packed colors of an image.
 
-    Gray images become gray colors. Arguments: see `add_layer_from_image`.
+    Gray pixels get equal red, green and blue values. Arguments: see `add_layer_from_image`.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_color_layer_from_image(

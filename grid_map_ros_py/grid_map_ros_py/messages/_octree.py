@@ -22,7 +22,7 @@ from grid_map_core_py.limits import check_cells
 from ..errors import MessageError
 
 Keys = npt.NDArray[np.int32]
-"""Node indices (3, N) along x, y, z, counted from the root corner in nodes of their depth."""
+"""Node indices (3, N) along x, y, z from the root corner, in units of the node side."""
 
 Voxel = npt.NDArray[np.int32]
 """Voxel indices (3,) along x, y, z, counted from the root corner."""

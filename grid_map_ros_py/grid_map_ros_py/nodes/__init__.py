@@ -64,8 +64,8 @@ __all__ = sorted(["quiet_start", *_MODULE_OF])
 def quiet_start() -> None:
     """Let Ctrl-C end an executable at once and without a traceback, until `run` handles signals.
 
-    Call it at the top of a package of executables, before importing rclpy, which takes most of the
-    startup time. It has no effect if another program imports the package.
+    Call this at the top of a package of executables, before importing rclpy, which takes most of
+    the startup time. The call has no effect if another program imports the package.
     """
     # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])

@@ -184,7 +184,7 @@ class LogThrottle:
 
 @contextmanager
 def dropping(log: LogThrottle, what: str) -> Iterator[None]:
-    """Suppress a `GridMapError` or `MemoryError` of the context, and log it with the prefix `what`.
+    """Suppress a `GridMapError` or `MemoryError` raised in the context; log it, prefixed by `what`.
 
     A `NodeFailedError` and all other exceptions propagate.
     """

@@ -49,18 +49,18 @@ def read_parameter(
 
     Integers are converted to floats, and whole numbers such as 3.0 to integers, as `kind` requires.
     An empty list in a file has no type: if `kind` is a list, the value is an empty list; otherwise,
-    the parameter counts as not given.
+    the parameter counts as not set.
 
     Args:
         node: the node.
         name: full name, such as `elevation.params.layer`.
         kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
-        default: value if the parameter is not given; None makes the parameter required.
+        default: value if the parameter is not set; None makes the parameter required.
         description: text that `ros2 param describe` shows.
         read_only: False allows setting the parameter later, to a value of any type.
 
     Raises:
-        ConfigError: the parameter is required but not given, or has the wrong type.
+        ConfigError: the parameter is required but not set, or has the wrong type.
     """
     given = _given(node)
     value = given.get(name)
@@ -160,7 +160,7 @@ def read_parameter_tree(
         describe: called with the result; returns overriding descriptions by name (without prefix).
 
     Raises:
-        ConfigError: a name is given both a value and parameters below it.
+        ConfigError: a name has both a value and parameters below it.
     """
     given = _given(node)
     below = {name: value for name, value in given.items() if f"{name}.".startswith(f"{prefix}.")}
@@ -226,7 +226,7 @@ def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
 
 
 def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning about parameters that are given but not declared, or "".
+    """Return a warning about parameters that are set but not declared, or "".
 
     Sections with wildcards, such as `/**`, may contain parameters of other nodes and are ignored.
     """
@@ -255,6 +255,6 @@ def _files(arguments: Sequence[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield the name and the sections of each parameter file on a command line."""
     for option, file in pairwise(arguments):
         if option == "--params-file":
-            # ROS has already read the file, but with a parser that differs in details.
+            # ROS has read the file, but its parser may accept files that this one rejects.
             with suppress(GridMapError):
                 yield file, dict(node_sections(load_yaml(file) or {}))

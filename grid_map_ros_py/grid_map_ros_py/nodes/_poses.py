@@ -128,7 +128,7 @@ class PoseHistory(Poses):
         return f"a later pose than that of {_seconds(self._stamps[-1])}"
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
-        """Return a source for another sensor, sharing all current and future poses of this one."""
+        """Return a source for another sensor, with the same current and future robot poses."""
         other = copy.copy(self)
         other._sensor = sensor
         return other
@@ -193,7 +193,7 @@ class PoseHistory(Poses):
     def covariance_at(self, stamp: int) -> Covariance | None:
         """Return the covariance of the robot pose at a time [ns] (0: the latest); None if unknown.
 
-        It is interpolated between poses, and constant before the first and after the last pose.
+        The value is interpolated between poses, and constant before the first and after the last.
         """
         if not self._stamps:
             return None
@@ -204,7 +204,7 @@ class PoseHistory(Poses):
         return (1 - share) * begin + share * end
 
     def _around(self, stamp: int) -> tuple[int, int, float]:
-        """Return the indices of the poses before and after a time, and the weight of the later."""
+        """Return the indices of the poses around a time, and the weight of the later pose."""
         last = len(self._stamps) - 1
         after = min(bisect_left(self._stamps, stamp), last) if stamp else last
         if after == 0 or stamp == 0 or stamp >= self._stamps[after]:

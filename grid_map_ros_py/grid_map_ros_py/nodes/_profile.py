@@ -21,7 +21,7 @@ SHARED_MEMORY = 2**28
 def use_profile() -> None:
     """Select the Fast DDS profile for large maps, unless the user selects other settings.
 
-    Call it before `rclpy.init`, in processes that publish.
+    Call this before `rclpy.init`, in processes that publish.
     """
     # `/dev/shm` exists only on Linux.
     with suppress(OSError):

@@ -130,7 +130,7 @@ class ScanQueue:
     def work(self) -> int:
         """Fuse the scans whose poses are known; return the number of fused scans.
 
-        Call it when a pose arrives, and periodically, to drop scans that have waited too long.
+        Call this when a pose arrives, and periodically, to drop scans that have waited too long.
         """
         fused = self.statistics.fused
         # A waiting scan does not delay scans of other frames.
@@ -161,7 +161,7 @@ class ScanQueue:
 
 
 def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
-    """Decode a `PointCloud2`, or its serialized bytes, with the given fields as columns."""
+    """Decode a `PointCloud2`, or its serialized bytes, with `fields` as columns."""
     if isinstance(message, bytes):
         message = view(message, PointCloud2)
     stamp = from_stamp(message.header.stamp)

@@ -47,7 +47,7 @@ T = TypeVar("T")
 N = TypeVar("N", int, float)
 
 EXTREMES = (1e-9, 1e9)
-"""Smallest and largest positive parameter; rates in this range give valid ROS timer periods."""
+"""Range of positive parameters; rates in this range give valid ROS timer periods."""
 
 _WAKE_PERIOD = 0.1
 """Time between two checks for signals while a node waits for messages [s]."""
@@ -56,7 +56,7 @@ _WAKE_PERIOD = 0.1
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
-    Call it in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
+    Call this in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
     callback; a second signal interrupts the callback. (The rclpy handlers shut ROS down during a
     callback, and a spinning executor may miss the shutdown.) An ignored SIGHUP, as under `nohup`,
     stays ignored. The node reports its state on `/diagnostics`; see `Health`.
@@ -169,7 +169,7 @@ class _Life:
         except (GridMapError, NameValidationException, rclpy_implementation.RCLError) as error:
             text = str(error)
             if isinstance(error, NameValidationException):
-                # The last line is only a caret that marks the invalid character.
+                # The last line of the error text is only a caret that marks the invalid character.
                 text = text.rpartition("\n")[0]
             if not isinstance(error, GridMapError):
                 text = " ".join(text.split())
@@ -195,7 +195,7 @@ class _Life:
             pass
         finally:
             on_end(signal.SIG_IGN)
-            # Otherwise, the garbage collector may destroy parts of it first and cause a traceback.
+            # Otherwise, garbage collection may first destroy parts of the executor and then fail.
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:

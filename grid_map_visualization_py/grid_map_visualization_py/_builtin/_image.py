@@ -19,11 +19,11 @@ class ImageVisualization:
     """Show a layer as an image with one pixel per cell; up is +x and left is +y.
 
     Attributes:
-        layer: the layer to show.
+        layer: layer to show.
         color_mode: "intensity" colors the values with a color map, "color" reads packed colors.
         color_map: name of a Matplotlib color map.
-        lower: value at the lower end of the color map; by default the smallest.
-        upper: value at the upper end of the color map; by default the largest.
+        lower: lower end of the color map; the smallest value by default.
+        upper: upper end of the color map; the largest value by default.
         invert: swap the ends of the color map.
         encoding: channel order. Cells without a value are transparent if the encoding has an alpha
             channel, and gray otherwise.

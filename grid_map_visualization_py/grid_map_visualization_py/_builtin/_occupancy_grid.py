@@ -20,7 +20,7 @@ class OccupancyGridVisualization:
     """Show a layer in 101 steps from free to occupied; NaN is unknown.
 
     Attributes:
-        layer: the layer to show.
+        layer: layer to show.
         data_min: value of free cells.
         data_max: value of occupied cells; it may be less than `data_min`.
 

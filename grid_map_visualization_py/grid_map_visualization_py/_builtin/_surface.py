@@ -29,11 +29,11 @@ class SurfaceVisualization:
             packed colors from `color_layer`, and "flat" draws the surface in `color`.
         color_layer: layer for the colors; empty means the heights.
         color_map: name of a Matplotlib color map.
-        lower: value at the lower end of the color map; by default the smallest.
-        upper: value at the upper end of the color map; by default the largest.
+        lower: lower end of the color map; the smallest value by default.
+        upper: upper end of the color map; the largest value by default.
         invert: swap the ends of the color map.
-        color: surface color in the mode "flat", 0xRRGGBB.
-        opacity: opacity from 0 (invisible) to 1 (opaque).
+        color: color as 0xRRGGBB.
+        opacity: from 0 (invisible) to 1 (opaque).
         max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
 
     Raises:

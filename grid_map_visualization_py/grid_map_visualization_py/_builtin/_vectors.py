@@ -18,7 +18,7 @@ class VectorsVisualization(LineMarker):
     """Draw the vector of each cell as a line from the surface; non-finite cells are skipped.
 
     Attributes:
-        layer_prefix: common prefix of the component layers, which end in `x`, `y` and `z`.
+        layer_prefix: prefix of the component layers, which end in `x`, `y` and `z`.
         position_layer: heights [m] at which the lines start.
         scale: line length for a vector of length 1 [m].
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video: MP4, GIF."""
+"""Draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to an MP4 or GIF video."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -37,7 +37,7 @@ _STYLES_OF = {
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
     "max_drawn_cells": (("flat", "surface"), "without --relief"),
 }
-"""Options that only some picture styles support, with the condition for the error text."""
+"""Options that only some picture styles support: these styles, and the condition as text."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     came: list[int] = []
     on_end(lambda number, _: came.append(number))
     grid_map = None if _is_whole_bag(options) else _read(options)
-    # Rerun indexes need up to a quarter more memory.
+    # Rerun needs up to a quarter more memory for its indexes.
     limit = f"{options.most_shown + options.most_shown // 4 + 100}MB"
     where = {"allowed_hosts": options.allowed_hosts, "memory_limit": limit}
     with Server(options.host, options.port, **where) as server:

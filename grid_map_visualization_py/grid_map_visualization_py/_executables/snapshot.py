@@ -28,7 +28,7 @@ from .._commands.plot import add_style, check_style, draw
 
 
 class SnapshotNode(Node):
-    """Waits for a map (the last published map if the topic is latched), draws it, and ends.
+    """Waits for a map (the last published map if the topic is latched), draws it, and exits.
 
     Args:
         options: result of `parsed`.

@@ -25,7 +25,7 @@ from ..surface import check_max_drawn_cells
 MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
 LOOK_PERIOD = 1.0
-"""Period of the search for map topics [s]."""
+"""Time between two searches for map topics [s]."""
 
 
 class WebViewerNode(ConfiguredNode):

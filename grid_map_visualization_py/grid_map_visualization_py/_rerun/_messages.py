@@ -195,7 +195,7 @@ def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
 def _diagnostics(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     for status in message.status:
         for entry in status.values:
-            # Filter chains report "ms" and "ms smooth"; "mean ms" is redundant.
+            # Show the last durations, "ms" and "ms FILTER"; the means, "mean ms", are redundant.
             unit, _, part = entry.key.partition(" ")
             if unit != "ms":
                 continue

@@ -54,7 +54,7 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
 def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
     """Yield the path of a pipe that a thread copies to `target`, and a list of write errors.
 
-    Without the pipe, Rerun would block forever if the file cannot be written (disk full).
+    Without the pipe, Rerun would block forever if a write fails, for example on a full disk.
     """
     source, sink = os.pipe()
     errors: list[OSError] = []

@@ -50,7 +50,7 @@ _FAR = 1000.0
 """Grid spacing of the local origins near distant maps [m]; multiples are exact in float32."""
 
 _LARGEST_IMAGE = 4096
-"""Maximum rows and columns of an image that all graphics hardware supports."""
+"""Maximum number of rows or columns of an image that all graphics hardware supports."""
 
 _VIEW, _NO_FRAME = "view", "(no frame)"
 
@@ -71,7 +71,7 @@ class Style:
     """Style in which maps are drawn.
 
     Attributes:
-        height_layer: layer of the surface heights [m]; empty means `elevation`, or else the first.
+        height_layer: surface heights [m]; empty means `elevation`, or else the first layer.
         color_layer: layer that initially colors the surface; empty means the heights.
         color_map: Matplotlib color map of `color_layer`; other layers use the default color map.
         lower, upper: values at the ends of `color_map`; None means the smallest and the largest
@@ -98,7 +98,7 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return the height layer name for a map with `layers`; empty without layers."""
+        """Return the height layer name for a map with `layers`; empty if there are none."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
@@ -138,7 +138,7 @@ class Scene:
         self._first: tuple[npt.NDArray[np.float64], float] | None = None
         self._is_repeated = False
         self._laid_out: object = None
-        # A file that cannot be written ends the scene.
+        # Write errors of the recording file; the next log call raises the first error.
         self._errors: list[OSError] = []
         # Rerun must not add the times of the log calls.
         self._rr.set_log_time_enabled(False, recording=recording)
@@ -385,7 +385,7 @@ class Scene:
     def _place(
         self, frame: str, position: npt.NDArray[np.float64] | None = None
     ) -> tuple[str, npt.NDArray[np.float64]]:
-        """Return a local frame near the maps of a ROS frame, and the local origin (3,) [m]."""
+        """Return a Rerun frame near the maps of a ROS frame, and its ROS coordinates (3,) [m]."""
         name = frame or _NO_FRAME
         is_new = frame not in self._origins
         if is_new and position is None:

@@ -174,7 +174,7 @@ class _Relay:
     async def _answer(self, reader: Reader, writer: Writer) -> None:
         head = await reader.readuntil(b"\r\n\r\n")
         if head.startswith(b"PRI * HTTP/2.0\r\n"):
-            # A program such as the native Rerun viewer; web pages cannot send this preface.
+            # A native program, such as the Rerun viewer: web pages cannot send this preface.
             await _pass_on(head, reader, writer, self._data)
             return
         line, _, rest = head.partition(b"\r\n")

@@ -2,5 +2,5 @@
 """Components of `web_viewer`.
 
 `scene` converts a map to arrays and meshes (`glb`) for the browser, `page` serves the web page with
-controls and `texts`, and `viewer` connects both. No module needs rclpy; only `page` needs viser.
+controls and `texts`, and `viewer` connects all. No module needs rclpy; only `page` needs viser.
 """

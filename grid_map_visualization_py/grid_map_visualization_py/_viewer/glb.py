@@ -84,7 +84,7 @@ def linear(colors: Colors) -> npt.NDArray[np.float64]:
 
 
 def on_screen(colors: Colors) -> Colors:
-    """Return the colors with which the browser shows a fully lit surface of the given colors.
+    """Return the colors with which the browser shows a fully lit surface of these colors.
 
     viser uses filmic tone mapping, which saturates strong light. The curve is Stephen Hill's fit of
     the Academy Color Encoding System, `ACESFilmicToneMapping` in three.js.

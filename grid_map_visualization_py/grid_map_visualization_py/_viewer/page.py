@@ -144,7 +144,7 @@ class Page:
         _offer(self._topic, tuple(sorted({self.topic, *topics})), self.topic)
 
     def offer(self, layers: tuple[str, ...]) -> None:
-        """Set the layers in the drop-down lists; missing selected layers are replaced."""
+        """Set the layers in the drop-down lists; select defaults if selected layers are missing."""
         heights = self._style["height_layer"]
         _offer(heights, layers, "elevation")
         _offer(self._colors["layer"], layers, heights.value)
@@ -222,7 +222,7 @@ class Page:
             node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
-        """Return and clear the ray (start, direction) of the last click; None without a click."""
+        """Return and clear the ray (start, direction) of the last click; None if there was none."""
         if not self._clicks:
             return None
         start, direction = self._clicks.pop()

@@ -7,7 +7,7 @@ accept a `GridMap`, a `TiledMap`, or an xarray dataset or array. Large tiled map
 resolution of the picture.
 
 The light for the hillshading of `plot` and `plot_3d` comes from the upper left, at an elevation of
-45 degrees. Level ground keeps its color; slopes facing the light are lighter, others darker.
+45 degrees. Level ground keeps its color; slopes facing the light are lighter, other slopes darker.
 """
 
 import math

@@ -46,7 +46,7 @@ _FRAME = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7}
 
 
 class Blocks(NamedTuple):
-    """A reduced image.
+    """Image of a map with one pixel per block of cells.
 
     Attributes:
         means: (height, width, channels) mean of the finite values; NaN in empty blocks.
@@ -108,7 +108,7 @@ def paint(
         if heights:
             z = reduced(grid_map.unwrapped(heights), side).means[..., 0].astype(np.float64)
             with np.errstate(invalid="ignore"):
-                # Central differences, one-sided at the border, zero along a single cell.
+                # Central differences, one-sided at the border, zero along an axis of one cell.
                 down, right = (
                     (np.gradient(z, axis=axis) if z.shape[axis] > 1 else 0 * z)
                     * (exaggeration / cells)
@@ -220,7 +220,7 @@ def add_scale_bar(axes: Any, *, has_north: bool) -> None:
     x0, x1 = axes.get_xlim()
     most = (x1 - x0) / 4
     power = 10.0 ** math.floor(math.log10(most))
-    # If the logarithm was rounded up, `power` is the fallback.
+    # If the logarithm was rounded up, no multiple fits, and `power` is used instead.
     length = max((n * power for n in (2, 5) if n * power <= most), default=power)
     units = {1000.0: "km", 1.0: "m", 0.01: "cm", 0.001: "mm"}
     unit = next((unit for unit in units if length >= unit), 0.001)
