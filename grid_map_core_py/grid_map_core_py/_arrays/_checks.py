@@ -153,6 +153,8 @@ def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
     values = as_floats(points, name)
     if values.ndim != 2 or values.shape[1] < 3:
         raise GeometryError(f"{name}: expected x, y, z of shape (N, 3), got {values.shape}")
+    if len(values) in (3, 4) and values.shape[1] > 16:  # no cloud has so many fields
+        raise GeometryError(f"{name}: expected shape (N, 3), got {values.shape}. Transpose it")
     return values
 
 
@@ -160,7 +162,8 @@ def as_rigid(transform: ArrayLike) -> Positions:
     """Return a transform as (4, 4) float64 after checking that it is rigid."""
     matrix: Positions = as_array(transform, np.float64, "transform")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise GeometryError(f"transform: expected (4, 4) finite numbers, got {short(transform)}")
+        text = f"transform: expected (4, 4) finite numbers, got {short(transform)}"
+        raise GeometryError(f"{text}. The matrix holds the rotation and the position")
     if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
         raise GeometryError(
             f"transform: expected (0, 0, 0, 1) as the last row, got {tuple(matrix[3].tolist())}"

@@ -141,7 +141,8 @@ class ElevationMappingNode(ConfiguredNode):
             if given.type == "image":
                 read, fuse = images.read_picture, self._fusion.paint
             info = source.camera_info_topic
-            listen(self, CameraInfo, info, images.take, self._log, "a camera_info")
+            log = self._log
+            images.topic = listen(self, CameraInfo, info, images.take, log, "a camera_info")
         poses, is_cloud = self._poses, given.type == "pointcloud"
         if isinstance(poses, PoseHistory):
             poses = poses.mounted(from_xyz_rpy(given.sensor_xyz, given.sensor_rpy))

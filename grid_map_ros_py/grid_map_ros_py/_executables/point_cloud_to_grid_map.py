@@ -144,8 +144,8 @@ class PointCloudToGridMapNode(ConfiguredNode):
             kind, topic = POSE_TYPES[source], settings.pose_topic
             subscribe_to_poses(self, kind, topic, poses, inputs.work, log, POSE_QUEUE)
 
-        def fuse(scan: Cloud, placement: Placement) -> None:
-            rolling_map.fuse(
+        def fuse(scan: Cloud, placement: Placement) -> dict[str, int]:
+            return rolling_map.fuse(
                 scan.points,
                 scan.columns,
                 transform=placement.transform,

@@ -158,6 +158,8 @@ class _Life:
         except _ARGUMENT_ERRORS as error:
             has_file = "--params-file" in self._args
             hint = f". Parameter files of ROS 1 need another form: {_MIGRATION}" if has_file else ""
+            if "Sequence should be of same type" in str(error):
+                hint = f". Name the items of a list of mappings: filter1, filter2, ...{hint}"
             raise NodeFailedError(f"{error}{hint}") from error
         try:
             if isinstance(create_node, type):
