@@ -213,7 +213,7 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
 def read_pixels(
     raster: Any, bands: Sequence[int], window: tuple[slice, slice], images: Sequence[Layer]
 ) -> None:
-    """Read a window of several bands; mask pixels with NaN, and apply scales and offsets.
+    """Read a window of several bands, set masked pixels to NaN, and apply scales and offsets.
 
     Args:
         raster: the open dataset.

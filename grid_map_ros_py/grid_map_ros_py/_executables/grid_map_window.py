@@ -152,7 +152,8 @@ class GridMapWindowNode(ConfiguredNode):
     # --- maps to merge ----------------------------------------------------------------------------
 
     def _merge(self, received: ReceivedMap) -> None:
-        """Write the layers that the store contains; runs in the writer thread."""
+        """Merge a received map into the store; runs in the writer thread."""
+        # Layers that the store does not contain are ignored.
         known = [name for name in received.layers if name in self._whole.layers]
         if not known:
             raise MessageError("layers", f"one of {list(self._whole.layers)}", received.layers)
