@@ -3,6 +3,7 @@
 
 import argparse
 import ctypes
+import logging
 import os
 import re
 import signal
@@ -95,6 +96,7 @@ def _commands() -> dict[str, EntryPoint]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code; a signal ends the process."""
     before = on_end(_end)
+    logging.basicConfig(format=f"{PROGRAM}: %(message)s")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("once", UserWarning)
