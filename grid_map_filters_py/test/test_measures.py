@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The filters that measure terrain, against loops over cells and known surfaces."""
 
+from contextlib import nullcontext
 from functools import partial
 
 import filter_oracles as oracles
@@ -20,9 +21,44 @@ from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import circle_cells
 from grid_map_core_py.testing import grid_maps
-from grid_map_filters_py import FilterConfigError
+from grid_map_filters_py import FilterConfigError, FilterWarning
 
 PLAIN_MAPS = grid_maps(allow_moved=False)
+
+# --- parameters in another unit -------------------------------------------------------------------
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("type_name", "params", "text"),
+    [
+        ("Roughness", {"radius": 0.09}, r"radius: expected at least one cell, 0.1 m, got 0.09 m"),
+        ("Slope", {"radius": 0.02}, r"radius: expected at least one cell, 0.1 m, got 0.02 m"),
+        ("Roughness", {"radius": 0.1}, None),
+        ("Slope", {"radius": 0.0}, None),
+    ],
+)
+def test_discs_without_neighbors_warn(type_name, params, text):
+    with nullcontext() if text is None else pytest.warns(FilterWarning, match=text):
+        filtered(type_name, terrain(elevation=1.0), **params)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("slopes", "critical", "text"),
+    [
+        ([0.2, np.nan, 1.5], 30.0, r"expected at most 1.571 \[rad\] for slope, got 30. 30 degrees"),
+        ([0.2, np.nan, 1.5], 0.5, None),
+        ([0.2, np.nan, 40.0], 30.0, None),
+        ([0.0, np.nan, 0.0], 30.0, None),
+        ([np.nan] * 3, 30.0, None),
+    ],
+)
+def test_critical_slopes_in_degrees_warn(slopes, critical, text):
+    params = {"input_layers": ["slope"], "critical_values": [critical], "output_layer": "out"}
+    with nullcontext() if text is None else pytest.warns(FilterWarning, match=text):
+        run("Traversability", terrain((1, 3), slope=[slopes]), **params)
+
 
 # --- Curvature ------------------------------------------------------------------------------------
 
