@@ -13,7 +13,7 @@ import types
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -97,7 +97,7 @@ def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
     return lambda function: Loop(function, takes)
 
 
-@cache
+@lru_cache
 def _announce() -> None:
     # Not a Python warning, which a program may turn into an error. Nodes forward it to their log.
     logger.warning("numba compiles loops for some seconds, this first time only")

@@ -10,6 +10,7 @@ import pytest
 from filter_cases import (
     CELLS,
     CELLS_OF_PLANES,
+    TO_OUT,
     assert_cells_are,
     filtered,
     ground,
@@ -27,37 +28,34 @@ PLAIN_MAPS = grid_maps(allow_moved=False)
 
 # --- parameters in another unit -------------------------------------------------------------------
 
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(
-    ("type_name", "params", "text"),
-    [
-        ("Roughness", {"radius": 0.09}, r"radius: expected at least one cell, 0.1 m, got 0.09 m"),
-        ("Slope", {"radius": 0.02}, r"radius: expected at least one cell, 0.1 m, got 0.02 m"),
-        ("Roughness", {"radius": 0.1}, None),
-        ("Slope", {"radius": 0.0}, None),
-    ],
-)
-def test_discs_without_neighbors_warn(type_name, params, text):
-    with nullcontext() if text is None else pytest.warns(FilterWarning, match=text):
-        filtered(type_name, terrain(elevation=1.0), **params)
+NORMALS = {"output_layers_prefix": "n_", "normal_vector_positive_axis": "z"}
+SCORE = {"input_layers": ["slope"], "output_layer": "out", "critical_values": [30.0]}
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
-    ("slopes", "critical", "text"),
+    ("type_name", "params", "slopes", "text"),
     [
-        ([0.2, np.nan, 1.5], 30.0, r"expected at most 1.571 \[rad\] for slope, got 30. 30 degrees"),
-        ([0.2, np.nan, 1.5], 0.5, None),
-        ([0.2, np.nan, 40.0], 30.0, None),
-        ([0.0, np.nan, 0.0], 30.0, None),
-        ([np.nan] * 3, 30.0, None),
+        ("Roughness", TO_OUT | {"radius": 0.09}, [0, 1, 2], "at least one cell, 0.1 m, got 0.09 m"),
+        ("Slope", TO_OUT | {"radius": 0.02}, [0, 1, 2], "radius: expected at least one cell"),
+        ("NormalVectors", NORMALS | {"radius": 0.02}, [0, 1, 2], "radius: expected at least one"),
+        ("Slope", TO_OUT | {"radius": 0.0}, [0, 1, 2], None),
+        (
+            "Traversability",
+            SCORE,
+            [0.2, np.nan, 1.5],
+            r"1.571 \[rad\] for slope, got 30. 30 deg",
+        ),
+        ("Traversability", SCORE | {"critical_values": [0.5]}, [0.2, np.nan, 1.5], None),
+        ("Traversability", SCORE, [0.2, np.nan, 40.0], None),
+        ("Traversability", SCORE, [0, 0, 0], None),
+        ("Traversability", SCORE, [np.nan] * 3, None),
     ],
 )
-def test_critical_slopes_in_degrees_warn(slopes, critical, text):
-    params = {"input_layers": ["slope"], "critical_values": [critical], "output_layer": "out"}
+def test_parameters_in_another_unit_warn(type_name, params, slopes, text):
+    params = params if params.keys() & {"input_layers"} else params | {"input_layer": "slope"}
     with nullcontext() if text is None else pytest.warns(FilterWarning, match=text):
-        run("Traversability", terrain((1, 3), slope=[slopes]), **params)
+        run(type_name, terrain((1, 3), slope=[slopes]), **params)
 
 
 # --- Curvature ------------------------------------------------------------------------------------

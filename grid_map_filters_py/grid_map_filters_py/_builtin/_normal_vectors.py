@@ -50,10 +50,9 @@ class NormalVectors:
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights, resolution = grid_map[self.input_layer], grid_map.resolution
-        offset = 0.0
+        offset = 0.0 if self._is_raster else typical_value(heights)
         if not self._is_raster:
             need_neighbors(self.radius, resolution)
-            offset = typical_value(heights)
 
         def normals_of(block: Layer) -> tuple[npt.NDArray[np.float64], ...]:
             if self._is_raster:

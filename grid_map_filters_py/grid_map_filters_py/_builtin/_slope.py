@@ -53,10 +53,9 @@ class Slope:
     def __call__(self, grid_map: GridMap) -> GridMap:
         if self.input_layers_prefix is None:
             heights, resolution = grid_map[self.input_layer or ""], grid_map.resolution
-            offset = 0.0
+            offset = typical_value(heights) if self.radius else 0.0
             if self.radius:
                 need_neighbors(self.radius, resolution)
-                offset = typical_value(heights)
 
             def of_block(block: Layer) -> Layer:
                 if self.radius:

@@ -14,7 +14,6 @@ from grid_map_core_py.plugins import check
 from .._filter import CellFilter, warn
 from ..parts._blocks import blockwise
 
-
 _RIGHT_ANGLE = 0.5 * math.pi
 
 
@@ -54,12 +53,10 @@ class Traversability(CellFilter):
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         layers = [grid_map[name] for name in self.input_layers]
-        for name, layer, critical in zip(
-            self.input_layers, layers, self.critical_values, strict=True
-        ):
+        for name, critical in zip(self.input_layers, self.critical_values, strict=True):
+            values = grid_map[name].ravel("K")
             # `fmax` ignores NaN.
-            is_angle = "slope" in name and critical > _RIGHT_ANGLE
-            if is_angle and 0 < np.fmax.reduce(layer, axis=None, initial=0.0) <= _RIGHT_ANGLE:
+            if "slope" in name and critical > _RIGHT_ANGLE >= np.fmax.reduce(values) > 0:
                 expected = f"at most {_RIGHT_ANGLE:.4g} [rad] for {name}, got {critical:g}"
                 degrees = f"{critical:g} degrees are {math.radians(critical):.4g} rad"
                 warn(f"critical_values: expected {expected}. {degrees}")

@@ -6,7 +6,6 @@ import signal
 import sys
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
-from logging import LogRecord
 from pathlib import Path
 from types import FrameType
 from typing import Any, TypeVar
@@ -155,7 +154,7 @@ class _Life:
     def start(self, create_node: Callable[[], Node]) -> None:
         """Create the node; an error that the user can fix becomes a `NodeFailedError`."""
         use_profile()
-        loops.addFilter(self._log_loops)
+        loops.addFilter(lambda record: self._logger().info(record.getMessage()) and False)
         try:
             rclpy.init(args=self._args, signal_handler_options=SignalHandlerOptions.NO)
         except _ARGUMENT_ERRORS as error:
@@ -219,10 +218,6 @@ class _Life:
         try_shutdown()
         # Skip the final garbage collection of Python, which takes half a second with numba.
         gc.freeze()
-
-    def _log_loops(self, record: LogRecord) -> bool:
-        self._logger().info(record.getMessage())
-        return False
 
     def _logger(self) -> Any:
         """Return the logger of the node, or of the program until the node has one."""
