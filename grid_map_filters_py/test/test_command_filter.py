@@ -126,11 +126,6 @@ def test_warnings_of_filters_are_shown_once(command):
         ("chain.yaml survey out --topic /map", 1, "'/map'; topics: /grid_map"),
         ("chain.yaml survey survey --force", 1, "is also the source"),
         ("chain.yaml survey/survey_0.mcap survey --force", 1, "is also the source"),
-        (
-            "chain.yaml survey out.mcap",
-            2,
-            "a bag is a folder; its name has no ending: out",
-        ),
         ("site.npz chain.yaml out.npz", 2, "expected the chain first: chain.yaml site.npz"),
         ("- - out.npz", 2, "cannot both come from standard input"),
         ("chain.yaml site.npz out.npz --json", 2, "--timing"),
