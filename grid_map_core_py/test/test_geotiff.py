@@ -161,6 +161,7 @@ def test_coordinates_that_are_not_meters_warn(crs, warning, rasterio):
         (1e20, (-3, 5), None, 2),
         (-9999, (-9000, 9000), None, 0),
         (0, (254, 255), None, 0),
+        (1000, (0, 0), None, 0),
         (-9999, (-9999, -9999), None, 0),
     ],
 )

@@ -247,7 +247,7 @@ def _warn_of_fill(raster: Any, values: Layer) -> None:
         # The usual marks are at least 999 away from 0.
         others = values[values != fill].astype(np.float64) if abs(fill) > 900.0 else values[:0]
         is_many = 0 < others.size < 0.99 * values.size
-        if is_many and np.abs(others - fill).min() > np.ptp(others):
+        if is_many and np.abs(others - fill).min() > np.ptp(others) > 0:
             text = f"{raster.name}: {fill:g} fills many cells, and no nodata value is declared"
             remedy = f"'gdal_edit.py -a_nodata {fill:.9g} {raster.name}' declares it"
             warnings.warn(f"{text}; {remedy}", stacklevel=6)
