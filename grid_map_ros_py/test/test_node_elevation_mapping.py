@@ -493,7 +493,7 @@ def test_files_of_this_package_start_the_node() -> None:
 def test_node_says_that_it_compiles_if_it_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = "compiles for some seconds"
+    text = "[elevation_mapping]: numba compiles loops for some seconds"
     ElevationMapper(GridGeometry((1.0, 1.0), 0.1))
     with running_node(MODULE, *options(tmp_path)) as node:
         wait_until(lambda: "poses: " in node.text, "the node")

@@ -20,9 +20,7 @@ from ._output import CommandError, UsageError, message
 
 if TYPE_CHECKING:
     from ..files import Format
-    from ..files._formats import (
-        MapRecord,
-    )
+    from ..files._formats import MapRecord
     from ..map import GridMap
 
 TimedMap: TypeAlias = "tuple[int | None, GridMap]"
@@ -54,11 +52,7 @@ def _choose(
         options: the arguments.
         of_source: names of the options that the source uses; set only for the destination.
     """
-    from ..files._formats import (
-        find_format,
-        formats,
-        options_of,
-    )
+    from ..files._formats import find_format, formats, options_of
 
     writes = of_source is not None
     # `--black` and `--white` may apply to the source or to the destination. If neither format uses
@@ -107,12 +101,8 @@ def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -
 
 def describe(options: argparse.Namespace) -> dict[str, Any]:
     """Return the format, size and metadata of the source as JSON values."""
-    from ..files._formats import (
-        options_of,
-    )
-    from ..files._shared import (
-        map_facts,
-    )
+    from ..files._formats import options_of
+    from ..files._shared import map_facts
 
     found, given = _choose(options)
     with _source(options.source) as path:
@@ -158,6 +148,8 @@ def open_records(
         if destination.takes_many and index is None:
             yield records
         else:
+            if index is None and len(records) > 1:
+                message(f"{options.source}: last of {len(records)} maps; --index selects another")
             yield [records[-1 if index is None else index]]
 
 
@@ -200,9 +192,7 @@ class Destination:
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
-        from ..files._formats import (
-            options_of,
-        )
+        from ..files._formats import options_of
 
         self.path: str = options.destination
         self.usual_topic = usual_topic

@@ -3,11 +3,12 @@
 
 import argparse
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from ._arguments import add_json, add_source
 from ._maps import describe
-from ._output import byte_count, coordinate, number, print_json, print_table, shown
+from ._output import byte_count, coordinate, message, number, print_json, print_table, shown
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
@@ -19,6 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    if (part := Path(f"{Path(options.source)}.part")).is_dir():
+        message(f"{part} is left from a run that did not finish; --resume continues it")
     facts = describe(options)
     if options.json:
         print_json(facts)

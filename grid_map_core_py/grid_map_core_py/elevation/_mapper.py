@@ -140,11 +140,6 @@ class ElevationMapper:
         for made in _LOOPS:
             made.compiled()
 
-    @staticmethod
-    def must_compile() -> bool:
-        """Return whether creating a mapper will compile loops, which takes a few seconds once."""
-        return any(made.must_compile() for made in _LOOPS)
-
     @property
     def grid_map(self) -> GridMap:
         """The current map. Each update creates a new map; earlier maps stay unchanged."""

@@ -204,6 +204,9 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
     if kind is not None and kind not in formats():
         remedy = "build and source this workspace with ROS 2, or pip install it"
         return MissingPackageError("grid_map_ros_py", f"{path}: a {kind}", remedy)
+    if writes and kind == "bag":
+        text = "a bag is a folder; its name has no ending"
+        return GridMapError(f"{path}: {text}: {path.with_suffix('')}")
     if not writes and not path.exists():
         return GridMapError(f"{path}: cannot be read: No such file or directory")
     if not writes and path.suffix.lower() == ".rrd":
