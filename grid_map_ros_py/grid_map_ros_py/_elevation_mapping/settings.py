@@ -67,7 +67,8 @@ class Settings:
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
         target_frame_init_submap: frame of the patch (tf only); empty means the robot frame.
-        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps the cell.
+        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where it is
+            NaN stay unchanged.
         directory: directory for maps that services load and save; empty disables these services.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
@@ -130,7 +131,7 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
     about = "default sensor model: `type` and its parameters"
     default = read_parameter_tree(node, "sensor_processor", description=about)
     names = names_below(node, "input_sources")
-    about = "deprecated: cloud topic, used without `input_sources`"
+    about = "deprecated: cloud topic, used if `input_sources` is missing"
     topic = node.read("point_cloud_topic", "/points", about)
     defaults = {}
     if not names and "input_sources" not in node._parameter_overrides:
