@@ -39,8 +39,8 @@ class Loop:
             nothing. It may call `math`, NumPy and other compilable Python functions.
         takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
             "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
-            Other types are compiled when they first occur.
-        instead: maps called functions to their replacements in compiled code.
+            For other types, the loop is compiled when they first occur.
+        instead: replacements, in compiled code, for functions that `function` calls.
     """
 
     function: Callable[..., None]

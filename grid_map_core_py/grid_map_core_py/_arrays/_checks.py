@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, short
 
 Layer: TypeAlias = NDArray[np.float32]
-"""(rows, cols) float32, Fortran order, rows towards -x, columns towards -y; NaN means no data."""
+"""(rows, cols) float32, Fortran order; indices grow towards -x and -y. NaN means no data."""
 
 Mask: TypeAlias = NDArray[np.bool_]
 """Booleans, one per cell or per point."""
@@ -45,7 +45,7 @@ _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
 def as_positions(values: ArrayLike, name: str = "position") -> Positions:
-    """Return `values` as a float64 array whose last axis is x, y."""
+    """Return positions as a float64 array whose last axis holds x and y."""
     positions = as_array(values, np.float64, name)
     if positions.ndim == 0 or positions.shape[-1] != 2:
         raise GeometryError(f"{name}: expected x, y of shape (2,) or (N, 2), got {positions.shape}")
@@ -190,7 +190,7 @@ def as_size(values: ArrayLike, name: str) -> Size:
 
 
 def plain_cell(values: Any) -> Size | None:
-    """Return `values` if it is a plain pair of integers, else None."""
+    """Fast path: return `values` as two `int` if it is a plain pair of integers, else None."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind != "i":
@@ -209,11 +209,11 @@ def plain_cell(values: Any) -> Size | None:
 
 
 def as_cells(values: ArrayLike, name: str = "index") -> Cells:
-    """Return cells as (rows, cols).
+    """Return cells as a tuple (rows, cols) of int64 arrays.
 
     Args:
-        values: a tuple (rows, cols), as for NumPy indexing, or an (N, 2) array of rows and columns;
-            a single cell is (row, col).
+        values: a tuple (rows, cols), as for NumPy indexing, or an (N, 2) array of rows and columns.
+            A single cell may be given as (row, col).
         name: parameter name for error messages.
     """
     if isinstance(values, tuple):
@@ -233,7 +233,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or a (rows, cols) array to a layer; warn if it exceeds the float32 range."""
+    """Copy a scalar or a (rows, cols) array to a new layer; warn of values beyond float32."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""

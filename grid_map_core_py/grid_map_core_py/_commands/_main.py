@@ -113,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """Remove temporary files and end the process, without raising a catchable exception."""
+    """Signal handler: remove temporary files and end the process without raising an exception."""
     remove_all()
     for note in notes:
         # The signal may have interrupted `print`, which is not reentrant.
@@ -188,12 +188,13 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
     """Return a `preexec_fn` that makes Linux signal the child when the parent thread ends."""
     set_parent_death_signal = 1
-    # Loaded before the fork, because the child should do little before its program starts.
+    # Load libc before the fork, so that the child does little before it starts its program.
     parent, control = os.getpid(), ctypes.CDLL(None).prctl
 
     def prepare() -> None:
         control(set_parent_death_signal, number)
-        # Detect a parent that has ended already; in a container, the parent may be process 1.
+        # Detect a parent that has ended already. Comparing with 1 would fail in a container, where
+        # the parent itself may be process 1.
         if os.getppid() != parent:
             os._exit(0)
 

@@ -106,8 +106,9 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    Zarr stores and GeoTIFF files are read window by window. Small files are read as a whole if
-    there is no destination, or if both files are GeoTIFF, unless `--cog` or `also_small` is set.
+    That is the case if the source, and the destination if there is one, is a Zarr store or GeoTIFF
+    file. Unless `--cog` or `also_small` is set, a small source is still read as a whole if there is
+    no destination, or if both files are GeoTIFF.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -143,8 +144,8 @@ def write_tiles(
         tiled_map: the map.
         destination: a Zarr store or a GeoTIFF file.
         options: the `add_tiles` arguments, and `layers`.
-        threads: thread count of this process if there are no workers; None means one per
-            processor.
+        threads: number of threads, unless `options` select workers or a cluster; None means one
+            per processor.
         progress: `ProgressBar` arguments.
     """
     if options.memory and not options.workers:
