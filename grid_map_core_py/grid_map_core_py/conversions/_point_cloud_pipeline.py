@@ -385,7 +385,7 @@ def euclidean_clusters(
     linked, _ = np.nonzero(found)
     edges: _Edges = [(linked, neighbors[found])]
     clusters = _components(len(points), edges)
-    # Only points with the maximum number of links may have neighbors that are not linked.
+    # Only a point with the maximum number of links can have neighbors that it is not linked to.
     crowded = np.flatnonzero(found[:, -1])
     edges += _missing_links(points, groups, clusters, crowded, reach, workers)
     if len(edges) > 1:

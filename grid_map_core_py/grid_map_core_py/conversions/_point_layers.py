@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert point clouds to layers by reducing the points in each cell to one value.
 
-Points are arrays (N, 3) or wider; columns beyond x, y, z are ignored. Points that are not finite,
-outside the map or outside the height limits are ignored.
+Point clouds are arrays (N, 3) or wider; only the first three columns, x, y and z, are used. Points
+that are not finite, outside the map or outside the height limits are ignored.
 
 Reductions of heights and other fields:
 
 - `max`, `min`, `mean`, `median`: statistics of the values; the median of an even number of values
-  is the mean of the middle two.
-- `first`, `last`: value of the first or last point in the cloud.
+  is the mean of the two middle values.
+- `first`, `last`: value of the point in the cell that comes first or last in the cloud.
 - `variance`: mean squared deviation from the mean (population variance; 0 for one point).
 - `count`: number of points. In cells without points, `count` is 0 and all other reductions are NaN.
 """
@@ -48,7 +48,7 @@ HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
 """Default of `layers` in `rasterize`: `elevation`, the largest height in each cell."""
 
 COLOR_FIELDS = ("rgb", "rgba", "color")
-"""Names of packed-color fields: 0x00RRGGBB, as integers or as float32 bits."""
+"""Names of fields that hold packed colors, which are 0x00RRGGBB as integers or float32 bits."""
 
 _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
@@ -68,7 +68,7 @@ def rasterize(
 
     Args:
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
-        layers: maps layer names to reductions of the heights [m].
+        layers: maps the name of each height layer [m] to a reduction, such as `max`.
         fields: maps field names to point values (N,); each field becomes a layer of the same name.
             Values that are not finite are ignored. The fields `rgb`, `rgba` and `color` are packed
             colors; alpha is dropped.
@@ -77,8 +77,8 @@ def rasterize(
         min_height, max_height: inclusive height range [m]; points outside it are ignored.
 
     Returns:
-        A map with these layers, which replace layers of the same names. The map shares all other
-        layers with `grid_map`, as described in `GridMap.with_layers`.
+        A map with the new layers, which replace existing layers of the same name. All other layers
+        are shared with `grid_map`, as described in `GridMap.with_layers`.
 
     Raises:
         GeometryError: an array has the wrong shape or is not numeric.
@@ -132,20 +132,20 @@ def from_points(
     """Create a map from points; arguments not listed here are as in `rasterize`.
 
     Without `length` and `position`, the map is the smallest one that covers all points within the
-    height limits. The map borders are at multiples of the resolution, so that the cells of maps
-    from several clouds coincide.
+    height limits and has its borders at multiples of the resolution. Maps of different clouds then
+    have aligned cells.
 
     Args:
         resolution: side of a cell [m].
-        length: (2,) side lengths of the map [m]; None uses the smallest map around the center.
+        length: (2,) side lengths of the map [m]; if None, just large enough for all points.
         position: (2,) center of the map [m]; if None and `length` is given, the map is centered on
             the extent of the points.
-        tight: True to center the smallest map on the extent of the points, without aligning the
-            borders.
+        tight: True to center the map on the extent of the points instead of aligning its borders;
+            ignored if `length` or `position` is given.
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: no point is left to compute the extent from.
+        GridMapError: the extent is needed, but no finite point is within the height limits.
         LimitError: the map would have too many cells.
     """
     cloud = as_points(points)
@@ -207,8 +207,8 @@ def fitting_geometry(
     Args:
         lower, upper: (2,) smallest and largest x, y [m].
         resolution: side of a cell [m].
-        hold_edges: True if positions on the -x and -y edges must be on the map; a rectangle of
-            whole cells then needs an additional row and column.
+        hold_edges: True to include positions on the -x and -y edges. A map does not contain its -x
+            and -y borders, so a rectangle of whole cells then needs one more row and column.
         align: True to align the borders with multiples of the resolution, False to center the grid
             on the rectangle.
         layers: number of layers to be created, for the memory limit check.
@@ -270,7 +270,7 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return the flat cells (n,) and the mask (N,) of the points on the map and within limits."""
+    """Return `flat_cells` of the points that are on the map and within the height limits."""
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)
     # For comparisons, NumPy rounds the limits to the data type of the heights.
@@ -293,7 +293,7 @@ def _located(
 
 
 def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
-    """Return the flat cells (n,) of the points on the map, and a mask (N,) of these points."""
+    """Return the flat cell indices (n,) of the points on the map, and their mask (N,)."""
     (rows, columns), inside = geometry.cells_at(points[:, :2])
     return rows + geometry.size[0] * columns, inside
 

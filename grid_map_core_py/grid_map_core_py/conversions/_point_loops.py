@@ -8,10 +8,10 @@ import numpy as np
 from .._loops import Compiled, Loop, loop
 
 _MANY = 1_000_000
-"""Number of points that a process must handle before loading the compiled loops pays off."""
+"""Number of points handled by a process above which loading the compiled loops pays off."""
 
 _FEW = 64
-"""Largest number of points per cell that is sorted by insertion, which takes quadratic time."""
+"""Above this number of points in a cell, insertion sort is too slow: it takes quadratic time."""
 
 _handled = 0
 
@@ -23,20 +23,20 @@ def count(points: int) -> None:
 
 
 def ready(wanted: Loop) -> Compiled | None:
-    """Return the compiled loop, or None without numba or before `_MANY` points were handled."""
+    """Return the compiled loop; None without numba, or if at most `_MANY` points were handled."""
     return wanted.compiled() if _handled > _MANY else None
 
 
 @loop("const float32*", "int64", ("float64", 7), ("int64", 2), "int64*", "uint8*")
 def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted: Any) -> None:
-    """Find the points on a map and their cells, rounded as in `GridGeometry.cells_at`.
+    """Find the points on a map and their cells, with the rounding of `GridGeometry.cells_at`.
 
     Args:
         xyz: (3, n) coordinates of points [m], float32 or float64.
-        frame: z limits, half the length and the center of the map along x and y, and the negated
-            resolution [m].
+        frame: lower and upper z limit, half side lengths of the map along x and y, x and y of its
+            center, and the negated resolution [m].
         size: number of rows and columns.
-        cells: (n,) receives the flat cells of the points on the map, without gaps.
+        cells: (n,) receives the flat cell indices of the counted points, one after another.
         counted: (n,) receives 1 for points on the map and within the z limits, else 0.
     """
     lowest, highest, half_x, half_y, center_x, center_y, step = frame
@@ -60,8 +60,8 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 def find_medians(cells: Any, values: Any, places: Any, dealt: Any, medians: Any) -> None:
     """Write the median of the values (n,) in each cell to `medians`.
 
-    `places` is the start index of each cell in `dealt`, a buffer for the n values sorted by cell;
-    both arrays are modified. Cells without values keep their entry in `medians`.
+    `dealt` is a buffer for the values sorted by cell; `places` holds the index in `dealt` at which
+    each cell starts. Both are modified. Cells without values keep their entry in `medians`.
     """
     for i in range(len(values)):
         dealt[places[cells[i]]] = values[i]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reductions of the point values in each cell to one value.
+"""Functions that reduce the point values in each cell to one value.
 
-The arguments of a reduction are the flat cells (n,) and values (n,) of points, and the number of
-cells. It returns one float32 value per cell, NaN for cells without points.
+A reduction takes the flat cell index (n,) and the value (n,) of each point, and the number of
+cells. It returns one float32 per cell. For cells without points, `count` is 0; the others are NaN.
 """
 
 from collections.abc import Callable, Mapping
@@ -104,4 +104,4 @@ COLOR_REDUCTIONS: Mapping[str, Reduction] = {
     "mean": mean_color,
     **{name: REDUCTIONS[name] for name in ("first", "last", "count")},
 }
-"""Reductions of packed colors, whose bits cannot be reduced as numbers."""
+"""Reductions that support packed colors, which cannot be averaged or compared as numbers."""

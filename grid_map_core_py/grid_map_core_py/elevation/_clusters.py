@@ -3,10 +3,10 @@
 
 The results do not depend on the order of the points in the scan.
 
-The points of a cell are visited from the highest to the lowest. A point of height z and variance r
-joins the cluster above it if `|z - mean| <= max(threshold * sqrt(variance of the mean + r),
-relief)`; otherwise it starts a new cluster. The relief is the height difference that a slope causes
-within a cell.
+The points of a cell are visited from highest to lowest. A point of height z and variance r joins
+the current cluster, which has the mean height m, if
+`|z - m| <= max(threshold * sqrt(variance of m + r), relief)`; otherwise it starts a new cluster.
+The relief is the height difference that a slope may cause within a cell.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .._loops import loop
 from ._parameters import Numbers, Parameters
 
 RELIEF = 0.4
-"""Height difference, relative to the resolution, that a slope causes within a cell."""
+"""Height difference that a slope may cause within a cell, as a multiple of the resolution."""
 
 NONE = -1
 """Index that means "no cluster"."""
@@ -149,7 +149,8 @@ class Clusters:
         points: the points on the map.
         threshold, relief: parameters of the gate; see `agree`.
         groups: (q,) index of each cluster's cell in `points.cells`.
-        firsts, counts: (q,) index of the highest point in `points`, and number of points.
+        firsts: (q,) index in `points` of each cluster's highest point.
+        counts: (q,) number of points in each cluster.
         means: (q,) mean heights, weighted by inverse variance [m].
         variances: (q,) variances of the means [m^2]. They include the variance that all points of
             a cell share, and grow if the points scatter more than their variances explain.
@@ -173,13 +174,13 @@ class Clusters:
         return replace(self, points=points, means=self.means - offset)
 
     def agree(self, heights: Numbers, variances: Numbers) -> Mask:
-        """Return a mask (q,) of the clusters that agree with the height of their cell (the gate).
+        """Return a mask (q,) of the clusters that agree with the height of their cell.
 
-        A cluster agrees if its mean differs from the height by at most
+        A cluster agrees (passes the gate) if its mean differs from the height by at most
         `max(threshold * sqrt(height variance + cluster variance + spread), relief)`.
 
         Args:
-            heights, variances: (m,) values of the cells with points; unknown heights are NaN.
+            heights, variances: (m,) map values of the cells with points; unknown heights are NaN.
         """
         gate = self.threshold * np.sqrt(variances[self.groups] + self.variances + self.spreads)
         away = np.abs(self.means - heights[self.groups])
@@ -187,18 +188,18 @@ class Clusters:
         return fits
 
     def first(self, chosen: Mask) -> Integers:
-        """Return the highest of the chosen clusters (q,) in each cell (m,), or `NONE`."""
+        """Return, for each cell (m,), the highest cluster in the mask `chosen` (q,), or `NONE`."""
         return self.last(chosen, -1)
 
     def last(self, chosen: Mask, step: int = 1) -> Integers:
-        """Return the lowest of the chosen clusters (q,) in each cell (m,), or `NONE`."""
+        """Return, for each cell (m,), the lowest cluster in the mask `chosen` (q,), or `NONE`."""
         found = np.full(len(self.points.cells), NONE)
         numbers = np.flatnonzero(chosen)[::step]
         found[self.groups[numbers]] = numbers
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the point indices of clusters (k,), and each cluster's start in these indices."""
+        """Return the concatenated point indices of clusters, and the start of each cluster (k,)."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -265,10 +266,10 @@ def _grow_arrays(
 
 @loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
-    """Write the size and the sums of each cluster at the index of its first point.
+    """Form clusters, and write the results of each one at the index of its first point.
 
-    `sums` are the sums of weights, of weighted height offsets from the first point, and of weighted
-    squared offsets.
+    `counts` receives the number of points. `sums` receives the sums of the weights, of the weighted
+    heights relative to the first point, and of the weighted squares of these relative heights.
     """
     begins, ends = borders
     z, r = points

@@ -8,20 +8,21 @@ height. Each cell with points gets one of these outcomes:
 
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
-- `STARTED`: the cell was unknown. The height becomes the surface, or the highest cluster if no
-  cluster has support.
-- `RAISED`: the surface is higher than the height; or a smaller cluster above the surface, with at
-  least `conflict_points` points (a candidate), was seen at the same height in three scans within
-  half a second.
-- `LOWERED`: the surface is lower than the height, and either the height was not confirmed for
-  `scanning_duration`, or at most `conflict_points` points ever supported it. In the first case,
-  only points whose beams entered the cell above the old height count.
+- `STARTED`: the cell was unknown, and gets the height of the surface.
+- `RAISED`: the surface is higher than the old height, and replaces it. A smaller cluster above
+  the surface, with at least `conflict_points` points (a candidate), replaces the height after it
+  was seen at the same height in three scans within half a second.
+- `LOWERED`: the surface is lower than the old height, and replaces it in two cases. (a) The height
+  was not confirmed for `scanning_duration`, and the beams of at least `conflict_points` points of
+  the surface entered the cell above the height. (b) At most `conflict_points` points ever supported
+  the height, and no neighbor is more than one resolution higher than the surface.
 - `CONTRADICTED`: none of the above; the height stays.
 
-`RAISED`, `LOWERED` and `CONTRADICTED` are conflicts; each adds `multi_height_noise`.
+If no cluster has support, `CONFIRMED` accepts any cluster; `STARTED` and case (b) use the highest.
+`RAISED`, `LOWERED` and `CONTRADICTED` are conflicts: `multi_height_noise` is added to the variance.
 
-Drift compensation first shifts the whole map by a share of the offset between scan and map, then
-shifts the scan to the map and fuses it. The map lags behind the odometry by
+Drift compensation first shifts the whole map by a share of the offset between scan and map. It then
+shifts the scan by the rest, so that both match. The map lags behind the odometry by
 `drift per scan / drift_compensation_alpha`.
 """
 
@@ -44,7 +45,7 @@ SIGHTINGS = 3
 """Number of scans that must see a candidate before it becomes the surface."""
 
 TAIL = 0.1
-"""Support, relative to a neighbor, below which a cell contains only the neighbor's noise tail."""
+"""A cell with less than this share of a neighbor's support holds only the neighbor's noise tail."""
 
 CANDIDATE_TIME = 500
 """Maximum time between the first and the last sighting of a candidate [ms]."""
@@ -56,12 +57,12 @@ LEVEL = 0.03
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
     """Return the vertical offset of a scan from the map [m], or 0 if the cells do not agree.
 
-    A cell votes if its variance is small and its eight neighbors are known and level with it; near
-    steps and edges, points and map differ even without drift. The votes of a cell are the offsets
-    of its clusters, unless they exceed `max_drift` plus the gate. The result is the
-    inverse-variance weighted mean of the votes within the gate around the median vote. It is 0 if
-    fewer than `min_drift_cells` or fewer than half of the votes remain, or if it exceeds
-    `max_drift`.
+    A cell votes if its variance is small, and its eight neighbors are known and level with it; near
+    steps and edges, points and map differ even without drift. Each cluster in the cell is one vote:
+    its offset from the map. Votes that exceed `max_drift` by more than the gate are ignored, and so
+    are votes that differ from the median vote by more than the gate. The result is the mean of the
+    remaining votes, weighted by inverse variance. It is 0 if fewer than `min_drift_cells` or fewer
+    than half of the votes remain, or if the mean exceeds `max_drift`.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
@@ -101,8 +102,8 @@ class Fusion:
     """Fuses the clusters of a scan into the cells of a map, in place.
 
     Attributes:
-        entries: function that returns, for points, the heights [m] at which the beams entered the
-            points' cells.
+        entries: function that takes point indices, and returns the heights [m] at which the beams
+            entered the cells of these points.
         outcomes: (m,) `Outcome` of each cell with points.
         chosen: (m,) cluster that determined the outcome.
     """
@@ -206,10 +207,10 @@ class Fusion:
         support[grown] = SIGHTINGS * clusters.counts[found[grown]]
 
         state.heights[cells], state.memory.support[cells] = heights, support
-        # Points are spread over the cell. With the largest height difference u to a neighbor (at
-        # most the resolution), the mean of n points has variance u^2 / (12 n) around the height at
-        # the center. A cell with few points next to a cell with many contains only the noise tail
-        # of the neighbor's points, which does not average out.
+        # Points are spread over the cell. If u is the largest height difference to a neighbor, but
+        # at most the resolution, the mean of n points has the variance u^2 / (12 n) around the
+        # height at the center. If a neighbor has many more points, a cell contains only the noise
+        # tail of the neighbor's points, which does not average out.
         size, low = self.geometry.size, heights.astype(np.float32)
         above = highest_around(state.heights, size)[cells] - low
         below = low + highest_around(-state.heights, size)[cells]
@@ -223,7 +224,7 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the candidates (m,) seen in enough scans, or `NONE`; remember all others."""
+        """Return each cell's candidate (m,) seen in enough scans, or `NONE`; remember the rest."""
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Heights and bounds that account for the horizontal uncertainty of cells.
 
-Each cell becomes a mixture of the cells around it. The weight of a neighbor is the probability that
-a normal position error (the cell's `horizontal_variance` along each axis) ends in that neighbor.
+Each cell becomes a mixture of itself and the cells around it. The weight of a neighbor is the
+probability that a position error of the cell leads there. Position errors are normally distributed,
+with the cell's `horizontal_variance` along each axis.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield weights, heights and variances (k,) of the known cells' neighbors, offset by offset."""
+    """For each offset, yield weights, heights and variances (k,) of the known cells' neighbors."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]

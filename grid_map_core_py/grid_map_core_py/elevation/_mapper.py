@@ -43,7 +43,7 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 _LOOPS = deal, grow_clusters, cover, trace
 
 LATE = 10**9
-"""Time span of consecutive too-early timestamps after which the map clock restarts [ns]."""
+"""If timestamps are too early for longer than this time [ns], the map clock restarts."""
 
 KEPT = "time", *BOUNDS
 """Layers that `masked_replace` does not copy from the other map."""
@@ -58,7 +58,7 @@ class UpdateReport:
         points_dropped: number of points that were ignored.
         points_gated: number of points on the map that do not agree with their cell.
         reasons: number of dropped points for each reason.
-        conflicts: number of cells that the scan contradicts, including replaced cells.
+        conflicts: number of cells whose height the scan contradicts, replaced or not.
         cells_cleared: number of cells that the visibility cleanup cleared.
         drift: vertical offset of the scan from the map [m]; 0 without drift compensation, or if
             the cells do not agree on an offset.
@@ -80,14 +80,14 @@ class ElevationMapper:
     """Elevation map with variances around a moving robot, built from range sensor scans.
 
     The layers are `elevation` [m], `variance` of the elevation [m^2], `time` of the last
-    confirmation [s since the first scan], `upper_bound` and `lower_bound` of the height with 99 %
-    probability [m], and one layer for each point value. NaN means unknown.
+    confirmation [s since the first scan], `upper_bound` and `lower_bound` (99 % confidence) [m],
+    and one layer for each point value. NaN means unknown.
 
     Args:
         geometry: size, resolution and initial position of the map.
         frame_id: frame of the map.
         sensor: noise model of the sensor, used by `update` unless another model is passed.
-        value_fusions: maps value names or regular expressions to a fusion method: `average`,
+        value_fusions: maps value names or regular expressions to fusion methods: `average`,
             `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is `color` for
             `rgb`, `rgba` and `color`, and `average` for all other values.
         parameters: elevation mapping parameters, such as `min_variance`.
@@ -169,13 +169,13 @@ class ElevationMapper:
         Args:
             points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite or lie
                 at the origin are dropped.
-            transform: (4, 4) from the sensor to the map frame.
+            transform: (4, 4) transform from the sensor to the map frame.
             timestamp: time of the scan [ns]. If it is earlier than the previous timestamp, the
-                previous one is used. After a jump of more than `max_time_jump`, or if all scans
-                within a second are too early, the clock restarts with a `RuntimeWarning`, and all
-                cells count as confirmed at that time. A timestamp of 0 counts as missing if the
-                previous one exceeds `max_time_jump`: all points are dropped with a
-                `RuntimeWarning`.
+                previous one is used. After a jump of more than `max_time_jump`, or if timestamps
+                stay too early for more than a second, the map clock restarts at this timestamp, and
+                all cells count as just confirmed. A timestamp of 0 counts as missing if the
+                previous one exceeds `max_time_jump`: all points are dropped. A restart and a
+                missing timestamp each cause a `RuntimeWarning`.
             pose_covariance: (6, 6) covariance of x, y, z [m], roll, pitch, yaw [rad] of the sensor;
                 rotations are about the map axes. None means an exact pose.
             values: additional point values (N,) by layer name.
@@ -249,7 +249,7 @@ class ElevationMapper:
         self._values.alpha = self._parameters.exponential_alpha
 
     def move(self, position: ArrayLike) -> None:
-        """Move the map by whole cells to a new center (2,) [m]; cells that leave it are dropped.
+        """Move the map by whole cells to a new center (2,) [m]; drop the cells that leave the map.
 
         Raises:
             GeometryError: the position is not finite, or is 2^52 or more cells away.
@@ -267,9 +267,10 @@ class ElevationMapper:
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace the layers of this map with the layers of another map where the maps overlap.
 
-        Layers that exist in both maps are replaced, except `time` and the bounds, which are
-        recomputed. Each cell gets the value (even NaN) of the other map's cell that contains its
-        center. If the other map has no layer `variance`, new heights get `min_variance`.
+        Layers that exist in both maps are replaced; each cell gets the value (even NaN) of the
+        other map's cell that contains its center. A variance that is then unknown or too small
+        becomes `min_variance`. `time` and the bounds are not copied: the bounds are recomputed, and
+        replaced heights count as confirmed by the last scan.
 
         Args:
             grid_map: the other map, in the same frame.
@@ -311,8 +312,8 @@ class ElevationMapper:
         """Return a copy of the map that accounts for the horizontal uncertainty of cells.
 
         Each known cell becomes a mixture of the cells within its horizontal uncertainty. The layers
-        `elevation` and `variance` describe the mixture, and each bound excludes 1 % of the mixture.
-        Other layers stay unchanged.
+        `elevation` and `variance` hold the mean and variance of the mixture, and 1 % of its weight
+        lies beyond each bound. Other layers stay unchanged.
 
         Raises:
             ConfigError: the mapper was created without `horizontal_variances`.

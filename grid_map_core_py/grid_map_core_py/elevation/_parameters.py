@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation mapping parameters, and sensor models, which predict the variance of heights.
 
-A model describes the covariance S (3, 3) of a point in the sensor frame. Elevation mapping uses
-only the variance along the map's vertical, `axis @ S @ axis`, where `axis` (3,) is the vertical in
-the sensor frame: the third row of the rotation from the sensor to the map frame.
+A model describes the covariance S (3, 3) of a point in the sensor frame, and returns the variance
+`axis @ S @ axis` along an axis of the map. For heights, `axis` (3,) is the map's vertical in the
+sensor frame: the third row of the rotation from the sensor to the map frame.
 """
 
 from __future__ import annotations
@@ -37,19 +37,20 @@ class Parameters:
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
         conflict_points: number of points in one scan that must agree to replace a height.
-        min_support: minimum size of a cluster that becomes the surface at once, relative to the
-            cell's densest cluster. Smaller clusters must be seen in three scans.
-        overhang_clearance: gap above the ground beyond which a higher cluster is an overhang [m]:
-            the cell keeps the ground height, and the layer `overhang` holds the underside of the
-            overhang; with 0, the cell gets the highest surface.
+        min_support: the highest cluster with at least this share of the points in the cell's
+            densest cluster becomes the surface at once. Smaller clusters must be seen in three
+            scans.
+        overhang_clearance: a cluster above a vertical gap larger than this [m] is an overhang: the
+            cell keeps the ground height, and the layer `overhang` holds the underside of the
+            overhang. With 0, the cell gets the highest surface.
         max_time_jump: time difference between two scans above which the map clock restarts [s].
         enable_visibility_cleanup: clear cells that beams have passed through.
         max_ray_length: distance from the sensor up to which beams clear cells [m].
         cleanup_min_angle: smallest angle between a surface and the beams that clear it [rad].
         enable_drift_compensation: shift the map vertically to match the scans.
-        max_drift: largest offset between scan and map to compensate [m].
+        max_drift: largest offset between scan and map that is compensated [m].
         drift_compensation_alpha: share of the offset that each scan corrects, 0 to 1.
-        drift_compensation_variance_inlier: largest variance of cells used for the offset [m^2].
+        drift_compensation_variance_inlier: only cells up to this variance [m^2] vote on the offset.
         min_drift_cells: number of cells that must agree on the offset.
         ignore_points_above: largest height of points relative to the sensor [m].
         ignore_points_below: smallest height of points relative to the sensor [m].
@@ -132,7 +133,8 @@ class SensorModel(Protocol):
         Args:
             points: (3, n) x, y, z [m], sensor frame.
             distances: (n,) distances from the sensor [m], more than 0.
-            axis: (3,) unit vector of the map's vertical, sensor frame.
+            axis: (3,) unit vector of the map's vertical, sensor frame; to compute horizontal
+                variances, the x or y axis of the map is passed instead.
 
         Returns:
             Variances; NaN for points that the sensor cannot measure. These points are dropped.
@@ -160,7 +162,7 @@ class _Model:
 
 @dataclass(frozen=True, kw_only=True)
 class LaserModel(_Model):
-    """Lidar: noise along the beam, and a beam that widens with distance.
+    """Lidar whose beams widen with distance, with noise along and across each beam.
 
     Each point has its own beam direction, so the model also fits spinning lidars.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans: sensor pose covariances, and the assignment of points to map cells."""
+"""Covariances of the sensor pose, and the points of a scan with their map cells."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Covariance:
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return `of_points` plus the covariance of z with roll and pitch, for cells [m^2]."""
+        """Return `of_points` for cells, plus the terms of cov(z, roll) and cov(z, pitch) [m^2]."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 

@@ -42,8 +42,8 @@ class RollingMap:
             `count` (number of points).
         reduction: reduces the points of one cloud in a cell to one height: `max`, `min`, `mean`,
             `median`, `first` or `last`. `mean` fusion ignores the reduction.
-        max_count: for `mean` fusion, maximum weight of earlier clouds [points], so that the map
-            follows changes in the ground; 0 means no limit.
+        max_count: with `mean` fusion, earlier clouds count as at most this number of points, so
+            that the map follows changes in the ground; 0 means no limit.
         min_height, max_height: points below or above these heights are ignored [m], map frame.
 
     Raises:
@@ -83,7 +83,7 @@ class RollingMap:
         return self._map
 
     def move(self, position: ArrayLike) -> None:
-        """Move the window by whole cells to a new center (2,) [m]; cells that leave it are dropped.
+        """Move the window by whole cells to a new center (2,) [m]; drop the cells that leave it.
 
         Raises:
             GeometryError: the position is not finite, or is 2^52 or more cells away.
@@ -110,9 +110,10 @@ class RollingMap:
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
                 map are ignored.
-            columns: additional point values (N,) by layer name; a layer holds, for each cell, the
-                mean over the last cloud with values in the cell.
-            transform: (4, 4) from the sensor to the map frame; None for points in the map frame.
+            columns: additional point values (N,) by layer name. Each cell of such a layer holds the
+                mean value in the last cloud that had values in the cell.
+            transform: (4, 4) transform from the sensor to the map frame; None if the points are in
+                the map frame.
             min_range, max_range: smallest and largest distance of points from the sensor [m];
                 other points are ignored.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.

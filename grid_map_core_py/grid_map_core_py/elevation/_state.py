@@ -22,7 +22,7 @@ BOUND = 2.486
 
 BOUNDS = ("upper_bound", "lower_bound")
 FUSED = ("elevation", "variance")
-"""Layers that scans change; all other layers in `OWN` are computed."""
+"""Layers that scans are fused into; the other layers in `OWN` are derived."""
 
 OWN = (*FUSED, "time", *BOUNDS)
 HORIZONTAL = "horizontal_variance"
@@ -34,7 +34,7 @@ _OLDEST = 2.0**24
 
 @dataclass
 class Memory:
-    """Internal state of cells that is not published as map layers; (cells,) each, NaN if unset.
+    """Internal state of the cells, not published; arrays (cells,) in which NaN means unset.
 
     Attributes:
         support: number of points that have ever supported the height.
@@ -170,11 +170,11 @@ def at_centers(
     geometry: GridGeometry,
     threshold: float,
 ) -> Numbers:
-    """Return the heights (n,) of points, moved along the slope to their cell centers [m].
+    """Return the heights (n,) that points have if moved along the slope to their cell centers [m].
 
-    The slope along each axis is the smaller (in magnitude) of the height differences to the
-    preceding and the following cell. If these have opposite signs, or if one is within the gate,
-    the slope is 0: the cell is level or at a step.
+    Along each axis, the map gives two slopes: from the preceding cell to this one, and from this
+    one to the following cell. The less steep one is used. If the two have opposite signs, or if one
+    is within the gate, the slope is 0, because the cell is level or at a step.
 
     Args:
         points: (3, n) points on the map.

@@ -3,22 +3,24 @@
 
 Each beam is traced from the sensor to its point, cell by cell (Amanatides and Woo, "A Fast Voxel
 Traversal Algorithm for Ray Tracing", 1987). The height of a beam in a cell is the largest height of
-the beam within the cell. The foot of a cell is `h - max(3 sqrt(v), relief)`. A beam below the foot
-clears a cell that was not confirmed for `scanning_duration`, unless
+the beam within the cell. A cell of height h and variance v has its foot at
+`h - max(3 sqrt(v), relief)`. A beam below the foot clears a cell that was not confirmed for
+`scanning_duration`, with these exceptions:
 
-- the point of the beam lies in the cell,
-- a point of this scan in the cell or its 8 neighbors is higher than the beam, or at most one
-  resolution lower: the beam passed next to a remaining obstacle, such as a wall that covers part of
-  the cell,
-- another cell, at most two cells away, still contains an obstacle: no beam crossed that cell below
-  its foot, which is higher than the beam or at most one resolution lower, and more than one
-  resolution above the lowest neighbor (beams along a wall pass between the points of the wall), or
-- the beam grazes the surface: the angle between the beam and the plane through the neighbors is
+- The point of the beam lies in the cell.
+- This scan has a point in the cell or its 8 neighbors that is higher than the beam, or at most one
+  resolution lower. The beam then passed next to a remaining obstacle, such as a wall that covers
+  part of the cell.
+- Another cell, at most two cells away, still contains an obstacle. This is assumed if no beam
+  crossed that cell below its foot, and the foot is higher than the beam or at most one resolution
+  lower. The foot must also be more than one resolution above the lowest height in and next to the
+  cell to be cleared. (Beams along a wall pass between the points of the wall.)
+- The beam grazes the surface: the angle between the beam and the plane through the neighbors is
   less than `cleanup_min_angle`.
 
-The end of a beam is raised by three standard deviations of its point. Where a beam runs below the
-feet of all cells in the 3 x 3 neighborhood that this scan confirmed, the beam counts as reflected;
-from there on it clears no cells.
+The end of a beam is raised by three standard deviations of its point. A beam counts as reflected
+where it runs below the feet of all cells in the 3 x 3 neighborhood that this scan confirmed; from
+there on, it clears no cells.
 """
 
 from __future__ import annotations
@@ -192,11 +194,11 @@ MARGIN = 1e-9
 """Safety margin [m] for rounding when `last_ring` skips rings that a beam cannot clear."""
 
 SECTORS, RINGS = 512, 32
-"""Number of polar bins around the sensor; a beam skips outer bins if it is above their cells."""
+"""Size of the polar grid around the sensor; a beam skips outer bins with all cells below it."""
 
 
 def direction(x: Any, y: Any) -> Any:
-    """Map the direction of a nonzero vector to [0, `SECTORS`], monotonically in its angle."""
+    """Map a nonzero vector to a number in [0, `SECTORS`] that increases with its angle."""
     part = y / (abs(x) + abs(y))
     turn = 2.0 - part if x < 0.0 else (part if y >= 0.0 else 4.0 + part)
     return turn * (SECTORS / 4)
@@ -275,11 +277,11 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
             and the maximum beam length.
         size: rows and columns of the map.
         table: result of `cover`.
-        surface: seven arrays. For each cell: the height below which beams clear the cell, and the
-            cell's index among the candidates. For each candidate: the height that clearing beams
-            must exceed, and the normal. For each cell: the height below which beams end. The last
-            two are results for each candidate: the height of the lowest beam that proves it to be
-            free, and 1 if a beam crossed it.
+        surface: seven arrays. `ceilings` (per cell): height below which beams clear the cell.
+            `places` (per cell): index among the candidates. `floors` (per candidate): height that
+            clearing beams must exceed. `normals` (per candidate). `guards` (per cell): height below
+            which beams end. Results per candidate: `proofs`, the height of the lowest beam that
+            proves it to be free, and `crossed`, 1 if a beam crossed it below its foot.
     """
     rows, columns = size
     width = ring_width(frame, size)
@@ -328,7 +330,7 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return the first row, the beam parameter where it ends, and the parameter step per row."""
+    """Return a beam's first row, the beam parameter at the end of the row, and the step per row."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps, point clouds and meshes in files: `load` and `save` choose the format from the name."""
+"""Files with maps, point clouds or meshes; `load` and `save` choose the format by file name."""
 
 from ._clouds import (
     load_cloud as load_cloud,

@@ -86,7 +86,7 @@ def load(
 ) -> GridMap:
     """Load a map from a file or folder; the name selects the format.
 
-    `formats()` lists the formats; [bags and files] in the documentation lists their options. If
+    `formats()` lists the formats; the documentation page "Bags and files" lists their options. If
     several formats share an ending, the first that accepts all options is used:
     `load("a.tif")` reads a GeoTIFF, `load("a.tif", resolution=0.1)` reads a height image.
 

@@ -60,7 +60,7 @@ def save_geotiff(
         "timestamp": grid_map.timestamp,
         "basic_layers": grid_map.basic_layers,
     }
-    # Python writes the bytes, because GDAL reports no error if the disk is full on closing.
+    # Python writes the bytes, because GDAL reports no error if it closes a file on a full disk.
     with storage_errors(Path(path), "written"), rasterio.MemoryFile() as memory:
         profile = raster_profile(grid_map.geometry, len(grid_map.layers), crs, compress=compress)
         with memory.open(**profile) as raster:
@@ -281,8 +281,8 @@ def describe_raster(raster: Any, layers: Sequence[str], facts: dict[str, Any]) -
     Args:
         raster: the open dataset.
         layers: names of the bands.
-        facts: frame_id, timestamp, basic_layers; for a map frame with its own origin, also the
-            `origin` [m] in the reference system `crs`.
+        facts: `frame_id`, `timestamp` and `basic_layers`. If the map frame and the reference system
+            have different origins, also `crs`, and the `origin` of the map frame in it [m].
     """
     raster.update_tags(**{_TAG: json.dumps(facts)})
     raster.descriptions = tuple(layers)

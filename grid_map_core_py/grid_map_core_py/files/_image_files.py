@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Height maps stored as gray images, and image reading and writing for all formats.
+"""Height maps stored as gray images, and functions to read and write images of any kind.
 
 In files, up is +y and right is +x, as in GeoTIFF, nav2's `map_server` and the RViz top-down view.
-In `grid_map_core_py.conversions` arrays, up is +x, as in the images of the C++ package.
+In the arrays of `grid_map_core_py.conversions`, up is +x, as in the images of the C++ package.
 
 A height image stores only pixels; the caller provides the resolution and the heights of black and
 white.
@@ -32,7 +32,7 @@ HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 
 _PNM_HEAD = re.compile(rb"P([1-6])\s+(?:#.*\s+)*(\d+)\s+(?:#.*\s+)*(\d+)\s+(?:(?:#.*\s+)*(\d+)\s)?")
-"""PNM header: kind, width, height, white value (not in bitmaps), with optional comments between."""
+"""PNM header: kind, width, height, white value (not in bitmaps); comments may separate them."""
 
 _TIFF_SHORT = 3
 """TIFF type code of 16-bit integers."""
@@ -56,7 +56,7 @@ def load_height_image(
 
     Args:
         path: a PNG, TIFF, BMP or PGM file with uint8, uint16, float32 or float64 pixels.
-        layers: None, or the name of the only layer.
+        layers: None or the value of `height_layer`, because the map has no other layer.
         resolution: side of a pixel [m]; required.
         lower, upper: heights of black and white [m]; invalid for floating-point images, which
             store the heights themselves.
@@ -135,7 +135,7 @@ def save_height_image(
 
 
 def chosen_layer(grid_map: GridMap, layer: str | None, usual: str) -> str:
-    """Return `layer`; if it is None, the layer named `usual`, or else the only layer."""
+    """Return `layer` if given, otherwise `usual` if the map has it, otherwise the only layer."""
     if layer is None and usual not in grid_map and len(grid_map.layers) == 1:
         return grid_map.layers[0]
     name = usual if layer is None else layer
