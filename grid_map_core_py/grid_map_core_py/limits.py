@@ -29,10 +29,10 @@ __all__ = [
 ]
 
 FREE_BYTES = 100_000_000
-"""Unpacked size up to which `max_ratio` is ignored [bytes], because uniform maps compress well."""
+"""Size of unpacked data up to which `max_ratio` is ignored [bytes]: uniform maps compress well."""
 
 VISITS = 4
-"""Maximum total cell count of overlapping parts, as a multiple of `max_cells`."""
+"""Overlapping parts of a map may cover at most this many times `max_cells` cells in total."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,10 @@ class Limits:
     """Limits on maps and files; each is a finite number of at least 1.
 
     Attributes:
-        max_cells: largest number of cells (rows times columns) in a map.
-        max_bytes: largest size [bytes] of all map layers, of unpacked data, or of an image, point,
-            mesh or octomap file.
-        max_ratio: largest ratio of unpacked to packed bytes, for each part of a file and for all
-            data unpacked at once; up to 100 MB of unpacked data, the ratio is not limited.
+        max_cells: largest number of cells (rows times columns) in a map, or of pixels in an image.
+        max_bytes: largest size [bytes] of all layers of a map together, of data that is unpacked
+            at once (a message or a chunk of a bag), or of an octomap file.
+        max_ratio: largest ratio of unpacked to packed bytes; ignored for up to 100 MB unpacked.
     """
 
     max_cells: float = 16_000_000
@@ -69,8 +68,8 @@ def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
     """Set the limits of the process and return the previous limits.
 
     Args:
-        limits: new limits; None keeps the current limits.
-        changes: new values of `max_cells`, `max_bytes` or `max_ratio`.
+        limits: new limits; None means the current limits.
+        changes: values of `max_cells`, `max_bytes` or `max_ratio` that replace those in `limits`.
     """
     global _limits
     before = _limits
@@ -105,11 +104,11 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 
 def check_visits(name: str, visits: float) -> None:
-    """Raise `LimitError` if overlapping parts of a map have too many cells in total.
+    """Raise `LimitError` if parts of a map, which may overlap, cover too many cells in total.
 
     Args:
         name: subject of the error message.
-        visits: total number of cells of all parts.
+        visits: number of cells, summed over all parts.
     """
     if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
@@ -121,7 +120,7 @@ def most_bytes(packed: float) -> float:
 
 
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if packed data declares too many unpacked bytes.
+    """Raise `LimitError` if unpacking some data would exceed `max_bytes` or `max_ratio`.
 
     Args:
         name: subject of the error message.

@@ -33,7 +33,7 @@ class Registry(Generic[T]):
     group: str
 
     def __getitem__(self, type_name: str) -> type[T]:
-        """Return the class with this type name; raise `ConfigError` if the name is unknown."""
+        """Return the class of a type; raise `ConfigError` if it is unknown or cannot be loaded."""
         plugins = self._plugins
         if type_name in plugins:
             entry = plugins[type_name]

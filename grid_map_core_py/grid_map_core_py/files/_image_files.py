@@ -188,7 +188,7 @@ def read_image(file: Path) -> Image:
     check_cells(f"{file}: image", pixels.shape)
     head = _PNM_HEAD.match(data)
     if head and head[1] in b"25":
-        # OpenCV does not scale the values by the maximum value that the file declares.
+        # OpenCV ignores the value of white that the file declares, so scale the pixels here.
         white, largest = int(head[4]), 255 if pixels.dtype == np.uint8 else 65535
         if white != largest:
             pixels = np.rint(pixels * (largest / white)).astype(pixels.dtype)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Occupancy maps of nav2's `map_server`: a YAML file and an image next to it.
 
-The YAML file defines how pixels are converted to occupancies. `shade` is the mean of the color
-channels, from 0 (black) to 1 (white); `occ` is `1 - shade`, or `shade` with `negate`. Modes:
+The YAML file defines how pixels are converted to occupancies. Let `shade` be the mean of the color
+channels, from 0 (black) to 1 (white), and `occ` be `1 - shade`, or `shade` if `negate` is set:
 
-- `trinary`: 100 if `occ` is above `occupied_thresh`, 0 below `free_thresh`, else unknown. Alpha
-  counts as a fourth channel of the mean.
-- `scale`: the same outside the thresholds; between them, linear from 0 to 100, rounded to the
-  nearest integer, ties to even. Pixels that are not opaque are unknown.
-- `raw`: the pixel value if it is 0 to 100, else unknown. `negate` has no effect.
+- `trinary`: 100 if `occ` is above `occupied_thresh`, 0 if it is below `free_thresh`, otherwise
+  unknown. An alpha channel counts as a fourth color channel.
+- `scale`: as `trinary`, but from `free_thresh` to `occupied_thresh`, the occupancy rises linearly
+  from 0 to 100 and is rounded (ties to even). Pixels that are not opaque are unknown.
+- `raw`: the 8-bit pixel value if it is at most 100, otherwise unknown. `negate` has no effect.
 
-In the map, occupancies are 0 to 100, and unknown is NaN.
+In the map, occupancies range from 0 to 100; unknown cells are NaN.
 Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
 """
 
@@ -41,10 +41,10 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free); with these, loading restores all saved values."""
+"""Default thresholds (occupied, free) per mode; they preserve all values the mode can store."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
-"""Pixel values of occupied, unknown and free cells that `map_saver` writes in `trinary` mode."""
+"""Pixel values that nav2's `map_saver` writes in `trinary` mode: occupied, unknown and free."""
 
 
 def load_map_server(
@@ -58,14 +58,14 @@ def load_map_server(
 
     Args:
         path: the YAML file, or a folder that contains `map.yaml`.
-        layers: None, or the name of the only layer.
+        layers: names of the layers to load; only `occupancy_layer` exists. None means all.
         occupancy_layer: name of the layer; values are 0 (free) to 100 (occupied), or NaN (unknown).
         frame_id: frame of the map.
 
     Raises:
-        LayerNotFoundError: `layers` contains another name.
-        GridMapError: a file is missing or damaged, a key is missing or invalid, or the map
-            is rotated (yaw in `origin`).
+        LayerNotFoundError: `layers` contains a name other than `occupancy_layer`.
+        GridMapError: a file is missing or damaged, a key of the YAML file is missing or invalid,
+            or the map is rotated (yaw in `origin`).
     """
     file = Path(path)
     file = file / "map.yaml" if file.is_dir() else file
@@ -101,19 +101,20 @@ def save_map_server(
 ) -> None:
     """Write a layer as an occupancy map of nav2's `map_server`.
 
-    The image next to the YAML file is a PGM file, or a PNG file in `scale` mode, which needs alpha.
-    The YAML file is replaced last; until then, the old map stays intact.
+    The image is written next to the YAML file, as PGM or, in `scale` mode, as PNG with alpha. The
+    YAML file is replaced last; until then, an old map stays intact.
 
     Args:
         grid_map: the map; it is stored in map order.
         path: the YAML file.
-        layer: layer with values 0 (free) to 100 (occupied), rounded to integers; NaN and other
-            values are unknown. None means `occupancy`, or the only layer.
-        mode: `trinary` keeps occupied, free and unknown; `scale` and `raw` keep all values.
-        negate: whether white means occupied.
+        layer: layer with values from 0 (free) to 100 (occupied), which are rounded to integers.
+            Other values and NaN are unknown. None means `occupancy`, or the only layer.
+        mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw`
+            keep the rounded values.
+        negate: if True, white means occupied; without effect in `raw` mode.
         occupied_thresh, free_thresh: thresholds for occupied and free cells, 0 to 1. None means
-            0.65 and 0.196, or 1 and 0 in `scale` mode. Loading restores scaled values exactly if
-            the thresholds are at least 0.4 apart.
+            0.65 and 0.196, or 1 and 0 in `scale` mode. To keep the rounded values, that mode
+            needs thresholds at least 0.4 apart.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")
@@ -219,7 +220,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
         gray = np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5))
         return np.dstack([gray, gray, gray, 255 * known]).astype(np.uint8)
-    # Pixels of unknown cells must lie between the thresholds; the usual value may lie outside.
+    # The pixel value of unknown cells must be between the thresholds; 205 may be outside them.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)
@@ -229,7 +230,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the path of the image that `save_map_server` wrote for an existing YAML file."""
+    """Return the old image's path if its name is one that `save_map_server` gives, else None."""
     if not file.exists():
         return None
     document = load_yaml(file)

@@ -2,7 +2,7 @@
 """Lossless maps in NumPy's `.npz` files.
 
 NumPy alone can read such a file: `np.load("map.npz")["layers/elevation"]` is a layer
-in map order, and `metadata` is a JSON text with all other attributes.
+in map order, and the entry `metadata` is a JSON string with all other attributes.
 """
 
 import json
@@ -35,7 +35,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
 
     Args:
         grid_map: the map.
-        path: the file; no ending is appended.
+        path: path of the file; `.npz` is not appended.
         compress: compress the file, which takes several times longer.
     """
     check_ending(path, ".npz")
@@ -76,7 +76,7 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the metadata of the map in a file without reading a layer."""
+    """Return the metadata of the map in a file, under the key "map"; no layer is read."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 

@@ -26,11 +26,11 @@ _KNOWN = (
     *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
     *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
 )
-"""File name endings that belong to a format."""
+"""Common file endings; `check_ending` refuses to write another format under such a name."""
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
-    """Raise `GridMapError` if the ending of a file name belongs to another format."""
+    """Raise `GridMapError` if a path has the ending of a known format that is not in `own`."""
     ending = Path(path).suffix.lower()
     if ending in _KNOWN and ending not in own:
         raise GridMapError(f"{path}: expected a name that ends in {' or '.join(own)}, got {ending}")
@@ -38,11 +38,11 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Convert errors raised while a file is read or written to a `GridMapError` with the path.
+    """Raise `GridMapError` with a file's path for errors that occur while it is read or written.
 
     Args:
-        file: the file.
-        doing: "read" or "written".
+        file: path of the file.
+        doing: "read" or "written", for the error message.
     """
     try:
         yield
@@ -78,7 +78,7 @@ def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
 
 
 def map_facts(grid_map: GridMap) -> dict[str, Any]:
-    """Return frame, time, size, position and layer names of a map as JSON values."""
+    """Return all attributes of a map except the layer values, in types that JSON supports."""
     return {
         "frame_id": grid_map.frame_id,
         "timestamp": grid_map.timestamp,
@@ -101,7 +101,7 @@ class StoredMap:
     layers: Sequence[str]
     basic_layers: Sequence[str]
     read: Callable[[Sequence[str]], Iterable[ArrayLike]]
-    """Reads layers by name, in map order."""
+    """Function that reads the layers with the given names; each array is in map order."""
     file: Path
 
     def load(self, layers: Iterable[str] | None) -> GridMap:
@@ -136,8 +136,8 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
     Args:
         path: path of the folder.
-        check_old: function called with an existing folder or file, before writing and again before
-            replacing; raises an error to prevent the replacement.
+        check_old: function that raises an error if the folder or file that exists at `path` must
+            not be replaced; called before anything is written and again before the replacement.
 
     Raises:
         OSError: the parent folder is missing or not writable; the error names `path`.
@@ -157,7 +157,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Replace the folder `target` with `temporary`; meanwhile, the old folder has a hidden name."""
+    """Rename `target` to a hidden name and `temporary` to `target`; then remove the old folder."""
     old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
     target.rename(old)
     try:
@@ -222,7 +222,7 @@ _Loader.add_implicit_resolver(
 def load_yaml(path: str | PathLike[str]) -> Any:
     """Read a YAML file.
 
-    Numbers such as `1e-3` are read as in ROS; duplicate keys are an error.
+    As in ROS, `1e-3` is a number. Duplicate keys raise `GridMapError`.
     """
     try:
         text = Path(path).read_bytes()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversion between coordinates and cells along x or y.
 
-Cells are counted from the border with the largest coordinate, as if the map had never moved.
+Cells are counted from the border with the largest coordinate, whatever the start index is.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from .._arrays._checks import Mask, Positions
 
 Coordinate = TypeVar("Coordinate", float, NDArray[Any])
-"""One coordinate [m] or an array of coordinates; scalars and arrays are rounded alike."""
+"""One coordinate [m] or an array of them; results for both are rounded in the same way."""
 
 BORDER_TOLERANCE = 1e-9
-"""Distance [m] within which an edge or rim counts as lying on a cell border or center."""
+"""Distance [m] within which the edge of a shape counts as lying on a cell border or center."""
 
 
 class Axis:
     """Cells of a grid along x or y.
 
-    All attributes are plain numbers, which are several times faster than NumPy scalars; in the
-    result of `both_axes`, they are arrays.
+    Attributes are plain numbers, which are several times faster than NumPy scalars. Only in the
+    result of `both_axes`, all except `resolution` are arrays.
 
     Attributes:
         size: number of cells.
@@ -56,7 +56,7 @@ class Axis:
         return (offset >= 0.0) & (offset < self.length)
 
     def offset(self, x: Coordinate) -> Coordinate:
-        """Return the distances of coordinates from the + border [m], as `contains` rounds them."""
+        """Return the distances of coordinates from the + border [m]; `contains` compares these."""
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
@@ -106,12 +106,12 @@ class Axis:
             x: coordinates on the map [m].
             closed_above: True if a coordinate on a center belongs to the interval below it (t = 1),
                 not to the one above it (t = 0).
-            rounding: module with `trunc`, `floor` and `ceil`; `math` for a single coordinate.
+            rounding: module with `trunc`, `floor` and `ceil`: NumPy, or `math` for one coordinate.
 
         Returns:
-            below: cell at the lower end, 0 ... `size`; the cell at the upper end is
-                `below` - 1.
-            t: position in the interval, from 0 to 1.
+            below: number of the cell with the lower coordinate, 0 ... `size`; the other cell is
+                `below` - 1. The numbers -1 and `size` stand for cells beyond the borders.
+            t: position in the interval, from 0 (lower end) to 1.
         """
         cell = rounding.trunc(self.steps(x))
         # Rounded like the map's own cell centers, so that t is exactly 0 at a center.
@@ -160,7 +160,7 @@ class Axis:
 
 
 def both_axes(x: Axis, y: Axis) -> Axis:
-    """Combine two axes into one with (2, 1) arrays as attributes, for coordinates (2, N)."""
+    """Combine the axes of x and y for coordinates (2, N); attributes become (2, 1) arrays."""
     size: Any = np.array([[x.size], [y.size]])
     center: Any = np.array([[x.center], [y.center]])
     return Axis(size, x.resolution, center)

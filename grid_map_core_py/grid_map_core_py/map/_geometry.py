@@ -2,8 +2,8 @@
 """Geometry of a grid: conversion between positions and cell indices.
 
 Cells are counted from the corner with the largest x and y, rows towards -x and columns towards -y,
-as if the map had never moved. `_axis` contains the arithmetic; `_ring_buffer` converts cells to
-buffer indices.
+whatever the start index is. `_axis` does the arithmetic; `_ring_buffer` converts cells to buffer
+indices.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from . import _ring_buffer as ring_buffer
 from ._axis import Axis, both_axes
 
 _SUBNORMAL = float(np.nextafter(np.finfo(np.float64).tiny, 0.0))
-"""Largest subnormal number; a resolution [m] must exceed it, as subnormal numbers lose digits."""
+"""Largest subnormal number; a resolution [m] must be larger, as subnormals are imprecise."""
 
 _LARGEST_SIDE = 2**31  # largest number of cells along a side; larger layers cannot be addressed
 _LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot count single cells
@@ -49,7 +49,8 @@ class GridGeometry:
         position: (2,) center of the map [m], map frame.
 
     Raises:
-        GeometryError: a length or the resolution is not positive and finite, or a side has no cell.
+        GeometryError: a length or the resolution is not positive and finite, `position` is not
+            finite, or a side would have no cell or more than 2**31 cells.
     """
 
     _x: Axis
@@ -152,7 +153,7 @@ class GridGeometry:
 
         Args:
             positions: (..., 2) x, y [m], map frame.
-            start_index: buffer index of cell (0, 0); all cells are buffer indices.
+            start_index: buffer index of cell (0, 0); if (0, 0), the result is in map order.
 
         Returns:
             cells: (rows, cols), each (...) int64. Positions outside the map get the border cell
@@ -172,8 +173,7 @@ class GridGeometry:
                     # Checking all cells at once is faster than searching for the few outside.
                     if not (steps.min() > self._rounding and steps.max() < size - self._rounding):
                         inside[part] &= axis.contains(coordinates)
-                        # NaN becomes 0. Rounding can place a position near the far border
-                        # beyond that border.
+                        # NaN becomes 0. Just inside the far border, steps may be rounded to `size`.
                         np.fmax(steps, 0.0, out=steps)
                         np.minimum(steps, size - 1, out=steps)
                     found = cells[number, part]
@@ -193,8 +193,8 @@ class GridGeometry:
         """Return the centers of cells.
 
         Args:
-            cells: (rows, cols), or (N, 2).
-            start_index: buffer index of cell (0, 0); all cells are buffer indices.
+            cells: buffer indices, as (rows, cols) or (N, 2).
+            start_index: buffer index of cell (0, 0).
 
         Returns:
             (N, 2) x, y [m], map frame; (2,) for one cell.
@@ -250,7 +250,7 @@ class GridGeometry:
         """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
 
         An edge within 1e-9 m of a cell border adds no cell; a rectangle without area overlaps the
-        cell that contains it. Outside the map both slices are empty.
+        cell that contains it. If no cell is overlapped, both slices are empty.
 
         Args:
             lower: (2,) smallest x, y of the rectangle [m].

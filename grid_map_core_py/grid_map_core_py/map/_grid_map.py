@@ -44,12 +44,15 @@ class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
-    and writing into this array changes the map; `map[layer] = values` adds or replaces a layer. In
-    a map that has not moved, row 0, column 0 is the corner with the largest x and y; rows run
-    towards -x and columns towards -y. NaN means "no data"; finite values beyond float32 become
-    infinite, with a `RuntimeWarning`. After `move`, the arrays are circular buffers that begin at
-    `start_index`. `axes()`, positions and regions account for the start index;
-    `unwrapped(layer)` and `set_unwrapped(layer, values)` use map order instead.
+    and writing into this array changes the map; `map[layer] = values` adds or replaces a layer.
+    NaN means "no data". Finite values beyond the float32 range become infinite, with a
+    `RuntimeWarning`.
+
+    In map order, row 0, column 0 is the corner with the largest x and y; rows run towards -x and
+    columns towards -y. Layers of a new map are in map order; after `move`, they are circular
+    buffers in which the cell at that corner is stored at `start_index`. `axes()`, positions and
+    regions account for this. To read or write a layer in map order, use `unwrapped(layer)` and
+    `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
     equal; NaN equals NaN. Layer order and start index do not matter. Maps are mutable and not
@@ -64,8 +67,9 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: coordinate frame that all positions refer to.
         timestamp: time of the data [ns].
 
-    All methods raise `LayerNotFoundError` for a missing layer, `OutOfMapError` for a position or an
-    index outside the map, and `GeometryError` for non-finite numbers and arrays of the wrong shape.
+    Unless stated otherwise, methods raise `LayerNotFoundError` for a missing layer, `OutOfMapError`
+    for a position or an index outside the map, and `GeometryError` for a position, size or other
+    geometric argument that is not finite, and for arrays of the wrong shape.
 
     Example:
         >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
@@ -291,7 +295,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Add or replace layers, as `dict.update` does.
 
         Args:
-            layers: names and values, or a map of the same size with any start index.
+            layers: names and values, or a map of the same size; its start index may differ.
             named: additional layers as keyword arguments.
         """
         for name, value in {**dict(self._in_my_order(layers)), **named}.items():
@@ -378,7 +382,7 @@ class GridMap(MutableMapping[str, Layer]):
             positions: (N, 2) x, y [m].
 
         Returns:
-            cells: (rows, cols) buffer indices, which index a layer: `map["elevation"][cells]`.
+            cells: (rows, cols) buffer indices; `map["elevation"][cells]` are the values there.
                 Positions outside the map get the nearest border cell.
             inside: (N,) bool, True for positions on the map.
         """
@@ -392,8 +396,8 @@ class GridMap(MutableMapping[str, Layer]):
         """Return the centers (N, 2) [m] of cells.
 
         Args:
-            indices: buffer indices as (rows, cols), such as those from `get_indices` and regions,
-                or as (N, 2). None means all cells in buffer order, column by column.
+            indices: buffer indices as (N, 2), or as (rows, cols) like those from `get_indices` and
+                `grid_map_core_py.regions`. None means all cells in buffer order, column by column.
         """
         if indices is None:
             x, y = self.axes()
@@ -426,9 +430,9 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> float | NDArray[np.float64]:
         """Return the values of a layer at positions.
 
-        If a method needs a cell that is not finite, the next simpler method is used, in the order
-        cubic, linear, nearest. `NEAREST` returns NaN and infinities unchanged. Beyond the border,
-        the border cell is repeated.
+        Where a cubic method needs a cell that is not finite, linear interpolation is used; where
+        that also needs one, the nearest cell, which may be NaN or infinite. Near the border of the
+        map, methods that need cells beyond it use the border cell instead.
 
         Args:
             layer: name of the layer.
@@ -453,9 +457,9 @@ class GridMap(MutableMapping[str, Layer]):
         """Return whether one cell, or each of several cells, has finite values in all `layers`.
 
         Args:
-            index: buffer index (row, col), or several as (rows, cols) or (N, 2).
+            index: one buffer index (row, col), or several as (rows, cols) or (N, 2).
             layers: names of the layers that must be finite; None means the basic layers.
-                Without any layer, no cell is valid.
+                If there are none, no cell is valid.
         """
         cell = plain_cell(index)
         if cell is not None:
@@ -481,7 +485,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return (3,) x, y and a layer's value as z [m]; all NaN if the value is not finite."""
+        """Return (3,) x, y of a cell and its value as z [m]; all NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
@@ -494,7 +498,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Moving and cutting
 
     def move(self, position: ArrayLike) -> list[BufferRegion]:
-        """Move the map to a new center; the data stays in place in the frame.
+        """Move the map to a new center; data keeps its position in the frame.
 
         The map moves by whole cells to within half a cell of `position`. Data that leaves the map
         is lost, and new cells are NaN in all layers. No data is copied.
@@ -618,12 +622,13 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map gets the other map's finite values at the cell center.
+        Each cell of this map takes the values of the cell of `other` that contains its center;
+        values that are not finite are skipped.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.
-            extend_map: first extend this map, as `extend_to_include` does.
-            overwrite_data: replace finite values of this map.
+            extend_map: if True, first extend this map, as `extend_to_include` does.
+            overwrite_data: if False, keep the finite values of this map.
             layers: names of the layers to copy; None means all layers of the other map. Layers
                 missing in this map are added.
 
@@ -638,11 +643,12 @@ class GridMap(MutableMapping[str, Layer]):
     def get_transformed_map(
         self, transform: ArrayLike, height_layer: str, frame_id: str, sample_ratio: float = 0.0
     ) -> GridMap:
-        """Return the map in another frame, rasterized from its surface points as seen from above.
+        """Return the map in another frame, as its surface appears from above.
 
-        Each cell with a finite height is a 3-D point with the values of the other layers. If
-        several points fall into one cell, the highest one is used; among equal heights, the point
-        from the last source column, then row. Points outside the new map are dropped.
+        Each cell with a finite height becomes a 3-D point that carries the values of the other
+        layers. If several points fall into one cell of the new map, the highest one is used; among
+        equally high ones, the one from the last column (then row) of this map in map order. Points
+        outside the new map are dropped.
 
         Args:
             transform: (4, 4) rotation and translation [m] from the frame of this map to the new
@@ -700,11 +706,12 @@ class GridMap(MutableMapping[str, Layer]):
         Args:
             dataset: dataset or array; the coordinates x and y are the evenly spaced centers of
                 square cells [m]. A single cell needs the attribute `resolution` [m].
-            layers: names of the layers; None means all.
+            layers: names of the layers to read; None means all.
 
         Raises:
             GeometryError: coordinates are missing, not finite or not evenly spaced, or the cells
                 are not square.
+            LimitError: the map exceeds the limits in `grid_map_core_py.limits`.
             GridMapError: a layer has further dimensions or non-numeric values, the values cannot
                 be read, or an attribute is invalid.
         """
@@ -722,7 +729,8 @@ class GridMap(MutableMapping[str, Layer]):
                 `elevation`, or the first layer.
             ax: axes to draw on; None means the current axes, or new axes for "surface".
             style: "flat", "surface" or "relief", or a style that another package adds.
-            options: for `plot`, `plot_3d` or `plot_relief` in `grid_map_visualization_py.pictures`.
+            options: passed on to the style: to `plot`, `plot_3d` or `plot_relief` in
+                `grid_map_visualization_py.pictures`.
 
         Raises:
             MissingPackageError: grid_map_visualization_py or Matplotlib is not installed.

@@ -30,7 +30,7 @@ Places: TypeAlias = NDArray[np.intp]
 _PADDING = 2  # number of times that an axis repeats each border cell
 
 REACH = 3
-"""Largest distance between a position's cell and a cell that affects the value there [cells]."""
+"""Distance [cells] from the cell of a position within which cells may affect the value there."""
 
 
 class Interpolation(Enum):
@@ -49,7 +49,7 @@ class Interpolation(Enum):
     """Bicubic Hermite polynomial between the 4 nearest cell centers.
 
     The slopes are central differences. The result differs from `CUBIC_CONVOLUTION` only within half
-    a cell of the border, where the slope of the border cell continues.
+    a cell of the border, where the slope beyond the border equals that at the border cell.
     """
 
 
@@ -58,7 +58,7 @@ _FALLBACKS = {
     Interpolation.CUBIC_CONVOLUTION: Interpolation.LINEAR,
     Interpolation.CUBIC: Interpolation.LINEAR,
 }
-"""Simpler method that replaces a method if a required cell is not finite."""
+"""Simpler method that each method falls back to where it needs a cell that is not finite."""
 
 
 def interpolate(
@@ -127,13 +127,13 @@ def check_inside(geometry: GridGeometry, points: Positions) -> None:
 
 
 class Surface:
-    """Layer values as a function of coordinates (2, N): a row of x and a row of y.
+    """Interpolated layer, evaluated at coordinates (2, N): a row of x and a row of y.
 
     Args:
         geometry: the grid.
         start: start index of the layer.
-        layer: (rows, cols), or the part of a layer in map order that the positions depend on.
-        corner: first row and column of `layer` in the map.
+        layer: (rows, cols), or a part of a layer in map order that contains all needed cells.
+        corner: row and column of the map at which `layer` begins.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class Surface:
     def at(self, points: Positions, method: Interpolation) -> Positions:
         """Return the values (N,) at positions (N, 2); raise if a position is outside the map."""
         values = np.empty(len(points))
-        # An infinite cell with weight 0 gives NaN; the simpler method is then used.
+        # Infinity times a weight of 0 is NaN; the simpler method is then used.
         with np.errstate(invalid="ignore"):
             for part in slices(len(points), CHUNK):
                 xy = self.coordinates(points[part])
@@ -194,7 +194,7 @@ class Surface:
             for step, out in enumerate(outs, start=1 - reach // 2):
                 known[_PADDING - step :].take(numbers, mode="clip", out=out)
         cells = self._data.take(rows + columns[:, np.newaxis], mode="clip")
-        # Unlike `einsum`, this never fuses products and sums, so that the result equals `_value`.
+        # `einsum` may fuse products and sums, and its result could then differ from `_value`.
         sums = np.multiply(cells, weights[:, 0]).sum(axis=1, initial=0.0)
         sums *= weights[:, 1]
         values: Positions = sums.sum(axis=0, initial=0.0)
@@ -269,7 +269,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Adapt the weights of the far and the repeated border cell, so that the slope continues."""
+    """Return the outer weights changed to continue the slope; `near` is beyond the border."""
     return far - near, 2.0 * near
 
 

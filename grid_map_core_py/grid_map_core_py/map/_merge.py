@@ -91,15 +91,15 @@ def check_frames(frame_id: str, other: GridMap) -> None:
 def lines_under(
     centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return the row (axis 0) or column (axis 1) of `other` at each row or column of a grid.
+    """Return the rows (axis 0) or columns (axis 1) of `other` that contain given cell centers.
 
     Args:
-        centers: (N,) x of the rows, or y of the columns, of the grid [m].
+        centers: (N,) x of rows, or y of columns, of another grid [m].
         other: the map to look up cells in.
         axis: 0 for rows, 1 for columns.
 
     Returns:
-        lines: (N,) buffer indices of `other`.
+        lines: (N,) buffer rows or columns of `other`; centers outside get one at the border.
         inside: (N,) mask of the centers that are on `other` along this axis.
     """
     positions = np.tile(other.position, (centers.size, 1))
@@ -109,7 +109,7 @@ def lines_under(
 
 
 def _runs(inside: Mask) -> list[slice]:
-    """Return the slices in which a mask is True; two if the run wraps around the buffer."""
+    """Return the slices in which a mask is True; there are two if they wrap around the buffer."""
     padded = np.concatenate(([False], inside, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
     return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

@@ -24,7 +24,7 @@ _FLAGS = {
 
 
 def resize_flag(interpolation: Interpolation | str | int) -> int:
-    """Return the OpenCV `resize` flag for a name, an `Interpolation`, or the flag itself."""
+    """Return OpenCV's `resize` flag for a name or an `Interpolation`; a flag is returned as is."""
     if isinstance(interpolation, int):
         return interpolation
     name = interpolation.value if isinstance(interpolation, Interpolation) else interpolation
@@ -43,7 +43,7 @@ def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Lay
     Args:
         layer: (rows, cols) in map order.
         size: rows and columns of the result.
-        factor: target cells per source cell.
+        factor: target cells per source cell along each axis.
         interpolation: a flag of `resize`.
     """
     if interpolation in (cv2.INTER_NEAREST, cv2.INTER_NEAREST_EXACT):
@@ -74,7 +74,7 @@ def _nearest(sources: int, targets: int, factor: float) -> npt.NDArray[np.intp]:
 
 
 def _resized(layer: Layer, size: Size, factor: float, interpolation: int) -> Layer:
-    # OpenCV rounds half cells to even, so a row or column may be missing without the margin.
+    # OpenCV rounds a size such as 2.5 to even; the margin ensures that no row or column is missing.
     margins = [
         (0, math.ceil(1.0 / factor) if np.rint(sources * factor) < targets else 0)
         for sources, targets in zip(layer.shape, size, strict=True)

@@ -81,7 +81,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Return (buffer slices, block slices) for each of the one to four pieces of a block."""
+    """Return (buffer slices, block slices) of the one to four contiguous pieces of a block."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
@@ -91,7 +91,7 @@ def copies(
 
 
 def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy, in map order, of a layer stored from the index `start`."""
+    """Return a copy of a layer in map order; `start` is the start index of the layer."""
     rows, columns = layer.shape
     return block(layer, start, slice(0, rows), slice(0, columns), out)
 
@@ -112,7 +112,7 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
 
 
 def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
-    """Return (buffer slice, block slice) for each of the one or two runs of `cells`."""
+    """Return (buffer slice, block slice) of the one or two contiguous runs of map cells."""
     count, done, pieces = cells.stop - cells.start, 0, []
     for first, length in _runs(cells.start + start, count, size):
         pieces.append((slice(first, first + length), slice(done, done + length)))
@@ -121,7 +121,7 @@ def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
 
 
 def _runs(first: int, count: int, size: int) -> list[tuple[int, int]]:
-    """Split `count` buffer lines from `first`, which may wrap around at `size`, into runs."""
+    """Return the runs (first, count) of buffer rows or columns, split where they wrap at `size`."""
     first %= size
     before_end = size - first
     if count <= before_end:

@@ -18,7 +18,7 @@ from ._geometry import GridGeometry
 from ._grid_map import GridMap
 
 Nodes: TypeAlias = NDArray[np.float32]
-"""(rows, cols, levels) float32, or a part of it: one number per node of a field."""
+"""One number per node of a field: (rows, cols, levels) float32, or a part of it."""
 
 _Coordinates: TypeAlias = list[Positions]  # three (N,): coordinates of N points along each axis
 
@@ -30,10 +30,10 @@ class SignedDistanceField:
     """Distances from points in space to the surface of a height layer.
 
     Ground is modeled as one vertical line per cell, at the cell center, up to the height of the
-    cell. In the air, the value is the distance to the nearest line; in the ground, it is the
-    negative distance to the nearest point above a line; on top of a line, it is 0. Outside the map
-    there is neither ground nor air. Distances are exact at nodes, which lie at the cell centers on
-    horizontal levels spaced by the resolution.
+    cell; above that height, the line is air. In the air, the value is the distance to the nearest
+    ground; in the ground, it is the negative distance to the nearest air; where they meet, it is 0.
+    Outside the map there is neither ground nor air. Distances are exact at nodes, which lie at the
+    cell centers on horizontal levels spaced by the resolution.
 
     Between nodes, distances are interpolated trilinearly; beyond the outermost nodes, linear
     extrapolation gives only an estimate. Along an axis with a single cell, distances are constant.
@@ -45,7 +45,7 @@ class SignedDistanceField:
         grid_map: the map; later changes to the map have no effect.
         layer: name of the layer with the heights [m].
         min_height: z of the lowest level [m], map frame.
-        max_height: lower bound for the z of the highest level [m]; there are at least two levels.
+        max_height: z that the highest level must reach [m]; there are at least two levels.
         unknown: treatment of cells without data (NaN): None raises an error, "free" assigns them
             the height -inf.
 
@@ -110,7 +110,7 @@ class SignedDistanceField:
             for stride, count in zip(nodes.strides, nodes.shape, strict=True)
         ]
         flat = nodes.ravel(order="K")
-        # Indexed with a cell, each of these eight views returns one corner of the cell.
+        # Indexed with the index of a cell, each of the eight views gives one corner of the cell.
         offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
         self._corner_nodes = [flat[offset:] for offset in offsets]
 
@@ -155,8 +155,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        These are the derivatives of the interpolation in `value`. At planes through nodes (within
-        1e-9 m), where the derivative is discontinuous, its values on either side are averaged.
+        These are the derivatives of the interpolated `value`. At planes through nodes (within
+        1e-9 m), where they jump, the means of both sides are returned.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -196,8 +196,8 @@ class SignedDistanceField:
             upper: largest distance [m].
 
         Returns:
-            (N, 4) float32 x, y, z and distance [m] in the order of `distances`: upwards, then
-            towards -y, then towards -x.
+            (N, 4) float32 x, y, z and distance [m] in the order of `distances`: z changes fastest
+            (ascending), then y (descending), then x (descending).
         """
         least, most = as_number(lower, "lower"), as_number(upper, "upper")
         chosen = (self.distances >= least) & (self.distances <= most)
@@ -218,7 +218,7 @@ class SignedDistanceField:
     def _located(
         self, points: Positions, rounded: Callable[[Positions], Positions], width: int
     ) -> tuple[_Coordinates, _Coordinates]:
-        """Convert (N, 3) points to node coordinates, and return the first node for each point.
+        """Convert points to node coordinates, and find the first node that each point needs.
 
         Args:
             points: (N, 3).
@@ -227,7 +227,7 @@ class SignedDistanceField:
 
         Returns:
             places: coordinates in units of the node spacing; NaN if not finite.
-            cells: first nodes: places rounded by `rounded` and clipped to existing nodes.
+            cells: first nodes: rounded places, limited so that all needed nodes exist.
         """
         places, cells = [], []
         for axis, size in enumerate(self._counts):
@@ -255,7 +255,7 @@ class SignedDistanceField:
         """Write the distances (8, N) at the corners of cells to `out`; x changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._corner_nodes, strict=True):
-            # All indices are valid, so "clip" changes none, and avoids the buffer of "raise".
+            # All indices are valid; the mode "clip" only avoids the buffer that "raise" needs.
             nodes.take(index, out=corner, mode="clip")
         return out
 
@@ -324,7 +324,7 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     squares: Layer = np.empty(shape, np.float32)
     np.subtract(upper, lower, out=squares, dtype=np.float64, casting="same_kind")
     np.maximum(squares, 0, out=squares)
-    # A squared distance above the float32 range becomes infinite: the column is never nearest.
+    # A square beyond the float32 range becomes infinite, so this cell is never the nearest.
     with np.errstate(over="ignore"):
         np.multiply(squares, squares, out=squares)
     for _ in ("x", "y"):

@@ -33,8 +33,8 @@ def transformed_map(
     steps = [(0.0, 0.0)]
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    # Smallest grid around the transformed corners at height 0. Summed in this order, the mean of
-    # the corners is rounded as in C++; corner differences would lose digits far from the origin.
+    # Smallest grid around the transformed corners at height 0. Summed in this order, the center is
+    # rounded as in C++. Far from the origin, a length computed from corners would be imprecise.
     x, y = (grid_map.position + np.outer((0.5, -0.5), grid_map.length)).T
     center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
     length = np.abs(matrix[:2, :2]) @ grid_map.length
@@ -59,9 +59,9 @@ def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) 
 
     Args:
         row: (4,) row of the transform for this coordinate.
-        x: (rows,) before the transform.
-        y: (cols,) before the transform.
-        lift: sum of height term and translation, per point or for all points.
+        x: (rows,) x of the points before the transform.
+        y: (cols,) y of the points before the transform.
+        lift: `row[2] * z + row[3]`, (cols, rows) or one number for all points.
     """
     moved: Positions = row[0] * x + (row[1] * y)[:, None]
     moved += lift

@@ -72,7 +72,7 @@ class Polygon:
 
     @classmethod
     def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
-        """Create a circle with `n` vertices, counter-clockwise; the last vertex equals the first.
+        """Approximate a circle by `n` counter-clockwise vertices; the last one equals the first.
 
         Args:
             center: (2,) center [m].
@@ -184,8 +184,8 @@ class Polygon:
         """Return the polygon with all edges moved inwards by `margin` [m]; outwards if negative.
 
         Use this for convex polygons only: at a reflex vertex, the edges move the wrong way.
-        Vertices less than 1e-9 m apart move together. A margin larger than the polygon turns the
-        polygon inside out.
+        Vertices less than 1e-9 m apart move together. If the margin is too large for the polygon,
+        the result is turned inside out.
 
         Raises:
             GeometryError: the polygon has no area, or the margin is not finite.
@@ -223,7 +223,7 @@ class Polygon:
         start = corners - mean
         along = _following(start) - start
         distance = _cross(start, along)
-        # An edge in line with the mean cannot be scaled; convex polygons have no such edge.
+        # An edge whose line contains the mean cannot be scaled; convex polygons have none.
         scaled = np.abs(distance) > 1e-12 * np.abs(distance).max()
         normals = np.stack([along[:, 1], -along[:, 0]], axis=1)[scaled]
         a = normals / distance[scaled, None]
@@ -254,7 +254,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Return the (C, 2) distinct vertices, and the (V,) index of each vertex in them."""
+        """Return the (C, 2) distinct vertices, and for each vertex its index among them, (V,)."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -267,7 +267,7 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at which edges `start` to `end` (2, ...) reach y (...), rounded as in C++."""
+    """Return x where the edges from `start` to `end` (2, ...) cross y (...), rounded as in C++."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -283,7 +283,7 @@ def _cross(a: Positions, b: Positions) -> Positions:
 
 
 def _doubled_areas(vertices: Positions) -> Positions:
-    """Return (V,) twice the signed area of each triangle between the first vertex and an edge."""
+    """Return twice the signed areas (V,) of triangles between the first vertex and each edge."""
     # Far from the origin, products of large coordinates would lose precision.
     points = vertices - vertices[0]
     return _cross(points, _following(points))
@@ -294,7 +294,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return (n, 2) rotations of `start` by 0 to `turns`, counter-clockwise in equal steps."""
+    """Return `start` rotated counter-clockwise by `n` angles from 0 to `turns` turns, (n, 2)."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start
@@ -302,7 +302,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return one half of the convex hull of sorted points: the chain to the right of the points."""
+    """Return half of the convex hull of sorted points: the chain with all points on its left."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Select the cells in blocks, discs, ellipses and polygons or on lines; make cell masks."""
+"""Select cells in blocks, discs, ellipses and polygons or on lines; convert them to masks."""
 
 from __future__ import annotations
 
