@@ -259,14 +259,13 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
 
     with np.errstate(over="call", call=warn):
         layer[...] = data
-    # Short types are exact in float32; from 2**53 on, float64 resolves no units either.
-    sizes: Any = np.abs(layer) if data.dtype.itemsize > 2 else np.float32(0)
-    is_large = (sizes >= _EXACT_FLOAT32) & (sizes < _EXACT)
-    if is_large.any() and (layer != data)[is_large].any():
-        text = (
-            f"layer {name!r}: values above 2**24 lose digits in float32. Subtract a constant first"
-        )
-        warnings.warn(text, RuntimeWarning, stacklevel=3)
+    if max(abs(float(choose.reduce(data, None))) for choose in (np.fmin, np.fmax)) > _EXACT_FLOAT32:
+        sizes = np.abs(layer)
+        # From 2**53 on, float64 resolves no units either.
+        is_large = (sizes >= _EXACT_FLOAT32) & (sizes < _EXACT)
+        if (layer != data)[is_large].any():
+            text = f"layer {name!r}: values above 2**24 lose digits in float32"
+            warnings.warn(f"{text}. Subtract a constant first", RuntimeWarning, stacklevel=3)
     return layer
 
 

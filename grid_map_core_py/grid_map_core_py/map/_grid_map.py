@@ -23,6 +23,7 @@ from .._arrays._checks import (
     as_layer,
     as_names,
     as_numbers,
+    as_pair,
     as_point,
     as_size,
     as_text,
@@ -114,7 +115,10 @@ class GridMap(MutableMapping[str, Layer]):
         timestamp: int = 0,
     ) -> None:
         geometry = GridGeometry(length, resolution, position)
-        if np.abs(np.subtract(geometry.length, length)).max() > _LARGEST_REST * geometry.resolution:
+        rests = (
+            abs(a - b) for a, b in zip(geometry._sides, as_pair(length, "length"), strict=True)
+        )
+        if max(rests) > _LARGEST_REST * geometry.resolution:
             text = f"length: expected a multiple of {resolution:g} m, got {as_text(length)}"
             warnings.warn(f"{text}; the map is {as_text(geometry.length)} m", stacklevel=2)
         self._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
