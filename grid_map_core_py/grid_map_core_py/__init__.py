@@ -15,8 +15,9 @@ The modules `map`, `regions`, `conversions`, `files`, `elevation`, `simulation`,
 `limits`, `errors` and `testing` provide further names and are imported lazily.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ._lazy import lazy_names
 
 if TYPE_CHECKING:
     from ._arrays import (
@@ -70,32 +71,15 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _OFFERED = {
-    "_arrays": "max_of_finites mean_of_finites min_of_finites number_of_finites sum_of_finites",
-    "conversions": "change_resolution color_value_to_vector color_vector_to_value from_image "
+    "._arrays": "max_of_finites mean_of_finites min_of_finites number_of_finites sum_of_finites",
+    ".conversions": "change_resolution color_value_to_vector color_vector_to_value from_image "
     "from_mesh from_points to_image",
-    "errors": "ConfigError GeometryError GridMapError LayerNotFoundError LimitError "
+    ".errors": "ConfigError GeometryError GridMapError LayerNotFoundError LimitError "
     "MissingPackageError OutOfMapError",
-    "files": "load save",
-    "map": "BufferRegion GridGeometry GridMap Interpolation SignedDistanceField",
-    "regions": "Polygon cells_to_mask circle_cells ellipse_cells line_cells line_cells_between "
+    ".files": "load save",
+    ".map": "BufferRegion GridGeometry GridMap Interpolation SignedDistanceField",
+    ".regions": "Polygon cells_to_mask circle_cells ellipse_cells line_cells line_cells_between "
     "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
-}
-_PART_OF = {name: part for part, names in _OFFERED.items() for name in names.split()}
-_LAZY = (*_OFFERED, "elevation", "limits", "plugins", "simulation", "testing")
-"""Modules that are imported lazily, so that programs such as `grid-map --help`
-start without NumPy, SciPy and OpenCV."""
-
-__all__ = sorted(_PART_OF)
-
-
-def __getattr__(name: str) -> Any:
-    if name in _LAZY:
-        return import_module(f"{__name__}.{name}")
-    if name not in _PART_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(f"{__name__}.{_PART_OF[name]}"), name)
-    return found
-
-
-def __dir__() -> list[str]:
-    return [*__all__, *_LAZY, *(name for name in globals() if name.startswith("__"))]
+} | dict.fromkeys((".elevation", ".limits", ".plugins", ".simulation", ".testing"), "")
+# Programs such as `grid-map --help` start without NumPy, SciPy and OpenCV.
+__all__, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)

@@ -112,6 +112,11 @@ def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
 
+def wrong_crs(crs: object) -> ConfigError:
+    expected = "WKT, a code such as 'EPSG:25832', or a string of PROJ"
+    return ConfigError(f"crs: expected {expected}, got {short(crs)}")
+
+
 def required(module: str, feature: str, remedy: str) -> Any:
     """Import a module that a feature needs, or raise `MissingPackageError` with the remedy."""
     try:

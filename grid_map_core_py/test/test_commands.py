@@ -232,9 +232,14 @@ WRONG = {
     "convert site.npz new.npz --as mesh": (2, "--as is for pcd, mesh"),
     "convert site.npz new.npz --bits 8": (2, "--bits is for height_image"),
     "convert site.npz new.npz --black 0": (2, "--black is for height_image"),
-    "inspect site.npz --bars": (2, "--bars (see 'grid-map inspect --help')"),
-    "info site.npz --ind 0": (2, "unrecognized arguments: --ind 0"),
-    "dance": (2, "invalid choice: 'dance'"),
+    "inspect site.npz --bars": (2, "unrecognized arguments: --bars"),
+    "info site.npz --ind 0": (2, "unrecognized arguments: --ind 0; did you mean --index?"),
+    "info sit.npz": (
+        1,
+        "sit.npz: cannot be read: No such file or directory; did you mean site.npz",
+    ),
+    "inspct": (2, "invalid choice: 'inspct'; known: info, inspect, "),
+    "convrt": (2, "; did you mean convert?"),
     "convert site.npz": (2, "required: destination"),
 }
 

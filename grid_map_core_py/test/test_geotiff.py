@@ -3,13 +3,14 @@
 
 import warnings
 import zipfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import a_map
 
-from grid_map_core_py import GridMapError
+from grid_map_core_py import GridMap, GridMapError, change_resolution
 from grid_map_core_py.files import load, load_geotiff, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff
 from grid_map_core_py.files._shared import (
@@ -75,6 +76,48 @@ def test_map_round_trips():
     assert_maps_equal(back, expected)
     assert back["color"].tobytes() == expected["color"].tobytes()
     assert describe_geotiff("map.tif")["map"] == map_facts(back)
+
+
+@pytest.mark.needs("rasterio", "pyproj", "xarray", "zarr", "dask")
+@pytest.mark.parametrize("origin", [None, (48.75, 9.01)])
+def test_reference_system_survives_files_and_copies(rasterio, origin):
+    grid_map = GridMap((40.0, 30.0), 10.0, (500_100.0, 5_400_100.0), {"elevation": 1.0})
+    save(grid_map, "first.tif", crs="EPSG:25832")
+    found = open_map("first.tif", origin=origin).to_map()
+    for ending in (".npz", ".tif", ".zarr"):
+        save(found, f"next{ending}")
+        found = load(f"next{ending}")
+        assert map_facts(found)["crs"] == "EPSG:25832"
+    found = found.copy().get_submap(found.position, found.length)
+    found = change_resolution(found.without_layers([]), 5.0)
+    found["same"] = found.to_xarray()["elevation"]
+    save(GridMap.from_xarray(found.to_xarray()), "last.tif")
+    with rasterio.open("first.tif") as first, rasterio.open("last.tif") as last:
+        assert (last.crs, last.bounds) == (first.crs, first.bounds)
+    assert not found.get_transformed_map(np.eye(4), "elevation", "odom").crs
+
+
+def test_images_say_that_the_reference_system_is_lost():
+    grid_map = GridMap((1, 1), 0.5, layers={"elevation": 1.0})
+    grid_map.crs = 25832
+    for name in ("map.png", "map.yaml"):
+        with pytest.warns(UserWarning, match=r"crs: an image cannot hold .*; it is lost\. A GeoT"):
+            save(grid_map, name)
+
+
+@pytest.mark.needs("rasterio", "xarray", "dask", "pyproj")
+@pytest.mark.parametrize("wrong", ["EPSG:nothing", 2.5])
+def test_reference_system_of_any_type_is_taken_or_refused(wrong, rasterio):
+    save(GridMap((1, 1), 0.5, layers={"a": 1.0}), "map.tif", crs=25832)
+    grid_map = load("map.tif")
+    for write in (
+        partial(save, grid_map, "new.tif"),
+        grid_map.to_xarray,
+        partial(open_map, "map.tif"),
+    ):
+        write(crs=rasterio.crs.CRS.from_epsg(25833))
+        with pytest.raises(GridMapError, match=f"crs: expected WKT, a code .*, got '?{wrong}"):
+            write(crs=wrong)
 
 
 def test_foreign_rasters_may_have_mask_and_scale(rasterio):

@@ -3,6 +3,7 @@
 
 import copy
 import pickle
+import warnings
 from collections.abc import MutableMapping
 
 import numpy as np
@@ -56,6 +57,7 @@ def test_assigned_layers_become_fortran_ordered_float32(grid_map):
 def test_a_map_is_a_mutable_mapping_of_layers(terrain):
     assert isinstance(terrain, MutableMapping)
     assert (len(terrain), terrain.shape) == (2, (8, 5))
+    assert terrain._ipython_key_completions_() == [*terrain]
     assert list(terrain.keys()) == list(dict(terrain)) == ["elevation", "variance"]
     assert dict(terrain.items())["elevation"] is terrain["elevation"]
     assert terrain.get("x") is None
@@ -186,6 +188,8 @@ def test_values_of_a_wrong_type_or_shape_are_no_layer(terrain, name, value):
         (lambda m: setattr(m, "start_index", ((0, 1), 2)), "start_index: expected numbers"),
         (lambda m: m.get_positions([(0, 1), (2,)]), "index: expected numbers"),
         (lambda _: GridMap([(1, 2), 3], 0.1), "length: expected numbers"),
+        (lambda _: GridMap.from_array([1, 2], 0.1), r"values: expected shape .*, got \(2,\)"),
+        (np.asarray, r"array: expected a layer such as map\['elevation'\], got a GridMap"),
         (lambda _: GridMap((1, 1), 0.1, [(1, 2), 3]), "position: expected numbers"),
     ],
 )
@@ -215,12 +219,52 @@ def test_with_and_without_layers_share_the_other_layers(terrain):
     terrain.start_index = (2, 3)
     result = terrain.with_layers({"slope": terrain["elevation"] * 2})
     assert result.layers == ("elevation", "variance", "slope")
-    assert result["elevation"] is terrain["elevation"]
+    assert np.shares_memory(result._layers["elevation"], terrain["elevation"])
     assert result.start_index == (2, 3)
     assert result.basic_layers == ("elevation",)
     result = terrain.without_layers(["elevation"])
     assert (result.layers, result.basic_layers) == (("variance",), ())
     assert terrain.layers == ("elevation", "variance")
+
+
+def test_writing_into_a_result_keeps_the_input(terrain):
+    before = terrain.copy()
+    result = terrain.with_layers({"same": terrain["elevation"]})
+    result.with_layers({})["same"].fill(7)
+    result.without_layers(["same"]).clear("variance")
+    result.move((3, 1))
+    assert_maps_equal(terrain, before)
+
+
+@pytest.mark.parametrize(
+    ("value", "warns"),
+    [
+        (1_700_000_000.5, True),
+        ([[2**24 + 1, 0], [0, 0]], True),
+        ([[np.nan, -(2.0**24) - 1], [0, 0]], True),
+        ([[np.inf, 1e30], [2.0**30, 0.1]], False),
+        (np.float32(1_700_000_000), False),
+    ],
+)
+def test_numbers_that_lose_digits_warn(value, warns):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        GridMap((2, 2), 1.0)["time"] = value
+    assert [(one.category, one.filename) for one in caught] == [(RuntimeWarning, __file__)] * warns
+
+
+def test_array_becomes_a_map_with_its_cells():
+    values = np.ma.masked_equal([[1, 2, 3], [4, 5, 6]], 6)
+    grid_map = GridMap.from_array(values, 0.5, (1.0, 2.0), layer="height")
+    assert repr(grid_map).startswith("GridMap(2 x 3 cells of 0.5 m, 1 x 1.5 m at (1.0, 2.0) in ")
+    np.testing.assert_array_equal(grid_map["height"], [[1, 2, 3], [4, 5, np.nan]])
+
+
+@pytest.mark.filterwarnings("error")
+def test_rounded_length_warns():
+    with pytest.warns(UserWarning, match=r"of 0.1 m, got \(1.04, 2.0\); the map is \(1.0, 2.0\) m"):
+        GridMap((1.04, 2.0), 0.1)
+    GridMap((0.3, np.float32(0.7)), 0.1)
 
 
 def test_a_cell_is_valid_when_all_basic_layers_are_finite(terrain):
@@ -490,5 +534,7 @@ def test_invalid_layer_name_is_refused(terrain):
 
 def test_repr_of_a_map_describes_it(terrain):
     assert repr(terrain) == (
-        "GridMap(8 x 5 cells of 1.0 m at (0.5, 0.0) in 'map', layers: elevation, variance)"
+        "GridMap(8 x 5 cells of 1 m, 8 x 5 m at (0.5, 0.0) in 'map', layers: elevation, variance)"
     )
+    inexact = GridMap((0.9, 0.3), 0.1 * 3, (0.1 + 0.2, 0.0))
+    assert repr(inexact).startswith("GridMap(3 x 1 cells of 0.3 m, 0.9 x 0.3 m at (0.3, 0.0)")

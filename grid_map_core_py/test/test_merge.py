@@ -2,6 +2,7 @@
 """Growing a map, and adding the data of another one."""
 
 import math
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -232,3 +233,15 @@ class TestAddDataFrom:
             terrain.extend_to_include(other)
         with pytest.raises(GridMapError, match="get_transformed_map"):
             terrain.extend_to_include(GridMap((1, 1), 1.0, frame_id="odom"))
+
+    @pytest.mark.needs("pyproj")
+    def test_maps_of_different_reference_systems_are_not_merged(self, terrain):
+        other = GridMap((1, 1), 1.0, terrain.position, {"b": 7.0})
+        for other.crs in (25832, import_module("pyproj").CRS(25832)):
+            terrain.add_data_from(other, extend_map=False, overwrite_data=True)
+            assert terrain.crs == "EPSG:25832"
+        for crs, x in (("EPSG:25833", 0.0), ("EPSG:25832", 5.0)):
+            other._reference = crs, (x, 0.0)
+            text = rf"with crs 'EPSG:25832', origin \(0.0, 0.0\), got crs '{crs}', origin \({x}"
+            with pytest.raises(GridMapError, match=text):
+                terrain.extend_to_include(other)

@@ -40,7 +40,8 @@ assert gm.elevation.RollingMap
 try:
     gm.lod
 except AttributeError as error:
-    assert "has no attribute 'lod'" in str(error)
+    assert "has no attribute 'lod'; did you mean load?" in str(error)
+assert not [name for name in dir(gm) if name.startswith("_")]
 """
     subprocess.run([sys.executable, "-c", code], check=True)
 

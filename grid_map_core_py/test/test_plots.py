@@ -51,6 +51,12 @@ def test_unknown_style_is_an_error_with_the_known_ones():
         GridMap((2.0, 1.0), 1.0).plot(style="tset")
 
 
+@pytest.mark.needs("grid_map_visualization_py", "matplotlib")
+def test_unknown_option_is_an_error_with_a_similar_one():
+    with pytest.raises(ConfigError, match=r"options: .*, got 'cmap'; did you mean color_map"):
+        GridMap((2.0, 1.0), 1.0, layers={"a": 0.0}).plot(cmap="gray")
+
+
 def test_missing_package_is_named(monkeypatch):
     monkeypatch.setattr(_plots, "entry_points", lambda **_: [])
     message = "plot needs the package 'grid_map_visualization_py', which is not installed: "

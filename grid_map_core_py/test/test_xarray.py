@@ -122,6 +122,24 @@ def test_attributes_that_are_outdated_give_way_to_the_coordinates():
     np.testing.assert_allclose(GridMap.from_xarray(shifted).position, (8.0, -2.0))
 
 
+@needs_dask
+@pytest.mark.parametrize("moved", [(0, 0), (5, 2)])
+def test_assigned_array_is_aligned_by_its_coordinates(moved):
+    grid_map = moved_in_buffer(terrain(), moved)
+    array = grid_map.to_xarray()["variance"]
+    wide = terrain((16, 11)).to_xarray()["variance"]
+    wide[2:14, 2:9] = array.values
+    for value in (array, array.T, array[::-1, ::-1], array.T[::-1], array.chunk(), wide):
+        grid_map["b"] = value
+        grid_map.set_unwrapped("c", value)
+        for layer in (grid_map["b"], grid_map["c"], grid_map.with_layers({"d": value})["d"]):
+            np.testing.assert_array_equal(layer, grid_map["variance"])
+    shifted = array.assign_coords(x=array.x + 0.2)
+    for wrong in (array[1:], shifted, array.rename(x="lon"), array.drop_vars("x"), array.variable):
+        with pytest.raises(GeometryError, match="layer 'b': expected the dimensions x and y with"):
+            grid_map["b"] = wrong
+
+
 # --- rasters --------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py import GridMap, polygon_cells
+from grid_map_core_py import GridGeometry, GridMap, polygon_cells
 
 HEIGHT = 0.3
 
@@ -36,7 +36,8 @@ def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridM
         has_ground: set cells around the star to 0; otherwise they are NaN.
     """
     ground = 0.0 if has_ground else math.nan
-    grid_map = GridMap((1.2, 2.0), resolution, layers={layer: ground}, frame_id="map")
+    geometry = GridGeometry((1.2, 2.0), resolution)
+    grid_map = GridMap.from_geometry(geometry, {layer: ground}, frame_id="map")
     grid_map[layer][polygon_cells(grid_map, VERTICES)] = HEIGHT
     return grid_map
 

@@ -17,7 +17,7 @@ class SimpleDemoNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("grid_map_simple_demo")
-        self._map = GridMap((1.2, 2.0), 0.03, layers=["elevation"], frame_id="map")
+        self._map = GridMap((1.2, 2.01), 0.03, layers=["elevation"], frame_id="map")
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
         self.get_logger().info(f"publishes {self._map} on {self._publisher.topic_name}")
         self.create_timer(1.0 / 30.0, self._publish)

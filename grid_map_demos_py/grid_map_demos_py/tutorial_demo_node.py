@@ -25,7 +25,7 @@ LAYERS = ["elevation", "normal_x", "normal_y", "normal_z"]
 
 def make_map() -> GridMap:
     """Return an empty map of 40 x 67 cells."""
-    return GridMap((1.2, 2.0), 0.03, position=(0.0, -0.1), layers=LAYERS, frame_id="map")
+    return GridMap((1.2, 2.01), 0.03, position=(0.0, -0.1), layers=LAYERS, frame_id="map")
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:

@@ -6,6 +6,8 @@ from the YAML format of the C++ filters. `expression` is the expression language
 provides helpers for fast custom filters. Only the executable `filter_chain` requires ROS.
 """
 
+from grid_map_core_py._lazy import lazy_names
+
 from ._chain import FilterChain
 from ._filter import WHOLE_MAP, Filter, FilterWarning, in_map_order, warn
 from ._offline import (
@@ -35,3 +37,5 @@ __all__ = [
     "in_map_order",
     "warn",
 ]
+
+_, __getattr__, __dir__ = lazy_names(__name__, {".errors": "", ".expression": "", ".parts": ""})

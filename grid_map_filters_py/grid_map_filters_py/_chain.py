@@ -19,7 +19,7 @@ from ._filter import TileOptions
 from ._registry import FILTERS
 from ._step import Step, StepObserver, address_of, own_layer, read_only
 from ._tiles import FilteredTiles, filtered_tiles
-from .errors import FilterConfigError
+from .errors import FilterConfigError, FilterError
 from .parts._side_by_side import use_threads
 
 _FEWEST_CELLS = 1000**2
@@ -84,8 +84,8 @@ class FilterChain:
             threads: see `FilterChain`.
 
         Raises:
-            FilterConfigError: the chain is invalid; the message names filter, type and parameter.
-            OSError: the file cannot be read.
+            FilterConfigError: the file cannot be read, or the chain is invalid; the message names
+                filter, type and parameter.
         """
         return cls.from_config(read_chain(path, name), threads=threads)
 
@@ -127,6 +127,10 @@ class FilterChain:
 
         Arguments and errors: see `__call__`.
         """
+        if not isinstance(grid_map, GridMap):
+            remedy = "dataset.grid_map.filter(chain) and tiled_map.filter(chain) filter other maps"
+            found = type(grid_map).__name__
+            raise FilterError(f"grid_map: expected a GridMap, got {found}. {remedy}")
         result = grid_map
         if grid_map.start_index != (0, 0):
             result = grid_map.with_start_index((0, 0))

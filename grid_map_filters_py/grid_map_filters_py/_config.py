@@ -75,14 +75,11 @@ def read_chain(path: str | Path, name: str) -> object:
     it is the top-level entry `name` or the only top-level list. The file may also be a bare list.
 
     Raises:
-        FilterConfigError: the file is not YAML, or does not contain exactly one such chain.
-        OSError: the file cannot be read.
+        FilterConfigError: the file cannot be read, or does not contain exactly one such chain.
     """
     try:
         content = load_yaml(path)
     except GridMapError as error:
-        if isinstance(error.__cause__, OSError):
-            raise error.__cause__ from None
         raise FilterConfigError(str(error)) from error
     if isinstance(content, list):
         return content

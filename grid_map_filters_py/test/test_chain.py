@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from filter_cases import TO_OUT, step_of
 
+import grid_map_filters_py
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
@@ -399,3 +400,19 @@ def test_file_without_exactly_one_chain_is_refused(tmp_path, text, message):
         FilterChain.from_yaml(path)
     assert message in str(caught.value)
     assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_missing_file_is_an_error_with_a_similar_name(tmp_path):
+    (tmp_path / "chain.yaml").write_text("[]")
+    with pytest.raises(FilterConfigError, match=r"No such file .*; did you mean chain\.yaml\?"):
+        FilterChain.from_yaml(tmp_path / "chian.yaml")
+
+
+def test_chain_refuses_what_is_not_a_map():
+    with pytest.raises(FilterError, match=r"a GridMap, got dict. dataset.grid_map.filter"):
+        FilterChain([])({})
+
+
+def test_package_shows_public_names_only():
+    others = {*dir(grid_map_filters_py)} - {*grid_map_filters_py.__all__}
+    assert others == {"errors", "expression", "parts"}

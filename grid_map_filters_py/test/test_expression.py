@@ -371,8 +371,8 @@ AT_CONSTRUCTION = [
 ]
 
 AT_EVALUATION = [
-    ("elevtion + 1", 0, "no layer 'elevtion'; available: elevation, row, square_, variance"),
-    ("1 + sqroot(elevation)", 4, "no layer or function 'sqroot'; did you mean sqrt?"),
+    ("elevtion + 1", 0, "no layer 'elevtion'; available: elevation, row, square_, variance; did"),
+    ("1 + sqroot(elevation)", 4, "row, square_, variance; did you mean sqrt?"),
     ("elevation + row", 10, "the shapes 3 x 4 and 1 x 5 do not match"),
     ("elevation * elevation", 10, "no matrix product of 3 x 4 and 3 x 4; use '.*'"),
     ("elevation / elevation", 10, "use './'"),

@@ -6,8 +6,9 @@ messages requires neither rclpy nor message packages. `nodes` contains building 
 nodes (subscriptions, parameters, `run`), and `testing` starts nodes for tests; both require rclpy.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from grid_map_core_py._lazy import lazy_names
 
 if TYPE_CHECKING:
     from grid_map_core_py.errors import MissingPackageError as MissingPackageError
@@ -64,27 +65,14 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _OFFERED = {
-    "bags": "BagMessage BagReader BagTopic BagWriter bag_maps bag_messages bag_topics "
+    ".bags": "BagMessage BagReader BagTopic BagWriter bag_maps bag_messages bag_topics "
     "load_from_bag save_to_bag",
-    "errors": "BagError MessageError MissingPackageError",
-    "messages": "ReceivedMap add_color_layer_from_image add_layer_from_image from_costmap "
+    ".errors": "BagError MessageError MissingPackageError",
+    ".messages": "ReceivedMap add_color_layer_from_image add_layer_from_image from_costmap "
     "from_grid_cells from_image from_message from_occupancy_grid from_octomap from_point_cloud "
     "from_polygon from_pose from_serialized_message from_stamp from_transform load_octomap "
     "octomap_to_points read_points to_color_image to_costmap to_flat_point_cloud to_grid_cells "
     "to_image to_line_marker to_message to_occupancy_grid to_point_cloud to_polygon to_pose "
     "to_serialized_grid_cells to_serialized_message to_stamp to_transform to_triangle_list_marker",
 }
-_MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
-
-__all__ = sorted(_MODULE_OF)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
-    return found
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__all__, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)

@@ -49,6 +49,14 @@ def test_buffer_survives_the_wire_bit_by_bit(grid_map: GridMap) -> None:
         np.testing.assert_array_equal(received_bits, sent_bits)
 
 
+def test_message_says_that_the_reference_system_is_lost() -> None:
+    grid_map = sample_map()
+    grid_map.crs = "EPSG:25832"
+    with pytest.warns(UserWarning, match="crs: a message cannot hold .* it is lost") as caught:
+        to_message(grid_map)
+    assert caught[0].filename == __file__
+
+
 def test_map_and_message_share_no_memory() -> None:
     grid_map = sample_map(start=(0, 0))
     message = to_message(grid_map)

@@ -9,7 +9,9 @@ Pictures need no ROS: `pictures` draws maps with Matplotlib, `colors` converts v
 `surface` converts heights to triangles.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from grid_map_core_py._lazy import lazy_names
 
 if TYPE_CHECKING:
     from ._registry import VISUALIZATIONS, Visualization, create
@@ -18,11 +20,5 @@ __version__ = "0.2.0"
 
 __all__ = ["VISUALIZATIONS", "Visualization", "create"]
 
-
-def __getattr__(name: str) -> Any:
-    # Imported lazily, because the built-in visualizations import message packages.
-    if name in __all__:
-        from . import _registry
-
-        return getattr(_registry, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# The built-in visualizations import message packages.
+_, __getattr__, __dir__ = lazy_names(__name__, {"._registry": " ".join(__all__)})

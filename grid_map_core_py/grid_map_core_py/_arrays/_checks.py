@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import GeometryError, GridMapError, LayerNotFoundError, short
+from ..errors import GeometryError, GridMapError, LayerNotFoundError, short, wrong_crs
 
 Layer: TypeAlias = NDArray[np.float32]
 """(rows, cols) float32, Fortran order; indices grow towards -x and -y. NaN means no data."""
@@ -40,6 +40,7 @@ _ROTATION_TOLERANCE = 1e-3
 """Largest deviation of R^T R from I that is accepted as rounding error in a rotation matrix R."""
 
 _EXACT = 2**53  # integers up to this value are exact in float64
+_EXACT_FLOAT32 = 2**24  # integers up to this value are exact in float32
 
 _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
 
@@ -61,6 +62,16 @@ def as_pair(values: ArrayLike, name: str) -> Pair:
     if not (math.isfinite(pair[0]) and math.isfinite(pair[1])):
         raise GeometryError(f"{name}: expected two finite numbers, got {short(values)}")
     return pair
+
+
+def as_crs(crs: Any) -> str:
+    """Return a reference system as text; accepts EPSG numbers, None and objects with `to_wkt`."""
+    if isinstance(crs, int | np.integer):
+        return f"EPSG:{crs}"
+    text = crs.to_wkt() if hasattr(crs, "to_wkt") else crs or ""
+    if not isinstance(text, str):
+        raise wrong_crs(crs)
+    return text
 
 
 def as_point(values: ArrayLike, name: str) -> Pair:
@@ -251,6 +262,13 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
 
     with np.errstate(over="call", call=warn):
         layer[...] = data
+    if max(abs(float(choose.reduce(data, None))) for choose in (np.fmin, np.fmax)) > _EXACT_FLOAT32:
+        sizes = np.abs(layer)
+        # From 2**53 on, float64 resolves no units either.
+        is_large = (sizes >= _EXACT_FLOAT32) & (sizes < _EXACT)
+        if (layer != data)[is_large].any():
+            text = f"layer {name!r}: values above 2**24 lose digits in float32"
+            warnings.warn(f"{text}. Subtract a constant first", RuntimeWarning, stacklevel=3)
     return layer
 
 
@@ -285,8 +303,8 @@ def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) 
 
 
 def as_text(values: ArrayLike) -> str:
-    """Format a pair of numbers as a tuple, for messages."""
-    return str(tuple(np.asarray(values, dtype=np.float64).tolist()))
+    """Format a pair of numbers as a tuple of at most 12 digits each, for messages."""
+    return str(tuple(float(f"{value:.12g}") for value in np.asarray(values, dtype=np.float64)))
 
 
 def _as_integers(values: ArrayLike, name: str) -> Integers:

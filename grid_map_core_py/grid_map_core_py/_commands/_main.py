@@ -18,7 +18,7 @@ from typing import Any, NoReturn, TypeAlias
 
 from .. import __version__
 from .._unfinished import notes, remove_all
-from ..errors import GridMapError
+from ..errors import GridMapError, hint
 from ..limits import Limits, set_limits
 from ._output import CommandError, UsageError, message, shown
 
@@ -54,6 +54,11 @@ class Parser(argparse.ArgumentParser):
         # An abbreviation that is unique today may become ambiguous with a new option.
         super().__init__(allow_abbrev=False, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d|-inf(inity)?$")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            known = f"{', '.join(map(str, action.choices))}{hint(value, map(str, action.choices))}"
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}; known: {known}")
 
     def error(self, message: str) -> NoReturn:
         """Print the error and end the process with exit code 2."""
@@ -138,7 +143,8 @@ def _run(arguments: Sequence[str]) -> int:
         options, unknown = parser.parse_known_args(arguments)
         parser = options.parser
         if unknown:
-            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+            similar = hint(unknown[0], parser._option_string_actions)
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}{similar}")
         given = {field.name: getattr(options, field.name, None) for field in fields(Limits)}
         before = set_limits(**{name: value for name, value in given.items() if value is not None})
         try:

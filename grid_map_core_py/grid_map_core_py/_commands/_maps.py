@@ -194,8 +194,6 @@ class Destination:
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
-        from ..files._formats import options_of
-
         self.path: str = options.destination
         self.usual_topic = usual_topic
         source, source_given = _choose(options)
@@ -208,10 +206,6 @@ class Destination:
             raise UsageError(str(error)) from error
         if self.path == STANDARD and (sys.stdout is None or sys.stdout.isatty()):
             raise CommandError("expected a pipe or a file at standard output, for an .npz file")
-        is_alike = source.name == self.format.name
-        if is_alike and "crs" in options_of(self.format.save, 2) and "crs" not in self._given:
-            # A map from a GeoTIFF keeps its coordinate reference system.
-            self._given["crs"] = describe(options)["map"].get("crs", "")
         check_free(self.path, force=options.force)
 
     @property

@@ -12,7 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..errors import GridMapError, MissingPackageError, short
+from ..errors import GridMapError, MissingPackageError, hint, short
 from ..map._grid_map import GridMap
 from ._clouds import describe_cloud, load_cloud
 from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
@@ -182,6 +182,7 @@ def find_format(
         done = "written" if writes else "read"
         raise GridMapError(
             f"format: expected one that is {done}, {', '.join(usable)}, got {short(name)}"
+            f"{hint(name, usable)}"
         )
     if not fitting:
         raise _unknown(path, usable.values(), writes=writes)
@@ -193,7 +194,7 @@ def find_format(
     unknown = next(option for option in given if option not in takes[0])
     raise GridMapError(
         f"{path}: {unknown}: expected an option of the format {fitting[0].name} "
-        f"({', '.join(takes[0]) or 'none'}), got {short(unknown)}"
+        f"({', '.join(takes[0]) or 'none'}), got {short(unknown)}{hint(unknown, takes[0])}"
     )
 
 

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from .._arrays._checks import Layer
-from ..errors import GridMapError
+from .._arrays._checks import Layer, as_crs
+from ..errors import GridMapError, required, wrong_crs
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._image_files import to_north_up
@@ -38,7 +38,7 @@ _CACHE = 2**27
 
 
 def save_geotiff(
-    grid_map: GridMap, path: str | PathLike[str], *, crs: str = "", compress: bool = False
+    grid_map: GridMap, path: str | PathLike[str], *, crs: Any = "", compress: bool = False
 ) -> None:
     """Write a map to a GeoTIFF file.
 
@@ -47,24 +47,20 @@ def save_geotiff(
     Args:
         grid_map: the map; it is stored in map order.
         path: the file.
-        crs: coordinate reference system of the frame, as accepted by rasterio, such as
-            "EPSG:25832", WKT or a PROJ string; empty if unknown.
+        crs: coordinate reference system of the frame, if not the `crs` of the map: "EPSG:25832",
+            WKT or a PROJ string.
         compress: whether to compress the file with Deflate.
     """
     check_ending(path, ".tif", ".tiff")
     rasterio = package_for(path, "GeoTIFF", "rasterio")
     if not grid_map.layers:
         raise GridMapError(f"{path}: cannot be written: the map has no layers")
-    tags = {
-        "frame_id": grid_map.frame_id,
-        "timestamp": grid_map.timestamp,
-        "basic_layers": grid_map.basic_layers,
-    }
+    grid_map = grid_map._in_crs(crs)
     # Python writes the bytes, because GDAL reports no error if it closes a file on a full disk.
     with storage_errors(Path(path), "written"), rasterio.MemoryFile() as memory:
-        profile = raster_profile(grid_map.geometry, len(grid_map.layers), crs, compress=compress)
+        profile = raster_profile(grid_map, len(grid_map.layers), compress=compress)
         with memory.open(**profile) as raster:
-            describe_raster(raster, grid_map.layers, tags)
+            describe_raster(raster, grid_map, grid_map.layers)
             for band, name in enumerate(grid_map, 1):
                 raster.write(to_north_up(grid_map.unwrapped(name)), band)
         with new_file(path) as temporary:
@@ -86,22 +82,19 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
         GridMapError: the file is damaged or not a GeoTIFF, its pixels are not axis-aligned squares,
             a layer is missing, or rasterio is not installed.
     """
-    with _opened(path) as (_, stored):
+    with _opened(path) as stored:
         return stored.load(layers)
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
     """Return the metadata of a GeoTIFF file; raise the same errors as `load_geotiff`."""
-    with _opened(path) as (raster, stored):
-        facts: dict[str, Any] = {"crs": raster.crs.to_string()} if raster.crs else {}
-        if origin := origin_of(raster, path):
-            facts["origin"] = [*origin]
-        return {"map": facts | stored.facts()}
+    with _opened(path) as stored:
+        return {"map": stored.facts()}
 
 
 @contextmanager
-def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
-    """Open a raster file; yield the raster and its `StoredMap`."""
+def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
+    """Open a raster file; yield the map in it."""
     with storage_errors(Path(path), "read"), gdal(path), open_raster(path) as raster:
         if unit := unit_of(raster):
             warnings.warn(
@@ -110,9 +103,10 @@ def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
                 stacklevel=5,
             )
         geometry = geometry_of(raster, path)
-        if origin := origin_of(raster, path):
-            geometry = geometry.at(geometry.position - origin)
-        yield raster, stored_map(raster, path, geometry)
+        origin = origin_of(raster, path) or (0.0, 0.0)
+        stored = stored_map(raster, path, geometry.at(geometry.position - origin))
+        stored.empty._reference = raster.crs.to_wkt() if raster.crs else "", origin
+        yield stored
 
 
 # --- open rasters ---------------------------------------------------------------------------------
@@ -253,12 +247,21 @@ def _warn_of_fill(raster: Any, values: Layer) -> None:
             warnings.warn(f"{text}; {remedy}", stacklevel=6)
 
 
-def raster_profile(
-    geometry: GridGeometry, layers: int, crs: str, *, compress: bool
-) -> dict[str, Any]:
-    """Return the rasterio options of a north-up raster with one band per layer."""
-    west, north = (geometry.position + [-0.5, 0.5] * geometry.length).tolist()
-    step = geometry.resolution
+def checked_crs(crs: Any) -> str:
+    """Return a reference system as text; raise `ConfigError` if rasterio does not know it."""
+    if text := as_crs(crs):
+        known = required("rasterio.crs", "crs", "pip install 'grid_map_core_py[geo]'").CRS
+        try:
+            known.from_user_input(text)
+        except ValueError:  # base class of rasterio's CRSError; a malformed number
+            raise wrong_crs(crs) from None
+    return text
+
+
+def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, Any]:
+    """Return the rasterio options of a north-up raster, with one band per layer, of any map."""
+    geometry, step = described.geometry, described.resolution
+    west, north = geometry.position + described.origin + [-0.5, 0.5] * geometry.length
     profile = {
         "driver": "GTiff",
         "width": geometry.size[0],
@@ -267,7 +270,7 @@ def raster_profile(
         "dtype": "float32",
         "nodata": np.nan,
         "transform": import_module("affine").Affine(step, 0.0, west, 0.0, -step, north),
-        "crs": crs or None,
+        "crs": checked_crs(described.crs) or None,
         # A classic TIFF holds at most 4 GB.
         "BIGTIFF": "IF_SAFER",
     }
@@ -275,14 +278,21 @@ def raster_profile(
     return profile | ({"compress": "deflate", "predictor": 3} if compress else {})
 
 
-def describe_raster(raster: Any, layers: Sequence[str], facts: dict[str, Any]) -> None:
-    """Write layer names and map metadata to a raster.
+def describe_raster(raster: Any, described: Any, layers: Sequence[str]) -> None:
+    """Write band names and map metadata to an open raster.
 
     Args:
         raster: the open dataset.
+        described: a map of any kind. If its frame and its reference system have different origins,
+            `crs` and `origin` [m] are stored as well.
         layers: names of the bands.
-        facts: `frame_id`, `timestamp` and `basic_layers`. If the map frame and the reference system
-            have different origins, also `crs`, and the `origin` of the map frame in it [m].
     """
+    facts = {
+        "frame_id": described.frame_id,
+        "timestamp": described.timestamp,
+        "basic_layers": [name for name in described.basic_layers if name in layers],
+    }
+    if any(described.origin):
+        facts |= {"origin": described.origin, "crs": described.crs}
     raster.update_tags(**{_TAG: json.dumps(facts)})
     raster.descriptions = tuple(layers)

@@ -24,7 +24,7 @@ from ..conversions._image_arrays import Image, from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
 from ..limits import check_cells
 from ..map._grid_map import GridMap
-from ._shared import naming, new_file, storage_errors
+from ._shared import naming, new_file, say_crs_is_lost, storage_errors
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 """File name endings of height images that `save_height_image` writes."""
@@ -127,6 +127,7 @@ def save_height_image(
             f"{path}: lower and upper: expected none, got {lower} and {upper}; "
             "an image of float32 holds the heights themselves"
         )
+    say_crs_is_lost(grid_map, "an image")
     name = chosen_layer(grid_map, layer, "elevation")
     has_holes = bits != 32 and bool(np.isnan(grid_map[name]).any())
     image = to_image(grid_map, name, _TYPES[bits], 4 if has_holes else 1, lower, upper)

@@ -33,7 +33,7 @@ from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
-from ._shared import check_ending, load_yaml, new_file, storage_errors
+from ._shared import check_ending, load_yaml, new_file, say_crs_is_lost, storage_errors
 
 Mode: TypeAlias = Literal["trinary", "scale", "raw"]
 
@@ -128,6 +128,7 @@ def save_map_server(
             "free_thresh, occupied_thresh: expected 0 <= free < occupied <= 1, "
             f"got {free} and {occupied}"
         )
+    say_crs_is_lost(grid_map, "an image")
     name = chosen_layer(grid_map, layer, LAYER)
     values = to_north_up(grid_map.unwrapped(name))
     image = _pixels(values, mode, occupied, free, negate=negate)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .._arrays._checks import Layer
+from .._arrays._checks import Layer, as_crs
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._shared import StoredMap, check_ending, new_file, storage_errors
@@ -50,6 +50,8 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
         "timestamp": grid_map.timestamp,
         "layers": grid_map.layers,
         "basic_layers": grid_map.basic_layers,
+        "crs": grid_map.crs,
+        "origin": grid_map.origin,
     }
     arrays[_METADATA] = np.array(json.dumps(metadata))
     compression = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
@@ -101,6 +103,8 @@ def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
         empty = GridMap.from_geometry(
             geometry, frame_id=found["frame_id"], timestamp=found["timestamp"]
         )
+        east, north = map(float, found.get("origin", (0.0, 0.0)))
+        empty._reference = as_crs(found.get("crs")), (east, north)
         yield StoredMap(
             empty,
             found["layers"],

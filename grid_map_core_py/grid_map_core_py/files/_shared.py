@@ -4,9 +4,11 @@
 import os
 import re
 import secrets
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -54,12 +56,20 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         raise
     except OSError as error:
         reason = error.strerror or error.__cause__ or error
-        raise GridMapError(f"{file}: cannot be {doing}: {reason}") from error
+        raise GridMapError(f"{file}: cannot be {doing}: {reason}{_similar(file)}") from error
     # For damaged files, libraries raise errors of many classes.
     except Exception as error:
         text = f"{error} is missing" if isinstance(error, KeyError) else str(error).strip()
         first_line = text.splitlines()[0] if text else type(error).__name__
         raise GridMapError(f"{file}: cannot be {doing}: {first_line}") from error
+
+
+def _similar(file: Path) -> str:
+    """Return a hint at a file with a similar name, if a file does not exist."""
+    known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
+    # An equal ending alone is not similar.
+    names = (one.name for one in known if errors.hint(one.stem, [file.stem]))
+    return errors.hint(file.name, names)
 
 
 @contextmanager
@@ -77,9 +87,21 @@ def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
     return errors.required(name, f"{path}: {kind}", f"pip install {name}")
 
 
+def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
+    """Warn that a kind of file or message cannot hold the reference system of a map."""
+    if grid_map.crs:
+        text = f"crs: {kind} cannot hold the coordinate reference system of the map; it is lost. "
+        warnings.warn(f"{text}A GeoTIFF, Zarr or .npz file keeps it", stacklevel=stacklevel)
+
+
 def map_facts(grid_map: GridMap) -> dict[str, Any]:
     """Return all attributes of a map except the layer values, in types that JSON supports."""
-    return {
+    crs = grid_map.crs
+    with suppress(Exception):  # pyproj is missing, or the system has no code
+        crs = ":".join(import_module("pyproj").CRS.from_user_input(crs).to_authority() or [crs])
+    facts: dict[str, Any] = {"crs": crs} if crs else {}
+    facts |= {"origin": [*grid_map.origin]} if any(grid_map.origin) else {}
+    return facts | {
         "frame_id": grid_map.frame_id,
         "timestamp": grid_map.timestamp,
         "size": [*grid_map.size],
@@ -227,7 +249,8 @@ def load_yaml(path: str | PathLike[str]) -> Any:
     try:
         text = Path(path).read_bytes()
     except OSError as error:
-        raise GridMapError(f"{path}: cannot be read: {error.strerror or error}") from error
+        reason = f"{error.strerror or error}{_similar(Path(path))}"
+        raise GridMapError(f"{path}: cannot be read: {reason}") from error
     return parse_yaml(text, path)
 
 

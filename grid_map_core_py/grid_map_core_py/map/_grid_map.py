@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import operator
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from math import isfinite, nan
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,10 +16,14 @@ from .._arrays._checks import (
     Cells,
     Layer,
     Mask,
+    Pair,
     Positions,
     Size,
+    as_crs,
     as_layer,
     as_names,
+    as_numbers,
+    as_pair,
     as_point,
     as_size,
     as_text,
@@ -27,7 +32,7 @@ from .._arrays._checks import (
     plain_pair,
     select_layers,
 )
-from ..errors import GridMapError, LayerNotFoundError, OutOfMapError, cut, short
+from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError, cut, short
 from . import _merge as merge, _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
@@ -37,6 +42,7 @@ from ._transform import transformed_map
 if TYPE_CHECKING:
     import xarray
 
+_LARGEST_REST = 1e-3  # largest rounding of a length or a coordinate without a word [cells]
 _NO_DATA = np.array(nan, np.float32)  # NumPy assigns an array faster than a number
 
 
@@ -44,9 +50,9 @@ class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
-    and writing into this array changes the map; `map[layer] = values` adds or replaces a layer.
-    NaN means "no data". Finite values beyond the float32 range become infinite, with a
-    `RuntimeWarning`.
+    and writing into this array changes the map; `map[layer] = values` adds or replaces a layer. An
+    xarray array is aligned by its coordinates. NaN means "no data". Finite values beyond the
+    float32 range become infinite, with a `RuntimeWarning`; integers that lose digits warn, too.
 
     In map order, row 0, column 0 is the corner with the largest x and y; rows run towards -x and
     columns towards -y. Layers of a new map are in map order; after `move`, they are circular
@@ -55,11 +61,12 @@ class GridMap(MutableMapping[str, Layer]):
     `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
-    equal; NaN equals NaN. Layer order and start index do not matter. Maps are mutable and not
-    hashable.
+    equal; NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
+    not hashable.
 
     Args:
-        length: (2,) side lengths along x and y [m], rounded to whole cells.
+        length: (2,) side lengths along x and y [m], not cells: (4.0, 3.0) and a resolution of 0.05
+            make 80 x 60 cells. Rounded to whole cells, with a `UserWarning`.
         resolution: side of a cell [m].
         position: (2,) center of the map [m], in `frame_id`.
         layers: names of layers to add without data, or a mapping from names to values.
@@ -75,7 +82,7 @@ class GridMap(MutableMapping[str, Layer]):
         >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
         >>> grid_map["elevation"][grid_map.get_index((0.6, 0.1))] = 0.3
         >>> grid_map
-        GridMap(4 x 2 cells of 0.5 m at (0.0, 0.0) in '', layers: elevation)
+        GridMap(4 x 2 cells of 0.5 m, 2 x 1 m at (0.0, 0.0) in '', layers: elevation)
     """
 
     __slots__ = (
@@ -84,6 +91,8 @@ class GridMap(MutableMapping[str, Layer]):
         "_frame_id",
         "_geometry",
         "_layers",
+        "_reference",
+        "_shared",
         "_start",
         "_timestamp",
     )
@@ -91,6 +100,8 @@ class GridMap(MutableMapping[str, Layer]):
     _frame_id: str
     _geometry: GridGeometry
     _layers: dict[str, Layer]
+    _reference: tuple[str, Pair]  # reference system, and the frame origin in it
+    _shared: set[str]  # layers that another map owns; copied when taken
     _start: Size
     _timestamp: int
     __hash__ = None  # type: ignore[assignment]
@@ -107,8 +118,39 @@ class GridMap(MutableMapping[str, Layer]):
         timestamp: int = 0,
     ) -> None:
         geometry = GridGeometry(length, resolution, position)
+        rests = (
+            abs(a - b) for a, b in zip(geometry._sides, as_pair(length, "length"), strict=True)
+        )
+        if max(rests) > _LARGEST_REST * geometry.resolution:
+            text = f"length: expected a multiple of {resolution:g} m, got {as_text(length)}"
+            warnings.warn(f"{text}; the map is {as_text(geometry.length)} m", stacklevel=2)
         self._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
         self._fill(layers, basic_layers)
+
+    @classmethod
+    def from_array(
+        cls,
+        values: ArrayLike,
+        resolution: float,
+        position: ArrayLike = (0.0, 0.0),
+        *,
+        layer: str = "elevation",
+        frame_id: str = "map",
+        timestamp: int = 0,
+    ) -> GridMap:
+        """Create a map with one cell per value of an array.
+
+        Args:
+            values: (rows, cols) numbers, copied; rows run towards -x, columns towards -y. Pass
+                `image.T[::-1]` for an image or raster whose first row is the top (+y).
+            resolution, position, frame_id, timestamp: see the constructor.
+            layer: name of the layer.
+        """
+        data = as_numbers(values, "values")
+        if data.ndim != 2 or not data.size:
+            raise GeometryError(f"values: expected shape (rows, cols), got {data.shape}")
+        geometry = GridGeometry.from_size(data.shape, resolution, position)
+        return cls.from_geometry(geometry, {layer: values}, frame_id=frame_id, timestamp=timestamp)
 
     @classmethod
     def from_geometry(
@@ -145,8 +187,11 @@ class GridMap(MutableMapping[str, Layer]):
         basic_layers: tuple[str, ...],
         frame_id: str,
         timestamp: int,
+        reference: tuple[str, Pair] = ("", (0.0, 0.0)),
     ) -> None:
         self._geometry = geometry
+        self._reference = reference
+        self._shared = set()
         self._start = start
         self._layers = layers
         self._basic_layers = basic_layers
@@ -230,6 +275,29 @@ class GridMap(MutableMapping[str, Layer]):
         self._frame_id = _as_frame(frame_id)
 
     @property
+    def crs(self) -> str:
+        """Coordinate reference system of the frame: WKT, a code or a PROJ string; "" if unknown.
+
+        Copies, parts and files keep it; ROS messages and images cannot. Setting it clears `origin`.
+        """
+        return self._reference[0]
+
+    @crs.setter
+    def crs(self, crs: Any) -> None:
+        self._reference = as_crs(crs), (0.0, 0.0)
+
+    @property
+    def origin(self) -> Pair:
+        """Coordinates of the frame origin in `crs` [m]; see `TiledMap.with_origin`."""
+        return self._reference[1]
+
+    def _in_crs(self, crs: Any) -> GridMap:
+        """Return this map, or the same layers in the reference system `crs`."""
+        result = self._with(self._layers) if crs else self
+        result._reference = (as_crs(crs), (0.0, 0.0)) if crs else self._reference
+        return result
+
+    @property
     def timestamp(self) -> int:
         """Time of the data [ns]."""
         return self._timestamp
@@ -242,16 +310,20 @@ class GridMap(MutableMapping[str, Layer]):
 
     def __getitem__(self, layer: str) -> Layer:
         try:
-            return self._layers[layer]
+            data = self._layers[layer]
         except (KeyError, TypeError):
             raise LayerNotFoundError(layer, self._layers) from None
+        if layer in self._shared:
+            data = self._layers[layer] = data.copy("F")
+            self._shared.discard(layer)
+        return data
 
     def __setitem__(self, layer: str, value: ArrayLike) -> None:
         if not is_name(layer):
             raise _wrong_name(layer)
         # `map[layer] += 1` has already written into the layer.
         if layer not in self._layers or value is not self._layers[layer]:
-            self._layers[layer] = as_layer(value, self.size, layer)
+            self._layers[layer] = as_layer(self._aligned(layer, value), self.size, layer)
 
     def __delitem__(self, layer: str) -> None:
         select_layers(self._layers, (layer,))
@@ -266,6 +338,13 @@ class GridMap(MutableMapping[str, Layer]):
 
     def __len__(self) -> int:
         return len(self._layers)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return [*self]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NoReturn:
+        # NumPy would make an array of the layer names.
+        raise GeometryError("array: expected a layer such as map['elevation'], got a GridMap")
 
     def __bool__(self) -> bool:
         # A map without layers is still a map: `if grid_map:` must not depend on layers.
@@ -319,20 +398,20 @@ class GridMap(MutableMapping[str, Layer]):
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a new map with these layers added or replaced.
 
-        Both maps share all other layers, so neither should be modified afterwards. Float32 arrays
-        in Fortran order are used without a copy.
+        All other layers are shared until they are taken from the new map: `new[layer]` is a copy.
+        Float32 arrays in Fortran order are used without a copy.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
                 f"layers: expected a mapping of names to values, got {short(layers)}"
             )
         adopted = {n: self._adopt(n, data) for n, data in self._in_my_order(layers).items()}
-        return self._with({**self._layers, **adopted})
+        return self._sharing({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
         """Return a new map without the named layers; all others are shared as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
-        return self._with({n: data for n, data in self._layers.items() if n not in dropped})
+        return self._sharing({n: data for n, data in self._layers.items() if n not in dropped})
 
     def clear(self, layer: str) -> None:  # type: ignore[override]
         """Set all values of a layer to NaN."""
@@ -516,7 +595,7 @@ class GridMap(MutableMapping[str, Layer]):
         regions = ring_buffer.uncovered(start, size, shift)
         for region in regions:
             slices = region.slices
-            for data in self._layers.values():
+            for data in self.values():
                 data[slices] = _NO_DATA
         self._start = (row + shift[0]) % rows, (column + shift[1]) % columns
         self._geometry = self._geometry.shifted(shift)
@@ -536,7 +615,7 @@ class GridMap(MutableMapping[str, Layer]):
             layer: name of the layer.
             value: a number for all cells, or a (rows, cols) array in map order; copied.
         """
-        if self._start == (0, 0):
+        if self._start == (0, 0) or hasattr(value, "dims"):
             self[layer] = value
         else:
             back = -self._start[0] % self.size[0], -self._start[1] % self.size[1]
@@ -570,7 +649,7 @@ class GridMap(MutableMapping[str, Layer]):
             length: (2,) side lengths along x and y [m].
 
         Returns:
-            A map with the same layers, basic layers, frame and time, and start index (0, 0).
+            A map with the same layers, basic layers, frame, time and `crs`, and start index (0, 0).
         """
         return self._block(*self._geometry.overlapped(position, length))
 
@@ -659,14 +738,14 @@ class GridMap(MutableMapping[str, Layer]):
                 the cell center along x and y by this fraction of the resolution, to close gaps.
 
         Returns:
-            A map with the same resolution, layers, basic layers and time, and start index (0, 0).
-            The new map covers the transformed corners of this map at z = 0.
+            A map with the same resolution, layers, basic layers and time, start index (0, 0) and no
+            `crs`. The new map covers the transformed corners of this map at z = 0.
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
     # xarray
 
-    def to_xarray(self, *, crs: str = "") -> xarray.Dataset:
+    def to_xarray(self, *, crs: Any = "") -> xarray.Dataset:
         """Return the map as an xarray dataset.
 
         Each layer is a float32 variable with the dimensions ("x", "y"). The coordinates are the
@@ -675,8 +754,8 @@ class GridMap(MutableMapping[str, Layer]):
         and `position` [m] describe the map.
 
         Args:
-            crs: coordinate reference system of the frame: WKT, a code such as "EPSG:25832", or a
-                PROJ string. It is stored in the coordinate `spatial_ref`, as rioxarray expects.
+            crs: coordinate reference system of the frame, if not the `crs` of the map; "EPSG:25832"
+                for example. It is stored in the coordinate `spatial_ref`, as rioxarray expects.
 
         Raises:
             MissingPackageError: xarray, or pyproj for `crs`, is not installed.
@@ -686,7 +765,7 @@ class GridMap(MutableMapping[str, Layer]):
         from ..tiled._datasets import to_dataset
         from ..tiled._tiled_map import register
 
-        dataset = to_dataset(self, crs)
+        dataset = to_dataset(self._in_crs(crs))
         register()
         return dataset
 
@@ -741,9 +820,11 @@ class GridMap(MutableMapping[str, Layer]):
         return plot(self, layer, ax, style, options)
 
     def __repr__(self) -> str:
+        (rows, columns), (x, y) = self.size, self.length.tolist()
         return cut(
-            f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m at "
-            f"{as_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
+            f"GridMap({rows} x {columns} cells of {self.resolution:.12g} m, {x:.12g} x {y:.12g} m "
+            f"at {as_text(self.position)} in {self.frame_id!r}, "
+            f"layers: {', '.join(self) or '(none)'})"
         )
 
     def _repr_html_(self) -> str:
@@ -764,6 +845,19 @@ class GridMap(MutableMapping[str, Layer]):
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
 
+    def _aligned(self, name: str, value: Any) -> ArrayLike:
+        """Return values in buffer order; an xarray array is matched by its coordinates."""
+        if not getattr(value, "dims", ()):
+            return value  # type: ignore[no-any-return]
+        x, y = (axis + start for axis, start in zip(self.axes(), self.origin, strict=True))
+        near = {"method": "nearest", "tolerance": _LARGEST_REST * self.resolution}
+        try:
+            return np.asarray(value.sel(x=x, y=y, **near).transpose("x", "y"))
+        except Exception as error:  # xarray and pandas raise errors of many types
+            expected = "the dimensions x and y with the coordinates of all cells [m]"
+            found = f"{short(value.dims)}. Pass `array.values` if they are (rows, cols)"
+            raise GeometryError(f"layer {name!r}: expected {expected}, got {found}") from error
+
     def _adopt(self, name: str, data: ArrayLike) -> Layer:
         if not is_name(name):
             raise _wrong_name(name)
@@ -774,7 +868,14 @@ class GridMap(MutableMapping[str, Layer]):
             and data.flags.f_contiguous
         ):
             return data
-        return as_layer(data, self.size, name)
+        return as_layer(self._aligned(name, data), self.size, name)
+
+    def _sharing(self, layers: dict[str, Layer]) -> GridMap:
+        """Return a map with these layers; arrays of this map are copied when they are taken."""
+        result, mine = self._with(layers), {*map(id, self._layers.values())}
+        # Read-only arrays need no copy.
+        result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}
+        return result
 
     def _with(
         self,
@@ -791,6 +892,7 @@ class GridMap(MutableMapping[str, Layer]):
             tuple([name for name in self._basic_layers if name in layers]),
             self._frame_id,
             self._timestamp,
+            self._reference,
         )
         return result
 

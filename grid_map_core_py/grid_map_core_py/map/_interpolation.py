@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Layer, Pair, Positions, Size, as_positions, as_text, plain_pair
+from .._arrays._checks import Layer, Pair, Positions, Size, as_positions, plain_pair
 from .._arrays._pieces import CHUNK, slices
 from ..errors import GridMapError, OutOfMapError, short
 from ._axis import Axis, Coordinate
@@ -123,7 +123,7 @@ def check_inside(geometry: GridGeometry, points: Positions) -> None:
     lowest, highest = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     if not (geometry.contains(lowest) and geometry.contains(highest)):
         outside = points[~geometry.is_inside(points)][0]
-        raise _outside(geometry, as_text(outside))
+        raise _outside(geometry, str(tuple(outside.tolist())))
 
 
 class Surface:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from .._arrays._checks import Mask, Positions, select_layers
-from ..errors import GridMapError, short
+from ..errors import GridMapError, required, short
 from ._axis import BORDER_TOLERANCE
 from ._geometry import GridGeometry
 
@@ -28,7 +28,9 @@ def add_data_from(
     layers: Iterable[str] | None,
 ) -> None:
     """Copy data of `other` into `grid_map`; see `GridMap.add_data_from`."""
-    check_frames(grid_map.frame_id, other)
+    check_frames(grid_map, other)
+    if not grid_map.crs:
+        grid_map._reference = other._reference
     sources = {name: other[name] for name in select_layers(other, layers)}
     if extend_map:
         grid_map.extend_to_include(other)
@@ -51,7 +53,7 @@ def add_data_from(
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     """Return `grid_map` extended to cover `other`, or `grid_map` itself if it already does."""
-    check_frames(grid_map.frame_id, other)
+    check_frames(grid_map, other)
     inner, outer = grid_map.geometry, other.geometry
     # Far from the origin, coordinates are less precise than the usual tolerance.
     tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
@@ -77,15 +79,33 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     return grid_map._with(layers, geometry, (0, 0))
 
 
-def check_frames(frame_id: str, other: GridMap) -> None:
-    """Raise `GridMapError` unless `other` is a map in this frame; an empty frame matches any."""
+def check_frames(grid_map: Any, other: GridMap) -> None:
+    """Raise `GridMapError` unless two maps have one frame and reference system; empty ones match.
+
+    Args:
+        grid_map: a map or a tiled map.
+        other: the map to merge into it.
+    """
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {short(other)}")
+    frame_id = grid_map.frame_id
     if frame_id and other.frame_id and frame_id != other.frame_id:
         raise GridMapError(
             f"other: expected a map in frame {frame_id!r}, got {other.frame_id!r}. "
             f"Transform it with get_transformed_map first"
         )
+    if grid_map.crs and other.crs and not _has_one_crs(grid_map, other):
+        expected, got = (f"crs {short(one.crs)}, origin {one.origin}" for one in (grid_map, other))
+        raise GridMapError(
+            f"other: expected a map with {expected}, got {got}. Project it first, with open_map"
+        )
+
+
+def _has_one_crs(one: Any, other: GridMap) -> bool:
+    if one.crs == other.crs or one.origin != other.origin:
+        return bool(one.origin == other.origin)
+    proj = required("pyproj", "comparing crs", "pip install 'grid_map_core_py[geo]'")
+    return bool(proj.CRS.from_user_input(one.crs) == proj.CRS.from_user_input(other.crs))
 
 
 def lines_under(

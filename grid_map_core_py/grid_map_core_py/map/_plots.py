@@ -6,10 +6,11 @@ parameters map, layer name, axes and options.
 """
 
 from importlib.metadata import entry_points
+from inspect import signature
 from typing import Any
 
 from .._parameters import check
-from ..errors import MissingPackageError
+from ..errors import ConfigError, MissingPackageError, hint, short
 
 GROUP = "grid_map_core_py.plots"
 PACKAGE = "grid_map_visualization_py"
@@ -22,4 +23,10 @@ def plot(grid_map: object, layer: str, ax: Any, style: str, options: dict[str, A
         remedy = f"install {PACKAGE}, or source the workspace that has it"
         raise MissingPackageError(PACKAGE, "plot", remedy)
     check(style in styles, "style", f"one of {', '.join(sorted(styles))}", style)
-    return styles[style].load()(grid_map, layer, ax, **options)
+    draw = styles[style].load()
+    known = signature(draw).parameters
+    wrong = [name for name in options if name not in known]
+    if wrong and not any(one.kind is one.VAR_KEYWORD for one in known.values()):
+        found = f"{short(wrong[0])}{hint(wrong[0], known)}"
+        raise ConfigError(f"options: expected some of {', '.join([*known][3:])}, got {found}")
+    return draw(grid_map, layer, ax, **options)

@@ -50,7 +50,7 @@ def transformed_map(
         values[is_empty] = np.nan
         layers[name] = values.reshape(geometry.size, order="F")
     result = grid_map._with(layers, geometry, (0, 0))
-    result.frame_id = frame_id
+    result.frame_id, result.crs = frame_id, ""
     return result
 
 

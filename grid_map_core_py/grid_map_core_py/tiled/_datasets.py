@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from .._arrays._checks import Layer, Positions, Size, as_array, as_layer, select_layers
 from ..errors import (
-    ConfigError,
     GeometryError,
     GridMapError,
     MissingPackageError,
     required,
     short,
+    wrong_crs,
 )
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
@@ -68,39 +68,29 @@ def coordinates(geometry: GridGeometry, origin: Sequence[float] = (0.0, 0.0)) ->
     }
 
 
-def attributes(
-    geometry: GridGeometry,
-    layers: Iterable[str],
-    frame_id: str,
-    timestamp: int,
-    basic_layers: Iterable[str],
-    origin: Sequence[float] = (0.0, 0.0),
-) -> dict[str, Any]:
+def attributes(described: GridMap | TiledData, layers: Iterable[str]) -> dict[str, Any]:
     """Return the attributes that describe a map in a dataset."""
-    names = [*layers]
+    names, origin = [*layers], described.origin
     return {
         # Zarr stores do not preserve the order of variables.
         "layers": names,
-        "frame_id": frame_id,
-        "timestamp": timestamp,
-        "basic_layers": [name for name in basic_layers if name in names],
-        "resolution": geometry.resolution,
+        "frame_id": described.frame_id,
+        "timestamp": described.timestamp,
+        "basic_layers": [name for name in described.basic_layers if name in names],
+        "resolution": described.resolution,
         # Computed from the coordinates, the center would have a rounding error.
-        "position": geometry.position.tolist(),
+        "position": described.position.tolist(),
     } | ({"origin": [*origin]} if any(origin) else {})
 
 
-def to_dataset(grid_map: GridMap, crs: str = "") -> "xarray.Dataset":
+def to_dataset(grid_map: GridMap) -> "xarray.Dataset":
     """Convert a map to a dataset; see `GridMap.to_xarray`."""
-    layers = {name: grid_map.unwrapped(name) for name in grid_map}
-    about = grid_map.frame_id, grid_map.timestamp, grid_map.basic_layers
-    return dataset_of(grid_map.geometry, layers, attributes(grid_map.geometry, layers, *about), crs)
+    return dataset_of(grid_map, {name: grid_map.unwrapped(name) for name in grid_map})
 
 
-def dataset_of(
-    geometry: GridGeometry, layers: Mapping[str, Any], about: Mapping[str, Any], crs: str
-) -> "xarray.Dataset":
+def dataset_of(described: GridMap | TiledData, layers: Mapping[str, Any]) -> "xarray.Dataset":
     """Create a dataset from NumPy or Dask arrays in map order, without copying the arrays."""
+    crs, about = described.crs, attributes(described, layers)
     xr = required("xarray", "a dataset", REMEDY)
     if taken := {*layers} & {*DIMENSIONS, CRS_VARIABLE}:
         raise GridMapError(
@@ -110,7 +100,7 @@ def dataset_of(
     variables = {
         name: xr.Variable(DIMENSIONS, data, encoding=mapping) for name, data in layers.items()
     }
-    known = coordinates(geometry, about.get("origin", (0.0, 0.0)))
+    known = coordinates(described.geometry, described.origin)
     if crs:
         known[CRS_VARIABLE] = ((), 0, grid_mapping(crs))
     dataset: xarray.Dataset = xr.Dataset(variables, known, about)
@@ -138,8 +128,7 @@ def grid_mapping(crs: str) -> dict[str, Any]:
             raise
     except RuntimeError:  # base class of pyproj's CRSError
         if not is_wkt:
-            expected = "WKT, a code such as 'EPSG:25832', or a string of PROJ"
-            raise ConfigError(f"crs: expected {expected}, got {short(crs)}") from None
+            raise wrong_crs(crs) from None
     return {**about, "crs_wkt": wkt, "spatial_ref": wkt}
 
 
@@ -422,9 +411,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
                 meta=np.empty((0, 0), np.float32),
                 name=f"layer-{uuid4().hex}",
             )
-    about = tiled_map.frame_id, tiled_map.timestamp, tiled_map.basic_layers, tiled_map.origin
-    described = attributes(tiled_map.geometry, names, *about)
-    dataset = dataset_of(tiled_map.geometry, arrays, described, tiled_map.crs)
+    dataset = dataset_of(tiled_map, arrays)
     remember(dataset, tiled_map)
     return dataset
 

@@ -2,12 +2,12 @@
 """Opens stores, rasters and datasets as tiled maps; defines Zarr for `load` and `save`."""
 
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files._formats import Format
+from ..files._geotiff import checked_crs
 from ..files._shared import map_facts
 from ..map._grid_map import GridMap
 from ..plugins import check
@@ -24,7 +24,7 @@ def open_map(
     path: "str | PathLike[str] | Sequence[str | PathLike[str]] | xarray.Dataset",
     *,
     chunks: int | None = None,
-    crs: str = "",
+    crs: Any = "",
     origin: tuple[float, float] | None = None,
 ) -> TiledMap:
     """Open a map of any size and read only the metadata.
@@ -56,7 +56,7 @@ def open_map(
 
         paths = [source] if is_name else [*source]
         check(bool(paths), "path", "at least one file", paths)
-        data = open_rasters(paths, side or (TILE, TILE), crs)
+        data = open_rasters(paths, side or (TILE, TILE), checked_crs(crs))
     else:
         check(not crs, "crs", "none: only GeoTIFF files are projected when they are read", crs)
         data = open_dataset(source, side) if is_dataset else open_store(fspath(source), chunks)
@@ -73,7 +73,7 @@ def _load(path: str | PathLike[str], layers: Iterable[str] | None = None) -> Gri
 
 
 def _save(
-    grid_map: GridMap, path: str | PathLike[str], *, chunks: int = 1024, crs: str = ""
+    grid_map: GridMap, path: str | PathLike[str], *, chunks: int = 1024, crs: Any = ""
 ) -> None:
     opened = open_map(grid_map.to_xarray(crs=crs), chunks=chunks)
     opened.to_zarr(path, overwrite=True)
@@ -81,18 +81,8 @@ def _save(
 
 def _describe(path: str | PathLike[str]) -> dict[str, Any]:
     opened = open_map(path)
-    empty = GridMap.from_geometry(
-        opened.geometry, frame_id=opened.frame_id, timestamp=opened.timestamp
-    )
     names = {"layers": [*opened.layers], "basic_layers": [*opened.basic_layers]}
-    crs = opened.crs
-    with suppress(Exception):  # pyproj is missing, or the system has no code
-        from pyproj import CRS
-
-        crs = ":".join(CRS.from_user_input(crs).to_authority() or [crs])
-    facts: dict[str, Any] = {"crs": crs} if crs else {}
-    facts |= {"origin": [*opened.origin]} if any(opened.origin) else {}
-    facts |= map_facts(empty) | names
+    facts = map_facts(opened._map(opened.geometry, (), [])) | names
     # Counting the files of a store may take minutes.
     return {"bytes": None, "map": facts | {"chunks": [*opened.tile]}}
 

@@ -395,28 +395,19 @@ def _write_windows(
     *,
     compress: bool,
 ) -> None:
-    crs, origin = tiled_map.crs, tiled_map.origin
-    geometry = tiled_map.geometry.at(tiled_map.position + origin)
-    profile = raster_profile(geometry, len(names), crs, compress=compress)
+    profile = raster_profile(tiled_map, len(names), compress=compress)
     profile |= {
         "tiled": True,
         "blockxsize": _FILE_BLOCK,
         "blockysize": _FILE_BLOCK,
         "interleave": "band",
     }
-    facts = {
-        "frame_id": tiled_map.frame_id,
-        "timestamp": tiled_map.timestamp,
-        "basic_layers": [name for name in tiled_map.basic_layers if name in names],
-    }
     # Windows consist of whole blocks, so that each block is compressed only once.
     width, height = (-(-side // _FILE_BLOCK) * _FILE_BLOCK for side in tiled_map.tile)
     windows = Tiles((tiled_map.size[1], tiled_map.size[0]), (height, width))
     rectangle = import_module("rasterio.windows").Window.from_slices
     with import_module("rasterio").open(file, "w", **profile) as raster:
-        describe_raster(
-            raster, names, facts | ({"origin": origin, "crs": crs} if any(origin) else {})
-        )
+        describe_raster(raster, tiled_map, names)
         if progress is not None:
             progress(0, len(windows))
         parts = in_any_order(partial(_compute, tiled_map, names), windows)

@@ -131,6 +131,7 @@ class TiledMap(TiledData):
     def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
         """Return a map in memory with `layers` (not copied) and the frame and time of this map."""
         empty = GridMap.from_geometry(geometry, frame_id=self.frame_id, timestamp=self.timestamp)
+        empty._reference = self.crs, self.origin
         grid_map = empty.with_layers(dict(zip(names, layers, strict=True)))
         grid_map.basic_layers = [name for name in self.basic_layers if name in names]
         return grid_map
@@ -488,9 +489,7 @@ class GridMapAccessor:
             tiled_map = opened.filter(chain, **options)
             filtered = tiled_map.to_xarray()
         else:
-            filtered = to_dataset(chain(self.to_map()), opened.crs)
-            if any(opened.origin):
-                filtered.attrs["origin"] = [*opened.origin]
+            filtered = to_dataset(chain(self.to_map()))
         filtered = filtered.isel(turned(geometry_of(mine)[1]))
         if opened.layers:
             filtered = filtered.transpose(*mine[opened.layers[0]].dims)

@@ -238,8 +238,7 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
         array[:] = values
     if crs:
         create(CRS_VARIABLE, "<i4", (), (), [], grid_mapping(crs))
-    about = tiled_map.frame_id, tiled_map.timestamp, tiled_map.basic_layers, tiled_map.origin
-    group.attrs.put(attributes(geometry, names, *about))
+    group.attrs.put(attributes(tiled_map, names))
     # Readers then need only one file for the metadata of all layers.
     zarr.consolidate_metadata(str(path))
 

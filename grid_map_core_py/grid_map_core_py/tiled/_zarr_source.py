@@ -116,7 +116,7 @@ def merge(
             "Write it into a store first, with to_zarr"
         )
     path = check_local(source.path)
-    check_frames(tiled_map.frame_id, grid_map)
+    check_frames(tiled_map, grid_map)
     expected, found = tiled_map.resolution, grid_map.resolution
     if abs(found - expected) > _LARGEST_DIFFERENCE * expected:
         raise GeometryError(

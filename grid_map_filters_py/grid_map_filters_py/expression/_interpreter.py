@@ -55,8 +55,8 @@ class Interpreter:
             return self._names[name]
         if name in CONSTANTS:
             return CONSTANTS[name]
-        similar = "" if kind == "layer" else hint(name, FUNCTIONS)
-        raise Fault(f"no {kind} {name!r}{similar}; available: {self._available}")
+        similar = hint(name, self._available.split(", ") if kind == "layer" else FUNCTIONS)
+        raise Fault(f"no {kind} {name!r}; available: {self._available}{similar}")
 
     def _end(self, end: int | None) -> Value:
         if end is None:

@@ -12,6 +12,7 @@ import numpy as np
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Layer, Size
 from grid_map_core_py._arrays._checks import is_name, select_layers
+from grid_map_core_py.files._shared import say_crs_is_lost
 from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map._ring_buffer import unwrapped
 
@@ -105,6 +106,7 @@ def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> 
     Layers are stored with the start index `start`, or in map order if `start` exceeds uint16.
     """
     names = select_layers(grid_map.layers, layers)
+    say_crs_is_lost(grid_map, "a message", stacklevel=4)
     if max(start) > LARGEST_START_INDEX:
         start = (0, 0)
     # Cell of the map buffer that becomes the first cell in the message.

@@ -27,10 +27,11 @@ The following node receives maps from all reliable publishers and publishes scal
 slow to import.
 """
 
-import importlib
 import signal
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from grid_map_core_py._lazy import lazy_names
 
 if TYPE_CHECKING:
     from grid_map_core_py._arrays import keep_memory as keep_memory
@@ -55,10 +56,9 @@ _OFFERED = {
     "._spin": "ConfiguredNode run",
     "._topics": "MapPublisher MapSubscription map_qos",
 }
-_MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
-"""Module of each public name; the modules are imported lazily."""
+_LAZY, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)
 
-__all__ = sorted(["quiet_start", *_MODULE_OF])
+__all__ = sorted(["quiet_start", *_LAZY])
 
 
 def quiet_start() -> None:
@@ -74,15 +74,3 @@ def quiet_start() -> None:
     if is_executable:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = importlib.import_module(_MODULE_OF[name], __name__)
-    found = globals()[name] = getattr(module, name)
-    return found
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Packages whose names are imported on first use, so that programs start fast."""
+
+import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+
+from .errors import hint
+
+
+def lazy_names(
+    package: str, offered: Mapping[str, str]
+) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """Return `__all__`, `__getattr__` and `__dir__` of a package with public names by module."""
+    module_of = {name: module for module, names in offered.items() for name in names.split()}
+    modules = [name.removeprefix(".") for name in offered]
+
+    def find(name: str) -> Any:
+        if name in modules:
+            return import_module(f"{package}.{name}")
+        if name not in module_of:
+            similar = hint(name, names())
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{similar}")
+        found = getattr(import_module(module_of[name], package), name)
+        setattr(sys.modules[package], name, found)
+        return found
+
+    def names() -> list[str]:
+        public = (name for name in modules if name.isidentifier() and not name.startswith("_"))
+        return sorted({*sys.modules[package].__all__, *public})
+
+    return sorted(module_of), find, names
