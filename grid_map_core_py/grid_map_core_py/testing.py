@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 def assert_maps_equal(
     actual: GridMap, expected: GridMap, *, rtol: float = 0.0, atol: float = 0.0
 ) -> None:
-    """Assert that two maps are equal in grid, frame, time, layers and data in map order.
+    """Assert that two maps have the same grid, frame, time, layers, basic layers and values.
 
-    The start index of the buffer does not matter. NaN equals NaN.
+    Values are compared in map order, so start indices may differ. NaN equals NaN.
 
     Args:
         rtol, atol: relative and absolute tolerance of the layer values.
@@ -48,7 +48,7 @@ def assert_maps_equal(
 
 
 def register_profiles() -> None:
-    """Register hypothesis profiles and load `grid_map`; for a package's `conftest.py`.
+    """Register two hypothesis profiles and activate `grid_map`; call this in a `conftest.py`.
 
     The profile `grid_map` runs the same examples every time, so that results are reproducible. The
     profile `explore` runs more examples, and new ones every time; select it with `pytest
@@ -62,7 +62,7 @@ def register_profiles() -> None:
 
 
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
-    """Return an equal map whose layers are stored with another start index, as after moves."""
+    """Return an equal map whose layers are stored with another start index, as in a moved map."""
     result = grid_map.copy()
     shift = np.subtract(start_index, grid_map.start_index)
     for layer in result:
@@ -79,7 +79,7 @@ def grid_maps(
     allow_infinity: bool = True,
     allow_moved: bool = True,
 ) -> "SearchStrategy[GridMap]":
-    """Return a strategy that generates maps, including single cells, moved buffers and infinities.
+    """Return a strategy that generates maps; some have a single cell or values that are not finite.
 
     Args:
         layers: names of the layers; the first one is sometimes a basic layer.

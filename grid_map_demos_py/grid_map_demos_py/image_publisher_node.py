@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
-The file is read again for each message, so edits appear at once. The image may be gray or in
-color, with 8 or 16 bits or floats per channel, with or without alpha.
+The file is read again for each message, so the next message shows any edits. The image may be gray
+or in color, with or without alpha; each channel has 8 bits, 16 bits or floats.
 """
 
 from pathlib import Path

@@ -31,7 +31,7 @@ Numbers = npt.NDArray[np.float64]
 LAYER = "demo"
 
 BORDER = 2
-"""Width of the border excluded from errors, where methods lack neighbors [cells]."""
+"""Width of the border that errors exclude [cells]; some methods lack neighboring cells there."""
 
 HILLS = [  # x, y, variance along x, variance along y, height
     (1.0, -1.0, 1.0, 0.3, -2.0),
@@ -79,7 +79,7 @@ METHODS = {
 
 
 def sampled(world: World, geometry: GridGeometry) -> GridMap:
-    """Return the heights of a world at the cell centers of a grid."""
+    """Return a map with the heights of a world at the cell centers of a grid."""
     x, y = geometry.axes_in_map_order()
     return GridMap.from_geometry(geometry, {LAYER: world(x[:, None], y)}, frame_id="map")
 

@@ -3,9 +3,9 @@
 
     iterator_benchmark [SIDE ...]
 
-Prints a table of times for square maps with SIDE cells per side. Two tasks, the larger of two
-layers and the mean of 3 x 3 cells, are solved in several ways, from loops over cells in Python to
-whole arrays in NumPy and OpenCV. ROS is not required.
+Prints a table of times for square maps with SIDE cells per side. The tasks are the larger of two
+layers and the mean of 3 x 3 cells. Each is solved in several ways, from a Python loop over the
+cells to a function of NumPy or OpenCV for the whole layer. ROS is not required.
 """
 
 import argparse
@@ -25,7 +25,7 @@ SIDES = (100, 400)
 LARGEST_SIDE = 2_000
 RESOLUTION = 0.004
 SECONDS = 0.05
-"""Minimum duration of a measurement [s]; the result is the shortest run."""
+"""Minimum time for which a function is repeated [s]; the shortest run counts."""
 
 Way = Callable[[GridMap], None]
 

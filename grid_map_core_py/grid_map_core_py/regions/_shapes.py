@@ -71,7 +71,7 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
         grid_map["elevation"][ring] = np.nan
 
     Args:
-        cells: buffer indices, as (rows, cols) like the results of `circle_cells`, or as (N, 2).
+        cells: buffer indices as `circle_cells` returns them (rows and columns), or as (N, 2).
     """
     chosen = grid_map.geometry.check_indices(cells, "cells")
     mask: Mask = np.zeros(grid_map.size, dtype=np.bool_, order="F")
@@ -103,12 +103,12 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
 
 
 def half_chords(radius: float, distances: Positions) -> Positions:
-    """Return half the length of each chord of a disc; negative for lines that miss the disc.
+    """Return half the length of the chord that a disc cuts from each line; negative if none.
 
     Args:
         radius: radius of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to include cell centers
             on the rim, as `circle_cells` does.
-        distances: (...) distances from the center to the chords, in the unit of the radius.
+        distances: (...) distances from the center to the lines, in the unit of the radius.
     """
     # Dividing by the radius first prevents overflow of the squares.
     across = distances / radius
@@ -121,8 +121,8 @@ def ellipse_cells(
 ) -> Cells:
     """Return the cells (rows, cols) whose centers are in an ellipse, row by row.
 
-    A center with the coordinates u and v along the axes of the ellipse is inside if
-    u^2 / (length_x / 2)^2 + v^2 / (length_y / 2)^2 <= 1, without a tolerance.
+    Let u and v be the offsets of a cell center from the center of the ellipse, along its axes. The
+    cell is inside if u^2 / (length_x / 2)^2 + v^2 / (length_y / 2)^2 <= 1, without a tolerance.
 
     Args:
         center: (2,) center of the ellipse [m]; it may be outside the map.
@@ -158,8 +158,8 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     """Return the cells (rows, cols) whose centers are inside a polygon, row by row.
 
     Args:
-        polygon: a `Polygon`, or (V, 2) vertices [m]; `Polygon.is_inside` defines the inside. With
-            fewer than three vertices, the function warns and returns no cells.
+        polygon: a `Polygon`, or (V, 2) vertices [m]; for the exact rule, see `Polygon.is_inside`.
+            With fewer than three vertices, the function warns and returns no cells.
     """
     polygon = Polygon.of(polygon)
     if len(polygon) < 3:
@@ -172,8 +172,8 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     # All coordinates are negated, so that cell coordinates ascend, as `searchsorted` requires.
     x, y = grid_map.geometry.negated_axes
     x, y, vertices = x[rows], y[columns], -polygon._closed.T
-    # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
-    # As in `Polygon.is_inside`, an edge crosses a column if only one end is above the column.
+    # Scan conversion: an edge that crosses a column flips all cells on the -x side of the crossing.
+    # As in `Polygon.is_inside`, an edge crosses if only one of its ends has a y above the column's.
     below = y.searchsorted(vertices[1], side="right")
     before, after = below[:-1], below[1:]
     counts, crossed = _runs(np.minimum(before, after), np.maximum(before, after))
@@ -220,8 +220,8 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
 def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     """Return the buffer cells of Bresenham's line between two cells of the map.
 
-    The axis with more steps advances by one per cell. After k of n cells, the other axis has
-    advanced by (n // 2 + k * steps) // n: the error term of the usual loop in closed form.
+    The axis with more steps advances by one per cell. After k of its n steps, an axis with m steps
+    has advanced by (n // 2 + k * m) // n, the closed form of the algorithm's error term.
     """
     steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))
@@ -267,7 +267,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
         fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
         points = (1.0 - fractions) * start + fractions * end
         (rows, columns), found = geometry.cells_at(points)
-        # The -x and -y borders are outside the map; so is the middle of a line along a border.
+        # Both ends may be on the -x and -y borders, which are outside the map; so test the middle.
         if found.any():
             first, last, _ = zip(rows.tolist(), columns.tolist(), strict=True)
             return first, last
@@ -275,7 +275,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) of the ranges `first` to `stop`, and the ranges concatenated (N,)."""
+    """Return the length (R,) of each range from `first` to `stop`, and the ranges joined (N,)."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)

@@ -37,7 +37,8 @@ def sliding_windows(
             "crop" crops them, "empty" pads them with NaN, and "mean" pads with the mean of the
             window's finite values.
         window_size: side of the window [cells], odd.
-        window_length: alternative to `window_size` [m]; rounded to whole cells, plus 1 if even.
+        window_length: side of the window [m], instead of `window_size`; rounded to whole cells,
+            and an even number is increased by 1.
     """
     _check_edge_handling(edge_handling, get_args(EdgeHandling))
     size = _window_cells(grid_map.resolution, window_size, window_length)
@@ -56,7 +57,7 @@ def window_array(
     *,
     window_length: float | None = None,
 ) -> Layer:
-    """Return the windows around all cells as one array, in map order for any start index.
+    """Return the windows around all cells as one array, in map order whatever the start index.
 
     `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a median filter.
     The arguments are as in `sliding_windows`, except that "crop" is invalid, because cropped
@@ -64,8 +65,8 @@ def window_array(
 
     Returns:
         (rows, cols, size, size) float32, read-only; with "inside", (rows - size + 1,
-        cols - size + 1, size, size). "inside" and "empty" use the memory of one layer, "mean" uses
-        the memory of all windows.
+        cols - size + 1, size, size). With "inside" and "empty", the windows are views of one copy
+        of the layer; with "mean", every window is stored separately.
     """
     _check_edge_handling(edge_handling, ("inside", "empty", "mean"))
     size = _window_cells(grid_map.resolution, window_size, window_length)
@@ -106,7 +107,7 @@ def _window_cells(resolution: float, size: int | None, length: float | None) -> 
 def _windows(
     padded: Layer, start: Size, shape: Size, edge_handling: EdgeHandling, size: int
 ) -> Iterator[tuple[Size, Layer]]:
-    """Yield the buffer index and window of each cell; `padded` has a margin of NaN."""
+    """Yield the buffer index and window of each cell; `padded` is the layer with a NaN margin."""
     margin = size // 2
     for column, row in product(range(shape[1]), range(shape[0])):
         first = (row - start[0]) % shape[0], (column - start[1]) % shape[1]

@@ -19,16 +19,17 @@ from ._shapes import checked_radius, circle_cells, empty_cells
 # Smaller spirals are cut out of a cached spiral with this many rings (0.8 MB), to avoid sorting.
 KEPT_RINGS = 128
 
-# Limit on distances from the map [cells], so that their squares are exact integers.
+# Limit on the row and column of a disc center outside the map; their squares must fit into int64.
 FAR = 2.0**30
 
 
 def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) of a disc from the inside out, ring by ring.
 
-    The ring number of a cell is its distance from the center cell [cells], rounded down. Each ring
-    runs clockwise as seen from above and ends in the direction of -x. The cell that contains the
-    center, if on the map, always comes first; all other cells are as in `circle_cells`.
+    The ring number of a cell is its distance from the center cell [cells], rounded down. A ring
+    runs clockwise as seen from above and ends on the -x side of the center cell. The cell that
+    contains the center comes first if it is on the map, even if its own center is outside the disc;
+    all other cells are those of `circle_cells`.
 
     Args:
         center: (2,) center of the disc [m]; it may be outside the map.
@@ -53,7 +54,7 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
 
 
 def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
-    """Return the map cell that contains a position, which may be outside the map."""
+    """Return the cell (map order) that contains a position; indices continue beyond the map."""
     steps = geometry._x.steps(position[0]), geometry._y.steps(position[1])
     row, column = (math.floor(max(min(step, FAR), -FAR)) for step in steps)
     if 0 <= row < geometry.size[0] and 0 <= column < geometry.size[1]:
@@ -67,19 +68,19 @@ def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
 
 
 def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cells:
-    """Return the part of the cached spiral inside a disc; only outer rings are distance-tested."""
+    """Return the cells of the cached spiral in a disc; only outer rings need a distance test."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
         return empty_cells(0)
-    # x, y from the center of the disc to the center of the middle cell [m].
+    # Offset (x, y) of the center of the middle cell from the center of the disc [m].
     off_center = (
         geometry._x.center_of(middle[0]) - center[0],
         geometry._y.center_of(middle[1]) - center[1],
     )
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # Number of rings entirely in the disc and on the map, including the center cell in any case.
+    # Number of rings entirely on the map and in the disc; the center cell always counts as in it.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
@@ -101,7 +102,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return the (2, N) offsets from the center cell, and how many are in the first n rings."""
+    """Return a spiral (2, N) around (0, 0) and the number of cells in its first 0, 1, ... rings."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]
@@ -111,7 +112,7 @@ def _kept_spiral() -> tuple[Integers, list[int]]:
 
 
 def _spiral_order(rows: Integers, columns: Integers) -> Integers:
-    """Return the order of (N,) offsets from the center cell: by ring, then clockwise."""
+    """Return the indices (N,) that sort offsets from the center cell by ring, then clockwise."""
     # The factor 8 exceeds the range of the angle, 2 pi.
     key = 8.0 * _rings(rows, columns)
     key += np.arctan2(columns, -rows)

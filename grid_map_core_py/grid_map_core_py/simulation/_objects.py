@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Place objects on a terrain. The returned maps share all other layers with the terrain."""
+"""Place objects on a terrain, in a copy of its height layer; all other layers are shared."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def with_box(
         length: (2,) side lengths of the object along the object's x and y axes [m].
         height: height of the object above the mean ground below it [m]; higher ground sticks out.
         yaw: rotation of the object relative to the map [rad].
-        layer: name of the height layer. A cell belongs to the object if the cell center does;
-            object cells without ground also get a height.
+        layer: name of the height layer. The object covers all cells whose centers lie on it, even
+            those without a height.
 
     Raises:
         GeometryError: an argument is not finite.

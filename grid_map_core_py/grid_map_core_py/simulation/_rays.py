@@ -27,12 +27,12 @@ def cast_rays(
 
     The surface is defined as in `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between
     cell centers, and level from the outermost centers to the border. A step between neighboring
-    cells is therefore one cell wide. The patch between four centers is a hole if one of the four
-    values is not finite. The ground below the surface is solid: a beam from outside the map or
-    through a hole hits the side of the ground.
+    cells is therefore a slope one cell wide. The patch between four centers is a hole if one of the
+    four values is not finite. The ground below the surface is solid: a beam from outside the map or
+    through a hole can hit the ground from the side.
 
     Args:
-        grid_map: the terrain, which may have moved.
+        grid_map: the terrain; its start index does not matter.
         origins: (N, 3) start points of the beams, or (3,) for a common start point [m], map frame.
         directions: (N, 3) directions of any nonzero length, map frame.
         layer: name of the height layer [m].
@@ -63,7 +63,7 @@ def cast_rays(
     ranges = np.full(len(along), np.nan)
     with np.errstate(all="ignore"):
         along = along / np.linalg.norm(along, axis=1, keepdims=True)
-        # Horizontal unit: cells of the padded heights, which start one cell before the map.
+        # Rows and columns are those of the padded heights, which start one cell before the map.
         corner = geometry.corner + 0.5 * geometry.resolution
         rays = np.empty((6, len(along)))
         rays[:2] = ((corner - begins[:, :2]) / geometry.resolution).T
@@ -86,9 +86,10 @@ def cast_rays(
 
 
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
-    """Return the smallest and largest range (2, N) at which beams may hit the surface, NaN if none.
+    """Return the nearest and farthest range (2, N) at which beams may hit the surface.
 
-    Between these ranges, a beam is above or below the map area and not above the highest point.
+    Between these ranges, a beam is above or below the map area and not above the highest point. If
+    a beam has no such ranges, the nearest is NaN or exceeds the farthest.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
@@ -114,9 +115,9 @@ def march(
     from the start of the beam, so that rounding errors do not accumulate.
 
     Args:
-        heights: (rows, columns) heights [m].
+        heights: (rows, columns) heights [m]; a patch with a NaN is a hole.
         rows, columns: shape of the heights.
-        rays: (6, count) row, column and z [m] of each beam at range 0, and the change per meter.
+        rays: (6, count) row, column and z [m] of each beam at range 0, and their changes per meter.
         span: (2, count) nearest and farthest range at which each beam can hit the surface.
         count: number of beams.
         ranges: (count,) receives the ranges [m].
@@ -155,7 +156,7 @@ def march(
 
 
 def _crossing(start: float, step: float, patch: int) -> float:
-    """Return the range at which a beam leaves a patch along rows or columns."""
+    """Return the range at which the row (or column) of a beam leaves a patch; inf if never."""
     if step == 0.0:
         return np.inf
     return (patch + (step > 0.0) - start) / step
@@ -164,7 +165,7 @@ def _crossing(start: float, step: float, patch: int) -> float:
 def _above(
     a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
 ) -> Any:
-    """Return f: at t, a beam's height above a + b u + c v + d u v is f[0] + f[1] t + f[2] t^2."""
+    """Return f: after t meters, a beam is f[0] + f[1] t + f[2] t^2 above a + b u + c v + d u v."""
     return (
         z - (a + b * u + c * v + d * (u * v)),
         d_z - (b * d_row + c * d_column + d * (u * d_column + v * d_row)),
@@ -173,7 +174,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the first t >= 0 with f0 + f1 t + f2 t^2 <= 0, without cancellation; NaN if none."""
+    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0; NaN if none. Avoids cancellation."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0

@@ -38,7 +38,7 @@ class SpinningLidar:
 
     @property
     def directions(self) -> Positions:
-        """(rings * azimuths, 3) unit vectors: rings from the lowest up, each from x towards y."""
+        """(rings * azimuths, 3) unit vectors, lowest ring first; each ring turns from x to y."""
         elevations = np.linspace(self.lowest, self.highest, self.rings)
         azimuths = np.linspace(0.0, 2.0 * np.pi, self.azimuths, endpoint=False)
         elevation, azimuth = np.meshgrid(elevations, azimuths, indexing="ij")
@@ -89,12 +89,12 @@ def scan(
     layer: str = "elevation",
     max_range: float = np.inf,
 ) -> Positions:
-    """Return the points that a sensor measures on a terrain, all at the same time.
+    """Return the points of a scan of a terrain, during which the sensor does not move.
 
     Args:
         grid_map: the terrain; `cast_rays` defines the surface.
         directions: (N, 3) beam directions, sensor frame, such as `SpinningLidar().directions`.
-        transform: (4, 4) from the sensor frame to the map frame.
+        transform: (4, 4) homogeneous transform from the sensor frame to the map frame.
         sensor: noise model. The noise is Gaussian, with the model's covariance at the true point;
             points that the sensor cannot measure become NaN. None means no noise.
         random: random generator for the noise; None creates a new generator for each call.
@@ -122,7 +122,7 @@ def scan(
 
 
 def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
-    """Return the covariances S (N, 3, 3) of points (N, 3), NaN for points without a measurement.
+    """Return the covariances S (N, 3, 3) [m^2] of points; NaN if the sensor cannot measure one.
 
     S is computed from the variances `axis @ S @ axis` that the model returns for six axes.
     """

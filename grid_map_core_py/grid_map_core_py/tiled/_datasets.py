@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Converts maps to xarray datasets, and reads layers from datasets.
 
-Layers are variables with the dimensions ("x", "y") in map order: both coordinates descend.
+Layers become variables with the dimensions ("x", "y") in map order: both coordinates descend. A
+dataset to read may have its dimensions in the other order, and coordinates that ascend.
 """
 
 import re
@@ -138,8 +139,8 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Convert a dataset or data array to a dataset with one variable per band.
 
-    A band without a name gets the variable name and a number. Values marked as missing become NaN;
-    scale factors and offsets are applied.
+    A band without a name is named after its variable, with a number, such as `height_2`. Values
+    marked as missing become NaN; scale factors and offsets are applied.
     """
     xr = required("xarray", "a dataset", REMEDY)
     dataset: Any = data
@@ -302,7 +303,7 @@ class DatasetSource:
             layers = [self.dataset.variables[name].isel(part) for name in names]
             if any(layer.chunks for layer in layers):
                 compute = required("dask.base", "a dataset of Dask", REMEDY).compute
-                # Within a Dask task, another scheduler would wait for threads that are in use.
+                # Inside a Dask task, any other scheduler would wait for threads that are in use.
                 values = compute(*(layer.data for layer in layers), scheduler="synchronous")
             else:
                 values = [layer.values for layer in layers]
@@ -321,7 +322,8 @@ def open_dataset(
 
     Args:
         data: see `GridMap.from_xarray`; values are read or computed window by window.
-        tile: rows and columns of a tile; None uses the Dask chunks, or 1024 cells without chunks.
+        tile: rows and columns of a tile. If None, each Dask chunk is a tile, or each block of
+            1024 x 1024 cells if there are no chunks.
         name: name of the dataset in error messages.
     """
     dataset = as_dataset(data)
@@ -365,7 +367,7 @@ def turned(ascends: Sequence[bool]) -> dict[str, slice]:
 
 
 def mirrored(window: Window, size: Size, ascends: Sequence[bool]) -> Window:
-    """Convert a window from map order to the cell order of a dataset (x, y), or back."""
+    """Convert a window from map order to the order of a dataset, or back: mirror ascending axes."""
     rows, columns = (
         slice(length - part.stop, length - part.start) if each else part
         for part, length, each in zip(window, size, ascends, strict=True)
@@ -389,7 +391,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
         tuple(min(side, size - first) for first in range(0, size, side))
         for size, side in zip(tiled_map.size, tiled_map.tile, strict=True)
     )
-    # With a separate key in the Dask graph, a cluster sends the map to each worker only once.
+    # The map has its own key in the Dask graph, so a cluster sends it to each worker only once.
     known = delayed(tiled_map, name=f"map-{uuid4().hex}", traverse=False)
     arrays: dict[str, Any] = {}
     for group in [[n] for n in names] if getattr(source, "reads_layers_alone", False) else [names]:
@@ -431,7 +433,7 @@ def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
 
 
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
-    """Return the tiled map behind these layers if they are unchanged and not yet computed.
+    """Return the tiled map behind these layers; None if they were changed or computed since.
 
     Reading windows from the map is cheaper than computing whole tiles of Dask arrays.
     """

@@ -27,7 +27,7 @@ _AHEAD = 2
 """Number of running and queued calls per thread of this process."""
 
 _PER_BATCH = 16
-"""Number of calls per process submitted at once to a local scheduler other than threads."""
+"""Number of calls in a batch, per process, if the local scheduler is not the thread pool."""
 
 _TASKS = 4
 """Number of running and queued tasks per thread of a cluster."""
@@ -36,7 +36,7 @@ _PER_TASK = 8
 """Maximum number of calls per task; a cluster scheduler needs about 1 ms for each task."""
 
 _PERIOD = 1.0
-"""Interval between counts of the cluster threads, whose number may change [s]."""
+"""Interval [s] at which the threads of a cluster are counted, because workers come and go."""
 
 
 def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
@@ -47,12 +47,12 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
     process are completed.
 
     Args:
-        function: pickled together with the parts if other processes call it.
+        function: function to call. If other processes call it, it and the parts are pickled.
         parts: arguments of the calls.
 
     Raises:
         GridMapError: the cluster is lost, or several workers died while they computed one part.
-        Exception: a call failed; no further call is started.
+        Exception: the exception of a failed call; no further call is started.
     """
     required("dask", "tiled maps", REMEDY)
     from dask import base, config, system, threaded

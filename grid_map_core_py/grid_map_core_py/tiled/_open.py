@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Opens stores, rasters and datasets as tiled maps; defines Zarr for `load` and `save`."""
+"""Opens stores, rasters and datasets as tiled maps; lets `load` and `save` use Zarr stores."""
 
 from collections.abc import Iterable, Sequence
 from os import PathLike, fspath
@@ -36,11 +36,11 @@ def open_map(
         path: a Zarr store (a folder or an fsspec URL), one or more GeoTIFF files (including GDAL
             virtual files such as `/vsicurl/https://.../dem.tif`), or an xarray dataset.
         chunks: side of the tiles in which the map is computed and written [cells]. The default is
-            the chunk size of the store, or 1024 for maps without chunks.
+            the chunk size of the store or of the Dask arrays, or 1024 if there are no chunks.
         crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
             when they are read, with bilinear interpolation and square pixels.
-        origin: latitude and longitude [deg, WGS 84] of the map frame origin; None keeps the
-            coordinates of the reference system. See `TiledMap.with_origin`.
+        origin: latitude and longitude [deg, WGS 84] of the map frame origin. None restores a stored
+            origin, or else uses that of the reference system. See `TiledMap.with_origin`.
 
     Raises:
         ConfigError: `crs` is malformed, or is set although the map is not a GeoTIFF file.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads GeoTIFF rasters on one grid as a tiled map, and writes maps window by window."""
+"""Reads GeoTIFF rasters that share a grid as a tiled map, and writes maps window by window."""
 
 import itertools
 import math
@@ -50,7 +50,7 @@ _MOST_OPEN = 64
 """Maximum number of rasters that a process keeps open."""
 
 _WIDEST_STRIP = 8192
-"""Width of compressed strips [pixels] above which reading a window unpacks many times its size."""
+"""Width of compressed strips [pixels] above which users are warned that windows are read slowly."""
 
 _WARPING: dict[str, Any] = {
     "dtype": "float32",
@@ -62,7 +62,7 @@ _WARPING: dict[str, Any] = {
     # By default, a band keeps its nodata value where another band has a value.
     "UNIFIED_SRC_NODATA": "NO",
 }
-"""GDAL options for projected rasters; `tolerance` is the position error [pixels]."""
+"""GDAL options for projected rasters; `tolerance` is the allowed position error [pixels]."""
 
 _BLOCK = 256
 """Side of the blocks in which a raster is projected [cells].
@@ -84,17 +84,17 @@ class _Part(NamedTuple):
     transform: Any
     """`Affine` transform of the cells after projection; None reads the raster unprojected."""
     overview: int | None = None
-    """Overview number to read; None reads the raster itself."""
+    """Number of the overview to read; None reads the raster itself."""
 
 
 @dataclass(frozen=True, eq=False)
 class RasterSource:
-    """Source that reads layers from the bands of rasters on one grid.
+    """Source that reads layers from the bands of rasters that share a grid.
 
     Args:
         parts: the rasters; where rasters overlap, a cell gets the first value that is not NaN.
         layers: names of the bands.
-        crs: reference system to which rasters are projected; empty reads rasters unprojected.
+        crs: reference system to which rasters are projected; if empty, they are not projected.
     """
 
     parts: tuple[_Part, ...]
@@ -148,7 +148,7 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """First rows and columns (N, 2) of the rasters, and their exclusive ends (N, 2)."""
+        """First row and column (N, 2) of each raster, and the row and column (N, 2) after it."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
@@ -221,11 +221,11 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
 
 
 def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
-    """Return a raster's coarsest overview with cells at most `step` times as large as its own.
+    """Return the coarsest overview with cells at most `step` times as wide as those of the raster.
 
     Returns:
-        overview: map of the overview, accurate to half a cell; `tiled_map` itself if the map is a
-            mosaic, is projected, or has no such overview.
+        overview: map of the overview, whose positions are accurate to half a cell; `tiled_map`
+            itself if the map is a mosaic, is projected, or has no such overview.
         factor: side of an overview cell [cells of `tiled_map`].
     """
     source = tiled_map.source
@@ -312,11 +312,12 @@ def _warn(raster: Any, path: str) -> None:
 
 
 def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
-    """Return the west, north, east and south sides of a raster [cells from the corner of `first`].
+    """Return the west, north, east and south sides of a raster on the grid of a mosaic [cells].
 
     Args:
-        header, first: headers of the raster and of the first raster of the mosaic.
-        exact: require the raster to lie on the grid; False includes all cells the raster touches.
+        header, first: headers of the raster and of the first raster of the mosaic. Cells count to
+            the east and south, from the north-west corner of `first`.
+        exact: require the raster to lie on the grid. If False, include all cells that it touches.
 
     Raises:
         ValueError: the layers, reference systems, pixel sizes or grids of the rasters differ.
@@ -444,7 +445,7 @@ def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
 
 
 def _check_complete(file: Path) -> None:
-    """Raise `OSError` if a block is missing; GDAL reports no error when closing on a full disk."""
+    """Raise `OSError` if a block is missing: GDAL may close a file on a full disk without error."""
     length, last = file.stat().st_size, (-1, 0, 0, 0)
     with import_module("rasterio").open(file) as raster:
         levels = [(None, 1), *enumerate(raster.overviews(1))]

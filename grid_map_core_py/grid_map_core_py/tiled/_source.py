@@ -39,7 +39,7 @@ class Source(Protocol):
         """Layer names, in order."""
 
     def describe(self) -> str:
-        """Return a text that is equal in another process if and only if the data are equal."""
+        """Return a text that identifies the data; a resumed run compares it with the first run."""
 
     def prepare(self) -> None:
         """Prepare data shared by all windows; called once before windows are read in parallel."""
@@ -173,7 +173,7 @@ def tile_name(window: Window) -> str:
 
 @contextmanager
 def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
-    """Convert exceptions raised while reading or writing to a GridMapError that names `path`.
+    """Replace exceptions from reading or writing with a GridMapError that names `path`.
 
     Args:
         path: name of a store or dataset, or of one of its parts.

@@ -45,7 +45,7 @@ T = TypeVar("T")
 
 
 class Chain(Protocol):
-    """Protocol for filter chains on maps and tiled maps: `FilterChain` in grid_map_filters_py."""
+    """Interface of filter chains, which `FilterChain` in grid_map_filters_py implements."""
 
     @property
     def on_tiles(self) -> Callable[..., Any]:
@@ -166,8 +166,8 @@ class TiledMap(TiledData):
     ) -> float | Positions:
         """Return the values of a layer at positions; only nearby cells are read.
 
-        The values equal the results of `GridMap.at_position`, even at tile borders. The program's
-        Dask scheduler reads the tiles.
+        The values equal the results of `GridMap.at_position`, even at tile borders. If several
+        tiles are needed, they are read with the program's Dask scheduler.
 
         Args:
             layer: name of the layer.
@@ -224,12 +224,12 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        Each cell of the result has the center of the original cell it is copied from; its sides are
-        `step` times as long. If a raster has overviews, the overviews are read. If more than about
-        4000 tiles would have to be read, a larger step is used.
+        Each cell is copied from a cell of the map with the same center, and its sides are `step`
+        times as long. If the map is a raster with suitable overviews, cells are copied from one of
+        them. If more than about 4000 tiles would have to be read, a larger step is used.
 
         Args:
-            step: rows and columns of the map per row and column of the result.
+            step: distance between the rows, and between the columns, to copy [cells].
             layers: names of the layers to read; None means all.
         """
         from ._thinned import thinned_map
@@ -250,7 +250,7 @@ class TiledMap(TiledData):
         The program's Dask scheduler computes the tiles.
 
         Args:
-            function: called with a `GridMap` of a tile; pickled if other processes call it.
+            function: called with each tile as a `GridMap`, and pickled if other processes call it.
             layers: names of the layers that the function needs; None means all.
         """
         names = select_layers(self.layers, layers)
@@ -271,7 +271,8 @@ class TiledMap(TiledData):
             options: see `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter needs the whole map in memory, or the chain fails on any map.
+            FilterError: a filter needs the whole map in memory, or the chain fails even on a small
+                map of zeros.
         """
         source = chain.on_tiles(self, **options)
         return replace(self, source=source, basic_layers=source.basic_layers)
@@ -300,7 +301,8 @@ class TiledMap(TiledData):
 
         Raises:
             GridMapError: a tile cannot be read, computed or written; the store exists; another
-                process is writing the store; or the unfinished run had different inputs.
+                process is writing the store; an unfinished run exists and `resume` is False; or
+                that run had different inputs.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)

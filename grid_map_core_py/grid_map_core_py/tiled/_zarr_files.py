@@ -6,8 +6,8 @@ layer in Fortran order; zarr-python writes the chunk under a temporary name and 
 Cells of missing chunks are NaN.
 
 An unfinished store is a folder whose name ends in `.part`; the folder is renamed when all tiles are
-complete. A tile is complete when the chunks of all layers exist, so that a resumed run computes
-only the missing tiles.
+complete. A tile is complete when its chunks exist for all layers. A resumed run computes only the
+tiles that are not complete.
 """
 
 import errno
@@ -141,7 +141,7 @@ def _compute(
     missing = [
         n for n, (row, column) in places.items() if any(f"{row}.{column}" not in c for c in chunks)
     ]
-    # Neighboring tiles share input blocks at their borders; a process keeps them in memory.
+    # Neighboring tiles read the same input blocks at their borders; processes keep these in memory.
     missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
     done = len(tiles) - len(missing)
     if progress is not None:
@@ -194,7 +194,7 @@ def check_local(path: str | PathLike[str]) -> Path:
 
 
 def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> None:
-    """In an empty folder, create a store without chunks for the layers `names`."""
+    """Create a store for the layers `names` in an empty folder, without writing any chunks."""
     zarr = required("zarr", f"{path}: a Zarr store", REMEDY)
     blosc = required("numcodecs", "a Zarr store", REMEDY).Blosc
     taken = (*DIMENSIONS, CRS_VARIABLE)
@@ -253,7 +253,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
     Args:
         store: path of the store.
         name: name of the layer.
-        empty_chunks: also write chunks without finite cells.
+        empty_chunks: also write chunks in which all cells are NaN.
     """
     zarr = required("zarr", f"{store}: a Zarr store", REMEDY)
     options = {"write_empty_chunks": empty_chunks}

@@ -139,11 +139,11 @@ def merge(
 
 
 def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArray[Any]]]:
-    """Return the store cells whose centers are on a map, and the map cells at these centers.
+    """Return the store cells whose centers are on a map, and the map cells that contain them.
 
     Returns:
         window: cells of the store.
-        lines: for each row and each column of the window, the buffer index in the map.
+        lines: the map's buffer row at each row of the window, and buffer column at each column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution
