@@ -56,7 +56,7 @@ def make_map() -> gm.GridMap:
 
 
 def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Fill all regions of a map, then show the sliding window; yield each step."""
+    """Fill the regions of a map one by one, show the sliding window, and yield every step."""
     yield Step(2.0)
     for title, find_cells in REGIONS.items():
         grid_map.clear_all()
@@ -70,7 +70,7 @@ def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
 
 
 def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Blur a filled polygon with the mean of the window around each cell."""
+    """Blur a filled polygon: set each cell to the mean of its window, and yield every step."""
     grid_map["type"] = 0.0
     grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)

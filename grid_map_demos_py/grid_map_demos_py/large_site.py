@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tiled map of 10^9 cells with known heights along a path, and the path."""
+"""Path of a robot, and a tiled map of 10^9 cells whose heights are known only near the path."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ GEOMETRY = GridGeometry.from_size((32768, 32768), 0.1)
 LAYER = "elevation"
 
 CORRIDOR = 30.0
-"""Distance along y from the path to the border of the known ground [m]."""
+"""Heights are known up to this distance from the path, measured along y [m]."""
 
 BEND, WAVE = 300.0, 2000.0
 """Amplitude and wavelength of the path [m]."""
@@ -40,8 +40,8 @@ def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
     """Return the ground heights (rows, cols) [m] at the cells of a grid.
 
-    The ground is a sum of waves in all directions; longer waves are higher. Each wave is a sum of
-    products of a term in x and a term in y, so one matrix product computes all cells.
+    The ground is a sum of waves in random directions; longer waves are higher. Each wave is written
+    as products of a function of x and a function of y, so that one matrix product yields all cells.
     """
     random = np.random.default_rng(5)
     angles = random.uniform(0, 2 * math.pi, _LENGTHS.size)
@@ -57,7 +57,7 @@ def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
 
 
 def make_site(path: Path) -> Iterator[None]:
-    """Write the map along the path to a Zarr store; chunks without ground use no disk space.
+    """Write the map to a Zarr store, chunk by chunk; chunks far from the path are left out.
 
     Raises:
         GridMapError: the store cannot be written.
@@ -68,7 +68,8 @@ def make_site(path: Path) -> Iterator[None]:
         geometry = site.geometry.cropped(rows, columns)
         x, y = geometry.axes_in_map_order()
         middle = way_at(x)
-        # Most chunks are far from the path; checking each cell would take longer than writing.
+        # Most chunks are far from the path. Checking all their cells would take longer than writing
+        # the others.
         if max(np.abs(x).min() - END, middle.min() - y[0], y[-1] - middle.max()) > CORRIDOR:
             continue
         is_known = np.abs(y - middle[:, None]) <= CORRIDOR

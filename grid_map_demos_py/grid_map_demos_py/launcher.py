@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Demos that start several nodes without launch files; all nodes end with the demo.
+"""Demos that start several nodes without launch files, and stop all of them at the end.
 
     filters_demo, elevation_mapping_demo, large_map_demo [--report DIRECTORY] [--view [PORT]]
 
-Each node is a process. A demo runs until it is interrupted. With `--report`, another process
-collects the messages of the nodes, writes pictures to the directory, prints a table and ends the
-demo; the exit code is 0 only if messages arrive on all topics. With `--view`, another process shows
-the demo in the browser and logs the address.
+Each node runs in a process of its own. A demo runs until it is interrupted or a node ends. With
+`--report`, another process collects the messages of the nodes, writes pictures to the directory,
+prints a table and ends the demo; the exit code is 0 only if messages arrive on all topics. With
+`--view`, another process shows the demo in the browser and logs the address.
 """
 
 import argparse
@@ -32,7 +32,7 @@ VIEWERS = {
 """Viewer modules by required library, in order of preference."""
 
 PATIENCE = 5.0
-"""Maximum time for a process to stop before it is killed [s]."""
+"""Time after which processes that have not stopped are killed [s]."""
 
 WINDOW = "grid_map_ros_py._executables.grid_map_window"
 
@@ -41,14 +41,14 @@ WINDOW = "grid_map_ros_py._executables.grid_map_window"
 class NodesDemo:
     """Demo that starts nodes and, on request, a report or a browser viewer.
 
-    The files `NAME.yaml` and `NAME_viewer.yaml` in `config` contain the parameters of the report
-    and of the viewers.
+    The folder `config` contains the parameters of the report in `NAME.yaml`, and those of the
+    viewers in `NAME_viewer.yaml`.
 
     Attributes:
         name: name of the executable.
         about: one-sentence description for `--help`.
         report: name of the report in `report_node`.
-        nodes: parameter files in `config`, by node module.
+        nodes: for each node module, its parameter file in `config`.
     """
 
     name: str
@@ -67,8 +67,8 @@ class NodesDemo:
 
         Args:
             arguments: command line arguments; None means `sys.argv[1:]`.
-            steps: iterated before the nodes start; an interrupt stops the iteration.
-            parameters: additional parameter `name:=value`, by node module.
+            steps: work before the nodes start, one step per item; an interrupt skips the rest.
+            parameters: for each node module, an additional parameter `name:=value`.
         """
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
         about = "write pictures there, print a table and end"
@@ -126,7 +126,7 @@ elevation_mapping_demo = NodesDemo(
 
 
 def large_map_demo(arguments: Sequence[str] | None = None) -> int:
-    """Write a large map to a temporary folder, and run the demo that publishes map windows."""
+    """Write a large map to a temporary folder, and run a demo that publishes windows of it."""
     from .large_site import GEOMETRY, make_site
 
     demo = NodesDemo(
@@ -163,8 +163,8 @@ def viewer() -> str:
 class ProcessGroup:
     """Starts Python modules as processes and stops all processes on exit.
 
-    An interrupt (Ctrl-C) or a request to terminate only sets `stopped`. Ctrl-C in the terminal does
-    not reach the processes directly.
+    SIGINT (Ctrl-C), SIGTERM and SIGHUP only set `stopped`. The processes run in sessions of their
+    own, so that Ctrl-C in the terminal does not reach them.
     """
 
     def __init__(self) -> None:
@@ -215,7 +215,7 @@ class ProcessGroup:
             )
 
     def wait(self) -> tuple[str, int] | None:
-        """Wait for a process to end; return its module and exit code, or None after a stop."""
+        """Wait until a process ends; return its module and exit code, or None if stopped."""
         while not self.stopped:
             for module, process in self._processes.items():
                 code = process.poll()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `move_demo`: moves a map along a spiral, in turn with `move` and by setting `position`.
+"""Node `move_demo`: moves a map along a spiral, alternating between `move` and `position`.
 
 `move` keeps the data in place in the world, and data that leaves the map is lost. Setting
 `position` moves the data with the map. The node publishes the map on `grid_map` at 10 Hz.

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `normal_filter_comparison_demo`: compares two surface normal algorithms with true normals.
+"""Node `normal_filter_comparison_demo`: compares two algorithms that compute normals.
 
-The surface is a formula with known normals. The demo adds noise and outliers to the heights,
-smooths them, and computes normals with the algorithms area and raster in a filter chain. The error
-of a normal is 1 minus the cosine of the angle to the true normal.
+The surface is given by a formula, so its true normals are known. The demo adds noise and outliers
+to the heights, smooths them, and runs a filter chain that computes the normals with the algorithms
+`area` and `raster`. The error of a normal is 1 minus the cosine of its angle to the true normal.
 
 Publishes all layers on `grid_map`, 10 times a second: `elevation`, `noise`, `elevation_noisy`,
 `elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*` and `normal_raster_*`, and
-the errors `directionalErrorArea` and `directionalErrorRaster`. Logs the error sums, and at startup
-prints a table of the angular errors on all shapes.
+the errors `directionalErrorArea` and `directionalErrorRaster`. Logs the error sums (running means
+over about 20 maps). At startup, prints a table of the angular errors on all shapes.
 """
 
 from collections.abc import Callable, Iterator
@@ -65,7 +65,7 @@ SHAPES: dict[str, Shape] = {"wave": wave, "plane": plane, "hill": hill, "cone": 
 
 
 def surface_map(shape: str, seconds: float) -> GridMap:
-    """Return a map of a shape at a time [s], with `elevation` and `normal_analytic_*`."""
+    """Return a map of a surface at a given time [s]: `elevation` and `normal_analytic_*`."""
     grid_map = GridMap((2.5, 4.0), 0.02, frame_id="map")
     x, y = grid_map.axes()
     height, *slopes = SHAPES[shape](x[:, None], y[None, :], seconds)

@@ -27,7 +27,7 @@ PERIOD = 10.0
 """Time between two requests [s]."""
 
 PATIENCE = 1.0
-"""Time between two checks for a missing service [s]."""
+"""Time between two checks while the service is not available [s]."""
 
 REMEDY = "install ros-jazzy-octomap-msgs and source ROS, or name a file by 'octomap_path'"
 

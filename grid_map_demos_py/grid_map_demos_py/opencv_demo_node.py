@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `opencv_demo`: converts a layer to an image and blurs it with OpenCV.
 
-Publishes `grid_map` with the layers `original`, a star with sharp edges, and `elevation`, the star
-blurred by a Gaussian kernel that shrinks and grows.
+Publishes `grid_map` with two layers: `original` is a star with sharp edges, and `elevation` is the
+star after a Gaussian blur whose kernel shrinks and grows.
 """
 
 import math
@@ -21,11 +21,11 @@ from .demo import Demo
 from .parts import HEIGHT, star_map
 
 LARGEST_WIDTH = 200
-"""Distance between the first and the last pixel center of the largest kernel [pixels]."""
+"""Side of the largest kernel, minus 1 [pixels]."""
 
 
 def kernel_size(seconds: float) -> int:
-    """Return the odd kernel size [pixels] at a time: from 201 to 1 and back within pi seconds."""
+    """Return an odd kernel size [pixels] that goes from 201 to 1 and back every pi seconds."""
     width = LARGEST_WIDTH - int(LARGEST_WIDTH * abs(math.sin(seconds)))
     return 2 * (width // 2) + 1
 

@@ -45,9 +45,9 @@ def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridM
 def weighted_means(
     layer: npt.NDArray[np.floating], radius: float, resolution: float
 ) -> npt.NDArray[np.float64]:
-    """Return weighted means of the finite values in a disc around each cell, or NaN if none.
+    """Return the weighted mean of the finite values around each cell; NaN if there are none.
 
-    The weight of a value at a distance d is (1 - d / radius)**2.
+    A value at distance d has the weight (1 - d / radius)**2; values beyond the radius are ignored.
     """
     reach = int(radius / resolution)
     steps = resolution * np.arange(-reach, reach + 1)

@@ -104,11 +104,11 @@ COUNTED = {
     "/surface_normals": Marker,
     "/map_region": Marker,
 }
-"""Message types of the topics whose messages are only counted."""
+"""Topics whose messages are counted but not read, with their message types."""
 
 
 class DemoReportNode(ReportNode):
-    """Subscribes to all topics of the filters demo, and ends after enough messages."""
+    """Collects messages of the filters demo until enough have arrived on every topic."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
@@ -186,7 +186,7 @@ RAW = "/elevation_mapping/elevation_map_raw"
 POSTPROCESSED = "/elevation_mapping/elevation_map"
 
 WRONG = 0.1
-"""Error above which a cell counts as wrong, for example after an obstacle has moved [m]."""
+"""Height error above which a cell counts as wrong [m]; moving obstacles leave such cells behind."""
 
 
 class ElevationMappingReportNode(ReportNode):
@@ -266,7 +266,7 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
         truth: map with the true `elevation`, in the same frame.
 
     Raises:
-        GridMapError: no known cell is on the true terrain.
+        GridMapError: no known cell lies on the true terrain, away from edges.
     """
     positions = estimate.get_positions()
     inside = truth.is_inside(positions)
@@ -341,11 +341,11 @@ WINDOW_NODE = "grid_map_window"
 MEMORY = "resident memory [MB]"
 
 THINNED = 64
-"""Cell side of the overview map [cells of the full map]."""
+"""Side of a cell of the overview map, in cells of the full map."""
 
 
 class LargeMapReportNode(ReportNode):
-    """Collects windows of a large map for some time, then reports their rates and delays."""
+    """Collects windows of a large map for some time, then reports rate, delays and memory."""
 
     def __init__(self) -> None:
         super().__init__("large_map_report")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `resolution_change_demo`: changes the resolution of a map between 1 cm and 9 cm.
+"""Node `resolution_change_demo`: varies the resolution of a map between 1 cm and 9 cm.
 
 OpenCV resizes the layers. The node publishes `grid_map` with a star in the layer `elevation`.
 """
@@ -24,7 +24,7 @@ INTERPOLATIONS = {
 
 
 def resolution_at(seconds: float) -> float:
-    """Return the resolution [m] at a time: from 0.01 to 0.09 and back within 2 pi seconds."""
+    """Return a resolution [m] that oscillates between 0.01 and 0.09, with period 2 pi seconds."""
     return 0.05 + 0.04 * math.sin(seconds)
 
 

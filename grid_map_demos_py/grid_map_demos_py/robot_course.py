@@ -31,7 +31,7 @@ WALK = 0.003
 
 LIDAR = np.eye(4)
 LIDAR[2, 3] = 0.45
-"""Transform from the lidar, above the middle of the robot, to the robot frame."""
+"""Transform from the lidar to the robot frame; the lidar is above the middle of the robot."""
 
 TILT = 0.3
 """Downward tilt of the camera [rad]."""
@@ -41,7 +41,7 @@ CAMERA[:3, 0] = 0.0, -1.0, 0.0
 CAMERA[:3, 1] = -math.sin(TILT), 0.0, -math.cos(TILT)
 CAMERA[:3, 2] = math.cos(TILT), 0.0, -math.sin(TILT)
 CAMERA[:3, 3] = 0.3, 0.0, 0.3
-"""Transform from the camera, which looks ahead and down, to the robot frame."""
+"""Transform from the camera to the robot frame; the camera looks ahead and down."""
 
 
 def load_course(path: Path) -> GridMap:
@@ -71,7 +71,7 @@ class RobotCourse:
     speed: float
 
     def terrain_at(self, seconds: float) -> GridMap:
-        """Return the terrain; `person` is the height of the person above the ground [m] or NaN."""
+        """Return the terrain; its layer `person` is a person's height above ground [m] or NaN."""
         # The person appears once per lap (54.4 s at 0.6 m/s).
         walk, terrain = seconds % 54.4 - 4.5, self.ground
         if 0.0 <= walk <= 2.5:
@@ -80,7 +80,7 @@ class RobotCourse:
         return terrain.with_layers({"person": np.where(height > 0.0, height, np.nan)})
 
     def pose_at(self, seconds: float) -> Matrix:
-        """Return the pose of the robot in the world; the z axis is normal to the ground."""
+        """Return the pose of the robot in the world; its z axis is perpendicular to the ground."""
         angle = self.speed * seconds / math.sqrt(RADII[0] * RADII[1])
         x, y = RADII[0] * math.cos(angle), RADII[1] * math.sin(angle)
         way = np.array([-RADII[0] * math.sin(angle), RADII[1] * math.cos(angle)])
@@ -113,7 +113,7 @@ def covariance_at(seconds: float) -> Matrix:
 
 
 def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -> GridMap:
-    """Return the true terrain around a position (2,), in the odometry frame after `seconds`."""
+    """Return the true terrain around a position (2,), shifted by the drift after `seconds`."""
     block = ground.get_submap(position, (length, length))
     block.position = block.position + DRIFT[:2] * seconds
     block["elevation"] += np.float32(DRIFT[2] * seconds)

@@ -2,9 +2,9 @@
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
 Subscribes to maps. The field extends from just below the lowest cell of a map to just above the
-highest cell. The `intensity` of each point is the distance to the surface [m]. Under the cloud
-topic, `full_sdf` contains all points, `free_space` the points above the surface, `occupied_space`
-all others. Cells without a height are set to the lowest height.
+highest cell. The `intensity` of each point is the signed distance to the surface [m]. The topics
+below the cloud topic are `full_sdf` with all points, `free_space` with the points above the surface
+and `occupied_space` with all others. Cells without a height get the lowest height of the map.
 """
 
 import array
@@ -24,11 +24,11 @@ from .demo import Demo
 
 FIELDS = ("x", "y", "z", "intensity")
 MARGIN = 0.1
-"""Extent of the field below the lowest and above the highest cell [m]."""
+"""Distance by which the field extends below the lowest and above the highest cell [m]."""
 
 MOST_LEVELS = 10_000
 MOST_NODES = 20_000_000
-"""Maximum number of points; larger fields require minutes and gigabytes."""
+"""Maximum number of points; larger fields would take minutes, and gigabytes of memory."""
 
 Points = npt.NDArray[np.float32]
 
@@ -37,8 +37,7 @@ def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
     """Return the signed distance field of a height layer.
 
     Raises:
-        GridMapError: the layer is missing or has no finite height, or the heights are so far apart
-            that the field would be too large.
+        GridMapError: the layer is missing or has no finite height, or the field would be too large.
     """
     heights = grid_map[layer]
     known = np.isfinite(heights)
@@ -56,7 +55,7 @@ def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
 
 
 def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
-    """Convert points (N, 4) with `FIELDS` to a message with the frame and time of a map."""
+    """Convert (N, 4) points, with the columns `FIELDS`; the map provides frame and time."""
     data = array.array("B", points.astype("<f4", copy=False).tobytes())
     message = write_points(FIELDS, data, to_header(grid_map))
     message.is_dense = True

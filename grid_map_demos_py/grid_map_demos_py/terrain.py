@@ -26,13 +26,14 @@ def load_terrain(
     Args:
         path: elevation model, an .npz file with the array `elevation` [m] (rows run south, columns
             run east).
-        resolution: side of a cell [m]; heights are scaled by the same factor, times `EXAGGERATION`.
+        resolution: side of a cell [m]. Heights are scaled down like lengths along x and y, and then
+            multiplied by `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.
         holes: add round holes, as in sensor data.
 
     Returns:
-        A map of 403 x 344 cells with the layers `elevation` [m], above the lowest point, and
-        `color`; both are NaN in round holes.
+        A map of 403 x 344 cells with the layers `elevation`, the height above the lowest point [m],
+        and `color`; both are NaN in the holes.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_terrain`: publishes a real terrain with holes at a fixed rate."""
+"""Node `grid_map_terrain`: publishes a map of real terrain, with holes, once a second."""
 
 from grid_map_core_py import GridMap
 

@@ -18,7 +18,7 @@ from .parts import weighted_means
 MOST_NOISE = 1e3
 MOST_OUTLIERS = 100_000
 MOST_RADIUS = 1.0
-"""Limits of the parameters; larger values hide the wave or take too long."""
+"""Upper limits of the parameters; larger values would hide the wave or take too long."""
 
 LAYERS = ["elevation", "normal_x", "normal_y", "normal_z"]
 
@@ -29,7 +29,7 @@ def make_map() -> GridMap:
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
-    """Set the wave at a time [s], a sine along y whose amplitude grows with x, and its normals."""
+    """Set heights and normals of a sine wave along y at a time [s]; its amplitude grows with x."""
     x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
     # A column of x and a row of y broadcast to all cells.
@@ -49,14 +49,14 @@ def add_noise(grid_map: GridMap, largest: float, random: np.random.Generator) ->
 
 
 def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> None:
-    """Set `elevation_noisy` to infinity at random positions; some are outside the map."""
+    """Set `elevation_noisy` to infinity at `count` random positions; skip those off the map."""
     positions = random.uniform(-1.0, 1.0, (count, 2))
     cells, _ = grid_map.get_indices(positions[grid_map.is_inside(positions)])
     grid_map["elevation_noisy"][cells] = np.inf
 
 
 def cells_to_filter(grid_map: GridMap) -> Cells:
-    """Return the cells of a 1.2 m x 0.8 m rectangle whose upper left corner is (1, 0.4)."""
+    """Return the cells of a 1.2 m x 0.8 m rectangle with the upper left corner (0.6, 0.4)."""
     # The corner is outside the map and is clamped to the border.
     corner = grid_map.get_closest_position_in_map((1.0, 0.4))
     rows, columns = int(1.2 / grid_map.resolution), int(0.8 / grid_map.resolution)

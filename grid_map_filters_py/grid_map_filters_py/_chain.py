@@ -23,7 +23,7 @@ from .errors import FilterConfigError, FilterError
 from .parts._side_by_side import use_threads
 
 _FEWEST_CELLS = 1000**2
-"""Minimum map size for threads [cells]; on smaller maps, waking threads takes too long."""
+"""Maps with fewer cells are filtered by one thread, because waking others takes too long."""
 
 _MOST_THREADS = 1000
 """Maximum number of threads; all threads are started, even if some get no work."""
@@ -32,9 +32,9 @@ _MOST_THREADS = 1000
 class FilterChain:
     """Sequence of filters that run one after the other.
 
-    `chain(grid_map)` does not change the input, and the result shares no data with the input. The
-    result keeps the start index of the input, unless the chain contains a `BufferNormalizer`.
-    Several threads may call a chain at the same time.
+    `chain(grid_map)` does not change `grid_map`, and the result shares no data with it. The result
+    keeps the start index of the input, unless the chain contains a `BufferNormalizer`. Several
+    threads may call a chain at the same time.
 
     Filters get maps with read-only layers: a filter that writes into a layer fails.
 
@@ -68,7 +68,7 @@ class FilterChain:
         """Create a chain from the mapping under `filters:`, or a list of {name, type, params}.
 
         Raises:
-            FilterConfigError: the chain is invalid; the message names filter, type and parameter.
+            FilterConfigError: invalid chain; the message names the filter, type and parameter.
         """
         return cls(map(Step.from_config, parse_steps(config)), threads=threads)
 
@@ -101,8 +101,8 @@ class FilterChain:
         Args:
             grid_map: map to filter; not changed.
             observer: called after each step with the step and its duration [s].
-            warnings: list to which filter warnings are appended; None issues each warning as a
-                `FilterWarning`.
+            warnings: list to which the warnings of filters are appended. If None, each warning is
+                issued as a `FilterWarning`.
 
         Raises:
             FilterError: a filter failed; the message names the filter.
@@ -167,8 +167,8 @@ class FilterChain:
                 fill a longer hole; "leave" does not fill longer holes.
 
         Raises:
-            FilterError: a filter needs the whole map, or the chain fails on a small map of zeros;
-                the message names the filter.
+            FilterError: a filter needs the whole map, or the chain fails when tried on a small map
+                of zeros; the message names the filter.
         """
         longest = max(tiled_map.tile) if max_hole is None else max_hole
         options = TileOptions(max_hole=longest, large_holes=large_holes)
@@ -178,8 +178,8 @@ class FilterChain:
         """Return the reach of the chain [cells]: the sum of all filter reaches.
 
         A cell of the result depends only on input cells that are at most this number of rows and
-        columns away, except for rounding: some filters subtract a typical value of the whole layer.
-        The reach is `WHOLE_MAP` if a filter needs the whole map.
+        columns away. Only its rounding may depend on the whole layer, because some filters subtract
+        a typical value of the layer. The reach is `WHOLE_MAP` if a filter needs the whole map.
 
         Args:
             resolution: side of a cell [m].
@@ -197,9 +197,9 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return parameter descriptions by name, for example `filter1.params.radius`.
+    """Return the description of each parameter of a chain, by names like `filter1.params.radius`.
 
-    Unknown parameters are omitted.
+    Parameters without a description are omitted.
     """
     found: dict[str, str] = {}
     for key, step in config.items():

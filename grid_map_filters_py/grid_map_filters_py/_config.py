@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """YAML configurations of filter chains in the ROS 2 and ROS 1 formats.
 
-ROS 2 parameters cannot be lists of mappings, so a chain is a mapping `filter1 .. filterN`. In ROS 1
-a chain is a list. In both formats, each step is a mapping `{name, type, params}`.
+ROS 2 parameters cannot be lists of mappings, so a chain is a mapping with the keys `filter1` to
+`filterN`. In ROS 1, a chain is a list. In both formats, each step is a mapping with the keys
+`name`, `type` and `params`.
 """
 
 import re
@@ -37,7 +38,8 @@ def parse_steps(config: object) -> list[StepConfig]:
         config: the mapping `{filter1: step, filter2: step, ...}` or a list of steps.
 
     Raises:
-        FilterConfigError: invalid chain; the message names filter, expected and actual value.
+        FilterConfigError: the chain is invalid. The message contains the filter, the expected value
+            and the actual value.
     """
     if isinstance(config, Mapping):
         numbered = {}
@@ -109,7 +111,7 @@ def field_name(name: str) -> str:
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:
     """Return the parameters of a filter by field name.
 
-    `min: {value: 1}`, ROS 1's `min/value: 1` and `min.value: 1` become `min_value: 1`.
+    `min: {value: 1}`, `min.value: 1` and the ROS 1 form `min/value: 1` become `min_value: 1`.
 
     Raises:
         FilterConfigError: a parameter occurs in two spellings.

@@ -31,10 +31,10 @@ WHOLE_MAP = math.inf
 class Filter(Protocol):
     """Callable that filters a map and returns the result.
 
-    Filters for YAML are frozen dataclasses, whose fields are the YAML parameters:
-    `grid_map_core_py.plugins.build` checks names and types, `__post_init__` checks values. A filter
-    raises an error if it fails, and calls `warn` if a result needs the user's attention. The
-    protocols below describe optional methods.
+    Filters that can be used in YAML are frozen dataclasses whose fields are the YAML parameters.
+    `grid_map_core_py.plugins.build` checks the names and types of the parameters, and
+    `__post_init__` checks the values. A filter raises an error if it fails, and calls `warn` if a
+    result needs the user's attention. The protocols below describe optional methods.
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
@@ -78,7 +78,7 @@ class PartlyLocalFilter(Filter, Protocol):
     """Filter that runs on tiles only with certain parameters."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
-        """Return the reason why a map with these layers cannot be filtered in tiles, or ""."""
+        """Return why a map with the layers `names` cannot be filtered in tiles; "" if it can."""
 
 
 @runtime_checkable
@@ -145,8 +145,8 @@ def warn(message: str) -> None:
     """Warn the user about a filter result.
 
     In a chain, the message names the filter and is appended to the list that the caller of the
-    chain passed as `warnings`. Without a list or a chain, the message is issued as a Python
-    warning of the class `FilterWarning`.
+    chain passed as `warnings`. If there is no such list, or outside a chain, the message is issued
+    as a Python warning of the class `FilterWarning`.
     """
     step, collected = _running.get()
     pass_on([step + message], collected, stacklevel=3)
@@ -172,14 +172,14 @@ def in_map_order(call: C) -> C:
 
     A map whose start index is not (0, 0) is reordered; the result gets the original start index.
     Filters that read neighboring cells need the decorator only outside chains, because a chain
-    reorders maps itself. Freed memory is kept for the next filter.
+    reorders maps itself. Memory that is freed is kept for the next filter.
     """
 
     @functools.wraps(call)
     def wrapped(self: object, grid_map: GridMap) -> GridMap:
-        # glibc keeps freed memory up to twice the largest freed block, here 64 bytes per cell and
-        # at most 32 MB. Otherwise, the system would clear the pages of all temporary arrays, which
-        # takes half the run time of a chain on a 400 x 400 map.
+        # After a large block is freed, glibc keeps up to twice its size for later arrays. The block
+        # here has 64 bytes per cell, at most 32 MB. Otherwise, the system would clear the pages of
+        # all temporary arrays, which takes half the run time of a chain on a 400 x 400 map.
         block = min(64 * math.prod(grid_map.size), 2**25 - 2**16)
         if block > _kept[0]:
             _kept[0] = block

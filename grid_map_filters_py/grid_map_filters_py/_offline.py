@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs filter chains without a node on many maps from bags, folders or generators.
 
-`filter_maps` accepts any iterable, and a function `load` that converts each item to a map. For a
-bag, the items are records: `load` decodes one at a time, and each result includes its record.
+`filter_maps` accepts any iterable of maps, or of items that a function `load` converts to maps. For
+a bag, the items are records: `load` decodes one at a time, and each result includes its record.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -58,8 +58,8 @@ def filter_maps(
         chain: filters for every map.
         items: maps, or items that `load` converts to maps.
         load: function that returns the map of an item. An error counts as a failure of that map.
-        failures: list to which failures are appended, while other maps are still yielded. None
-            raises an error at the first failure.
+        failures: list to which failures are appended; the remaining maps are still yielded. If
+            None, the first failure raises an error.
         observer: called after every step of every map.
         progress: called after every map, including failed maps, with the number of finished maps
             and the total number (None if `items` has no length).

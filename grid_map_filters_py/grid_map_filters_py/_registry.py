@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Registry of filters by YAML type name.
 
-Other packages register filters through the entry-point group `grid_map_filters_py.filters`: the
-name of the entry point is the type, and the object of the entry point is the filter class.
+Other packages register filters through the entry-point group `grid_map_filters_py.filters`. The
+name of an entry point is the YAML type of the filter, and its value refers to the filter class.
 """
 
 from grid_map_core_py.plugins import Registry

@@ -86,7 +86,7 @@ StepObserver = Callable[[Step, float], None]
 
 
 def message_of(error: Exception) -> str:
-    """Return the message of an error, prefixed with the type for errors from other packages."""
+    """Return the message of an error; for errors of other packages, the type comes first."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
 
 

@@ -16,13 +16,13 @@ from ..parts._side_by_side import side_by_side
 # table too coarse to preserve edges.
 
 _FAR = np.float32(12.0)
-"""Difference at which a value counts as missing [standard deviations]; its weight is 5e-32."""
+"""Larger differences, and missing values, count as this many standard deviations: weight 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Smaller mean differences, which missing values can cause, become 0 [standard deviations]."""
+"""Mean differences below this become 0: missing values may cause them [standard deviations]."""
 
 _PIECE = 2**16
-"""Number of cells computed at once, so that temporary arrays fit into the cache."""
+"""Number of cells computed at once, small enough that temporary arrays fit into the cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,15 +74,16 @@ class Bilateral(LayerFilter):
         return result
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
-        """Return the weighted means of a block; `around` is the block plus a one-radius margin."""
+        """Return the weighted means of the block `center`; `around` adds a margin of one radius."""
         sigma, (rows, columns) = np.float32(self.sigma_range), center.shape
         # The cell itself has weight 1.
         weights, total = np.ones_like(center), np.zeros_like(center)
         distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
         shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)
         top, left = disc.reach
-        # The two cells of a pair have equal weights and opposite differences. `first` covers all
-        # pairs with a cell in `center`.
+        # Each pair of cells is computed only once: seen from the other cell, the weight is the same
+        # and the difference has the opposite sign. `first` and `second` hold the two cells of every
+        # pair with at least one cell in `center`.
         pairs = [at for at in np.argwhere(shares) - disc.reach if tuple(at) > (0, 0)]
         for down, right in pairs:
             start, stop = left - max(right, 0), left + columns - min(right, 0)

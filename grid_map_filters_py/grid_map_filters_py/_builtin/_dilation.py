@@ -10,7 +10,7 @@ from ..parts._layer_filter import FillingDiscFilter, highest_in_disc
 
 @dataclass(frozen=True, kw_only=True)
 class Dilation(FillingDiscFilter):
-    """Set every cell to the largest finite value in the surrounding disc of `radius` [m]."""
+    """Set every finite cell to the largest finite value within `radius` of it."""
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
         return highest_in_disc(layer, self.radius, resolution, fill=self.compute_empty_cells)

@@ -10,7 +10,7 @@ from ..parts._layer_filter import FillingDiscFilter, lowest_in_disc
 
 @dataclass(frozen=True, kw_only=True)
 class Erosion(FillingDiscFilter):
-    """Set every cell to the smallest finite value in the surrounding disc of `radius` [m]."""
+    """Set every finite cell to the smallest finite value within `radius` of it."""
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
         return lowest_in_disc(layer, self.radius, resolution, fill=self.compute_empty_cells)

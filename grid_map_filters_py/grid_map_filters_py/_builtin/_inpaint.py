@@ -44,11 +44,11 @@ _LARGEST_RADIUS = 100.0
 """Maximum radius that OpenCV accepts [cells]."""
 
 _MARGIN = 16
-"""Minimum margin around the holes of a tile [cells], in addition to a few radii. Cells further away
+"""Fixed part of the margin around the holes of a tile [cells]; a few radii are added. Cells outside
 change the result by less than 1e-6 of the value range, even if half of the cells are missing."""
 
 _BEYOND = 32
-"""Initial border around a tile [cells]; most holes at the tile edge end within this border."""
+"""Initial border around a tile [cells], wide enough for most holes that cross the tile edge."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,11 +56,11 @@ class Inpaint(LayerFilter):
     """Fill the non-finite cells of a layer from surrounding cells.
 
     Uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV. Finite
-    cells, and layers without finite cells, do not change. Missing cells that touch, even
-    if only at corners, form one hole.
+    cells keep their values, and a layer without finite cells stays as it is. Missing cells that
+    touch, even if only at corners, form one hole.
 
     Attributes:
-        radius: radius of the neighborhood from which a cell is filled [m], at least one cell.
+        radius: radius of the neighborhood used to fill a cell [m]; at least 1, at most 100 cells.
         enclosed_holes_only: do not fill holes that reach the map border.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
@@ -147,7 +147,7 @@ class _InpaintTiles:
         geometry: geometry of the whole map.
         extremes: lowest and highest finite value of the whole layer; NaN if there are none.
         max_hole: length of the longest hole to fill [cells].
-        fills_all: True if all holes of the map are to be filled.
+        fills_all: True if no hole of the map is left unfilled.
     """
 
     whole: Inpaint
@@ -200,7 +200,7 @@ class _InpaintTiles:
         labels, holes = find_holes(missing)
         in_map = holes.moved(place_of(tile, self.geometry))
         wanted = self.whole.wanted(in_map, self.geometry.size, self.geometry.resolution)
-        # A hole that extends beyond the tile is too long, or does not reach into the window.
+        # Holes cut off by the tile edge are longer than `max_hole`, or outside the window.
         return _mask(labels, wanted & (holes.lengths <= self.max_hole))
 
     @property
@@ -210,13 +210,13 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the cells of `wanted` holes; label 0 marks cells outside holes."""
+    """Return a mask of the cells in the `wanted` holes; cells outside holes have the label 0."""
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 
 
 def _near(radius: float) -> int:
-    """Return the distance within which holes affect each other [cells], for a radius in cells."""
+    """Return the largest distance at which holes affect each other; both lengths are in cells."""
     return math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
 
 
@@ -279,20 +279,20 @@ def _fill(
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     """Yield strips of columns, each with a mask of the holes that are filled together.
 
-    A cell is filled from cells within the radius and the neighbors of these cells. Hole groups
-    that are further apart do not affect each other, so filling only the columns around a group
-    yields exactly the same values as filling the whole layer.
+    The value of a filled cell depends on the cells within the radius and on their neighbors. Groups
+    of holes that are further apart do not affect each other, so filling only the columns around a
+    group yields exactly the same values as filling the whole layer.
 
     Args:
         holes: (rows, columns) mask of all holes.
         near: distance within which holes affect each other [cells].
-        count: maximum number of strips; wide groups reduce the number.
+        count: maximum number of strips; there are fewer if groups are wide.
     """
     columns = holes.shape[1]
     if count == 1:
         yield slice(0, columns), holes
         return
-    # After dilation with blocks of side `near`, cells that affect each other touch. Map rows run
+    # Dilating the holes with blocks of side `near` joins those that affect each other. Map rows run
     # along the x axis of the image.
     grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)

@@ -16,8 +16,9 @@ from ..parts._colors import FULL, or_none, pack
 
 @dataclass(frozen=True, kw_only=True)
 class LightIntensity(CellFilter):
-    """Shade a map in gray: cosine of the angle between the normal and the direction to the light.
+    """Shade a map in gray, as if lit from one direction.
 
+    The brightness is the cosine of the angle between the normal and the direction to the light.
     Cells without a normal get no color.
 
     Attributes:

@@ -13,14 +13,14 @@ from ..parts._disc import Disc
 from ..parts._layer_filter import AroundTypicalValue, DiscFilter
 
 _FEW = 4
-"""Maximum reach of discs whose sums are computed in single precision [cells]."""
+"""Largest disc radius for which sums are computed in single precision [cells]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeanInRadius(AroundTypicalValue, DiscFilter):
-    """Set every cell to the mean of the finite values in the surrounding disc of `radius` [m].
+    """Set every cell to the mean of the finite values within `radius` of it.
 
-    A cell becomes NaN if the disc contains no finite value.
+    A cell becomes NaN if there is no finite value within the radius.
     """
 
     def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Layer:
@@ -28,7 +28,7 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
         # Single-precision sums of few values are as precise as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean, too_large = _mean(disc, layer, offset, dtype)
-        # Replace only cells that overflow, so that results do not depend on the block.
+        # Replace only cells that overflow, so that the division into blocks changes no result.
         if dtype == np.float32 and too_large.any():
             exact, _ = _mean(disc, layer, offset, np.float64)
             mean[too_large] = exact[too_large]

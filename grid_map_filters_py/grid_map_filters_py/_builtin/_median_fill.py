@@ -20,15 +20,15 @@ from ..parts._medians import put_window_medians
 
 _BLOCK = np.ones((3, 3), np.uint8)
 _TOLERANCE = 1e-9
-"""Rounding tolerance of radii [cells]."""
+"""Added to radii before they are rounded down, against rounding errors [cells]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MedianFill:
     """Fill holes with the median of the finite values in the square around each cell.
 
-    The median of an even number of values is the larger of the two middle values. The result has no
-    basic layers.
+    If the number of values is even, the median is the larger of the two middle values. The result
+    has no basic layers.
 
     Attributes:
         input_layer: layer to filter.
@@ -108,7 +108,7 @@ class MedianFill:
 
 
 def _mask(layer: Layer, iterations: int) -> Layer:
-    """Return a mask of the cells to fill (0 or 1), after `iterations` closing iterations."""
+    """Return a mask that is 1 in cells to fill, else 0; the closing has `iterations` steps."""
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))
 

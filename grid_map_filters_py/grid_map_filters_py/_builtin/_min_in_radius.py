@@ -10,7 +10,7 @@ from ..parts._layer_filter import DiscFilter, lowest_in_disc
 
 @dataclass(frozen=True, kw_only=True)
 class MinInRadius(DiscFilter):
-    """Set every finite cell to the smallest finite value in the surrounding disc of `radius` [m].
+    """Set every finite cell to the smallest finite value within `radius` of it.
 
     Non-finite cells become NaN.
     """

@@ -29,7 +29,7 @@ class NormalVectors:
             ROS parameter files, quote `'y'`: a bare `y` means *true*.
         algorithm: "area" fits a plane to the disc around each cell, "raster" uses the slopes to
             the four neighbors.
-        radius: radius of the disc [m]; 0 or less means "raster".
+        radius: radius of the disc [m]; 0 or less selects "raster".
         parallelization_enabled, thread_number: C++ parameter; ignored.
     """
 

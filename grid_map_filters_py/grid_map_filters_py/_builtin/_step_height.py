@@ -25,14 +25,15 @@ class StepHeight(DiscFilter):
 
         min(1, n / critical_cell_number) * h,
 
-    where h is the largest difference in the second disc, and n is the number of cells in that disc
-    whose difference exceeds `critical_value`. A few cells, possibly noise, thus count only partly.
+    where h is the largest of these differences in the second disc, and n is the number of cells in
+    that disc whose difference exceeds `critical_value`. Steps of only a few cells, which may be
+    noise, thus count less.
 
     Attributes:
         input_layer: heights [m].
         second_window_radius: radius of the second disc [m]; requires `critical_value`.
         critical_value: height above which a difference counts as a step [m].
-        critical_cell_number: number of cells above `critical_value` that count as a full step.
+        critical_cell_number: number of cells above `critical_value` from which a step counts fully.
     """
 
     second_window_radius: float | None = None

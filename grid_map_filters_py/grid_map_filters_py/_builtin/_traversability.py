@@ -21,9 +21,9 @@ _RIGHT_ANGLE = 0.5 * math.pi
 class Traversability(CellFilter):
     """Compute the traversability of cells, from 0 (impassable) to 1.
 
-    Traversability is the weighted mean of 1 - value / critical value, each clamped to [0, 1], over
-    layers such as slope, step height and roughness (M. Wermelinger et al., "Navigation planning for
-    legged robots in challenging terrain", IROS 2016). A cell is NaN if a layer is not finite there.
+    Each input layer contributes the term 1 - value / critical value, clamped to [0, 1]. The result
+    is the weighted mean of the terms (M. Wermelinger et al., "Navigation planning for legged robots
+    in challenging terrain", IROS 2016). It is NaN where an input layer is not finite.
 
     Attributes:
         input_layers: layers with costs such as slope, step height and roughness.

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _YAML = (".yaml", ".yml")
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")
-"""Options that are valid only on tiles, and options that are valid only in memory."""
+"""Options that require a map on tiles, and options that require maps in memory."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

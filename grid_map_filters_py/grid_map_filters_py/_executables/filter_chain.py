@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_filters`: runs a filter chain on every map of a topic.
+"""Node `grid_map_filters`: runs a filter chain on every map that arrives on a topic.
 
 The parameters of the chain can be changed while the node runs. If the new chain cannot be built,
 the node rejects the change, reports the reason and keeps the old chain.
@@ -33,7 +33,7 @@ class FilterChainNode(ConfiguredNode):
     """Node that subscribes to maps, filters each map and publishes the result."""
 
     def __init__(self) -> None:
-        # The parameters of a filter that is added at run time are not declared.
+        # When a filter is added at run time, its parameters have not been declared.
         super().__init__("grid_map_filters", allow_undeclared_parameters=True)
         topic = self.read_topic("input_topic", "/grid_map", "topic of the incoming maps")
         output = self.read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
