@@ -29,7 +29,8 @@ class Step:
         """Create the filter described by a configuration.
 
         Raises:
-            FilterConfigError: invalid configuration; the message names filter, type and parameter.
+            FilterConfigError: the configuration is invalid; the message names the filter, its type
+                and the parameter.
         """
         try:
             kind: Any = FILTERS[config.type]
@@ -99,11 +100,11 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a writeable view of a layer, or a copy if another layer uses the same memory.
+    """Return a writeable view of a layer, or a copy if the layer is read-only or shares memory.
 
     Args:
         layer: layer returned by a filter, or a layer of the input.
-        taken: memory addresses used by the input or other layers; the address of `layer` is added.
+        taken: memory addresses of the input and of earlier layers; that of `layer` is added.
     """
     own, address = layer.view(), address_of(layer)
     try:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Chains on tiled maps: a window of the result is computed from a wider window of the input.
+"""Runs chains on tiled maps: computes a window of the result from a wider window of the input.
 
-Each step requests from the previous step only the required layers, in the window widened by the
-reach of the filter. Steps whose results are not needed do not run.
+Each step requests only the layers that it needs from the previous step, in a window that is wider
+by the reach of the filter. Steps whose results are not needed are skipped.
 """
 
 import math
@@ -32,15 +32,15 @@ from ._step import Step, message_of, own_layer, read_only
 from .errors import FilterError
 
 _CORNER = 3
-"""Side of the small map on which the chain is tried [cells]."""
+"""Side length of the small map that is used for a trial run of the chain [cells]."""
 
 _MOST = 1.05
-"""Ratio of computed to requested cells above which a map is cropped."""
+"""A map is cropped if it has more than this many times the requested number of cells."""
 
 
 @dataclass(frozen=True)
 class _TileStep:
-    """A step of a chain on tiles.
+    """One step of a chain that runs on tiles.
 
     Args:
         step: filter and configuration.
@@ -65,7 +65,7 @@ class FilteredTiles:
     steps: tuple[_TileStep, ...]
     options: TileOptions
     _bound: dict[int, Filter] = field(default_factory=dict, repr=False)
-    """Tile filters by step number; they contain the required quantities of the whole map."""
+    """Filters prepared for tiles, by step number; quantities of the whole map are precomputed."""
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -115,9 +115,9 @@ class FilteredTiles:
         """Compute the named layers of a window after the first `count` steps.
 
         Returns:
-            The map and window of the result. The window may be slightly larger than requested,
-                because cropping would copy all layers. Values of the additional cells are not
-                exact, because the filters treat the window border as the map border.
+            The resulting map, and the window that it covers. The window may be slightly larger
+                than requested, because cropping would copy all layers. The additional cells are
+                not exact, because the filters treat the window border as the map border.
         """
         while count and not self.steps[count - 1].writes & names:
             count -= 1

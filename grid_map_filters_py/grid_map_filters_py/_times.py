@@ -12,7 +12,7 @@ from ._step import Step
 
 @dataclass
 class StepTime:
-    """Durations of one step [ms]: for the last map, the maximum, and the sum over all maps."""
+    """Durations of one step [ms]: the last, the longest, and the total over all maps."""
 
     config: StepConfig
     runs: int = 0

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Grid maps on ROS 2: messages, bags and building blocks for nodes.
 
-The package re-exports `messages` and `bags`; both are imported lazily. Using bags and decoding
-messages requires neither rclpy nor message packages. `nodes` contains building blocks for your own
-nodes (subscriptions, parameters, `run`), and `testing` starts nodes for tests; both require rclpy.
+The package re-exports the names of `messages` and `bags`, and imports these modules on first use.
+Using bags and decoding messages requires neither rclpy nor message packages. `nodes` contains
+building blocks for your own nodes (subscriptions, parameters, `run`), and `testing` starts nodes
+for tests; both require rclpy.
 """
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Detects cellwise expressions: each result cell depends only on the same cell of the layers.
 
-Reductions such as `max(elevation)` depend on all cells, but return numbers. Once all reductions are
-computed, the rest of an expression may be cellwise.
+Reductions such as `max(elevation)` depend on all cells, but return a number. An expression may
+become cellwise when its reductions are replaced by these numbers.
 """
 
 from collections.abc import Container, Iterator
@@ -25,9 +25,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: layer names, which hide functions and constants of the same name. None means that
-            the names are unknown: nothing then counts as hidden, but a call that may index a
-            layer of the same name counts as an index.
+        layers: names of the layers. A layer hides the function or constant of the same name. If
+            None, the names are unknown: no name is hidden, but a call such as `mean(2, 3)`, which
+            may be a cell of a layer, is treated as an index.
         reduced: treat reductions as numbers.
     """
 
@@ -46,7 +46,7 @@ class Analysis:
         return next(filter(None, inner), root)
 
     def reductions(self, root: Node) -> Iterator[Node]:
-        """Yield the reductions of cellwise arguments, which can be computed in advance."""
+        """Yield the reductions that can be computed in advance, as their argument is cellwise."""
         for node in root.descendants():
             if node.kind == "call" and not self._is_index(node) and self._reduces(*node.parts):
                 yield node

@@ -81,7 +81,7 @@ class Expression:
         return Analysis(self._layers).is_cellwise(self._root)
 
     def why_whole_map(self, layers: Container[str]) -> str:
-        """Return the reason why a map with these layers cannot be evaluated in tiles, or "".
+        """Return why the expression needs the whole map with these layers; "" if tiles suffice.
 
         Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
         """
@@ -97,7 +97,7 @@ class Expression:
         precision, in tile order. Nested reductions are computed from the inside out.
 
         Args:
-            tiled_map: input map; the names of the layers hide functions and constants.
+            tiled_map: input map; its layers hide functions and constants of the same name.
 
         Raises:
             ExpressionError: the rest of the expression is not cellwise.
@@ -188,7 +188,7 @@ class Expression:
             edge_handling: treatment of windows that extend beyond the map. `inside`: the result is
                 NaN. `crop`: the window is cropped to the map. `empty`: cells outside are NaN.
                 `mean`: cells outside get the mean of the finite values in the window.
-            compute_empty_cells: False returns NaN for cells whose input is NaN.
+            compute_empty_cells: if False, the result is NaN wherever the input is NaN.
 
         Returns:
             (rows, columns) float32 in Fortran order.
@@ -255,7 +255,7 @@ class _PartsOfTile:
 
 
 def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
-    """Return a layer as a read-only float32 view, or as a copy if the type differs."""
+    """Return a layer as a read-only float32 array: a view, or a copy if the type differs."""
     values = np.asarray(layer).astype(np.float32, copy=False).view()
     if values.ndim != 2:
         message = f"the layer {name!r} must have rows and columns, its shape is {values.shape}"

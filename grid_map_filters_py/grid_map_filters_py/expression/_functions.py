@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Operators and functions of the expression language.
 
-Operators and functions use the primitives of `Matrices`, and therefore work both for whole layers
-and for the windows of all cells.
+They are built from the primitive operations of `Matrices`. `WindowMatrices` overrides these
+operations, so that the same operators and functions also work for windows.
 """
 
 import math
@@ -108,7 +108,7 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Return `max` or `min`, which reduces one argument or compares two matrices elementwise."""
+    """Return `max` or `min`: a reduction, or an elementwise comparison with a second matrix."""
 
     def reduce(algebra: Matrices, value: Value, second: Value | None = None) -> Value:
         if isinstance(second, float) and second not in (0.0, 1.0):
@@ -178,17 +178,17 @@ def _length(value: Value, argument: int) -> int:
 class Function:
     """A function of the expression language.
 
-    `skips_missing` uses the NaN attributes to decide if windows at the border can be padded with
-    NaN, which is faster than cropping the windows.
+    `keeps_nan` and `skips_nan` tell `skips_missing` whether windows at the border can be padded
+    with NaN, which is faster than cropping the windows.
 
     Attributes:
-        apply: called with the algebra and `least` to `most` arguments.
-        axis: the second argument is an axis, 0 or 1.
+        apply: called with a `Matrices` object, followed by `least` to `most` arguments.
+        axis: the optional second argument may be an axis, 0 or 1.
         elementwise: each element of the result depends only on the same element of the arguments.
         keeps_nan: elementwise, and the result is NaN wherever an argument is NaN.
         skips_nan: accepts one argument and ignores its NaN elements.
-        reduces: number of arguments for which the result is a single number, computed from the
-            elements or the shape of the first argument; 0 for other functions.
+        reduces: a call with this number of arguments reduces the elements or the shape of the first
+            argument to a single number; 0 for other functions.
     """
 
     apply: Callable[..., Any]
@@ -220,7 +220,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Return a `Function` that applies `fold` to the finite elements; NaN if there are none."""
+    """Return a `Function` that folds the finite elements, and returns NaN if there are none."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)

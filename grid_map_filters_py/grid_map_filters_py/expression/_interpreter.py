@@ -17,7 +17,7 @@ _DEEPEST = 150
 
 
 class Interpreter:
-    """Evaluates nodes of a syntax tree for values of the names; one method per node kind.
+    """Evaluates the nodes of a syntax tree, with one method for each kind of node.
 
     Args:
         algebra: primitive operations for the type of the values.
@@ -150,7 +150,7 @@ class Interpreter:
 
 
 def _as_places(value: Value, length: int | None = None) -> NDArray[np.intp]:
-    """Convert an index value to indices; `length` of the dimension is None if unknown."""
+    """Convert a number or vector to indices below `length`; None if the length is unknown."""
     numbers = np.atleast_2d(np.asarray(value, np.float64))
     if 1 not in numbers.shape:
         raise Fault(f"an index is a number or a vector, not {' x '.join(map(str, numbers.shape))}")
@@ -229,7 +229,7 @@ def _is_constant(node: Node) -> bool:
 
 
 def may_be_index(call: Node) -> bool:
-    """Return True if the arguments may be indices into a layer that hides the function."""
+    """Return True if a call may be an index into a layer with the name of the function."""
     _, arguments = call.parts
     return len(arguments) <= 2 and all(
         float(node.parts[0]).is_integer()

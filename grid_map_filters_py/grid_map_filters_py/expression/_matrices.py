@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on whole matrices: numbers are Python floats, matrices float32 arrays.
 
-In NumPy 1 and 2, an operation between a Python float and a float32 array results in float32. User
-arrays are read-only. A writeable array is therefore a temporary result, which the next operation
-may overwrite.
+In NumPy 1 and 2, an operation between a Python float and a float32 array results in float32. Layers
+are read-only views. An array that is writeable must therefore be a temporary result, and the next
+operation may overwrite it.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -18,7 +18,7 @@ from ._nodes import Fault
 
 Shape = tuple[int, int]
 Value: TypeAlias = Any
-"""A number, a 2-D float32 matrix, or a matrix that depends on a window (see `WindowMatrix`)."""
+"""A number, a 2-D float32 matrix, or one matrix for every cell (see `WindowMatrix`)."""
 
 SCALAR: Shape = (1, 1)
 
@@ -27,7 +27,7 @@ SCALAR: Shape = (1, 1)
 class Fold:
     """A reduction: apply `map` to every element, then `combine` the results in any order.
 
-    The optional `whole` reduces a whole array faster; it returns NaN if no element is valid.
+    The optional `whole` reduces a whole array faster, but may return NaN if no element is finite.
     """
 
     map: Callable[[Any], Any]
@@ -63,7 +63,7 @@ class Matrices:
     """Primitive operations of the language for numbers and matrices.
 
     Args:
-        spare: float32 array to reuse for the first temporary array of equal shape, or None.
+        spare: float32 array into which the first result of the same shape is written, or None.
     """
 
     def __init__(self, spare: NDArray[np.float32] | None = None) -> None:
@@ -82,7 +82,7 @@ class Matrices:
         return result
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
-        """Reduce all elements (axis None), columns (0) or rows (1), in double precision."""
+        """Reduce all elements (axis None), each column (0) or each row (1), in double precision."""
         return [_reduce(as_matrix(value), axis, fold) for fold in folds]
 
     def product(self, left: Value, right: Value) -> Value:
@@ -115,17 +115,17 @@ class Partial(Matrices):
         self.parts: list[float] = []
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
-        # `whole` is not used, because it returns NaN for tiles without elements to reduce.
+        # `whole` is not used, because it may return NaN for a tile without finite elements.
         parts = super().fold(value, axis, *(replace(fold, whole=None) for fold in folds))
         self.parts += parts
         return parts
 
 
 class Combined(Matrices):
-    """Primitive operations with precomputed folds.
+    """Primitive operations whose folds combine the results of all tiles.
 
     Args:
-        parts: for each fold in order of execution, the results from all tiles.
+        parts: the results of all tiles for each fold, in the order in which the folds run.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:

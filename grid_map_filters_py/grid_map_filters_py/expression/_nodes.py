@@ -21,9 +21,9 @@ class Node:
     | `binary` | operator, left, right; comparisons included                                       |
     | `range`  | first, step or None, last                                                         |
     | `matrix` | rows, which are tuples of blocks                                                  |
-    | `index`  | the indexed node, the tuple of one or two places                                  |
-    | `call`   | the name of a known function, the tuple of arguments; an index if a layer has the |
-    |          | same name                                                                         |
+    | `index`  | the indexed node, the tuple of one or two indices                                 |
+    | `call`   | the name of a known function, the tuple of arguments; evaluated as an index if a  |
+    |          | layer has the same name                                                           |
 
     Args:
         kind: kind of the node; see the table.

@@ -27,8 +27,8 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: function that returns element (row, column). A field is writeable if nothing else refers
-            to it. `at` must not refer to the matrix, because reference cycles delay freeing memory.
+        at: function that returns element (row, column), as a writeable field only if nothing else
+            refers to it. `at` must not refer to the matrix: reference cycles delay freeing memory.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -43,10 +43,10 @@ class WindowMatrix:
 
 
 class SlidingWindow(WindowMatrix):
-    """The sliding window of an array.
+    """A window that slides over an array.
 
     Args:
-        source: (cells + rows - 1, cells + columns - 1) values covered by the windows of all cells.
+        source: (n + rows - 1, m + columns - 1) values, covered by the windows of n x m cells.
         shape: (rows, columns) of the window.
     """
 
@@ -70,7 +70,7 @@ class WeightedWindow(WindowMatrix):
         self._window = window
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; finite values are summed by correlation with the source."""
+        """Fold the elements; finite values are summed by correlating the kernel with the source."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
@@ -113,8 +113,8 @@ class SquaredDeviations(WindowMatrix):
         ]
         too_large = ~np.isfinite(total)
         if too_large.any():
-            # Squares beyond the double-precision range are not finite and do not count. Results of
-            # other cells are kept, so that results do not depend on the block.
+            # Squares beyond the double-precision range are not finite, and are left out of the sum.
+            # Only cells with such squares are recomputed: results must not depend on the block.
             for result, exact in zip(results, super().reduce(folds), strict=True):
                 np.copyto(result, exact, where=too_large)
         return [*results]
@@ -122,7 +122,7 @@ class SquaredDeviations(WindowMatrix):
     def _sum(self) -> Element:
         """Compute the sum of squares from the deviations around the mean of each column.
 
-        This avoids cancellation, because no subtrahend is much larger than the result.
+        Only terms that are not negative are summed, so that they cannot cancel.
         """
         height, width = self.shape
         count, mean = (
@@ -153,13 +153,13 @@ class SquaredDeviations(WindowMatrix):
 
 
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return the windows of some cells; elements outside the map get the mean of the window.
+    """Return windows of chosen cells, padded beyond the map with the mean of finite values.
 
-    Fields are (N,) arrays in the order of `cells.ravel("F")`.
+    Fields are (N,) arrays with one value per chosen cell, in Fortran order.
 
     Args:
         layer: (rows, columns) layer of the map.
-        cells: mask of the cells.
+        cells: (rows, columns) mask of the chosen cells.
         size: number of rows and columns of a window; odd.
     """
     margin, shape = size // 2, (size, size)
@@ -180,7 +180,7 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
 
 
 class WindowMatrices(Matrices):
-    """Operations on per-cell matrices; values that are equal in all cells remain plain values."""
+    """Operations on per-cell matrices; values that all cells share stay numbers or matrices."""
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         if not any(isinstance(value, WindowMatrix) for value in values):
@@ -238,7 +238,7 @@ class WindowMatrices(Matrices):
 
 
 def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix | None:
-    """Return an elementwise result as a window type with faster folds, or None."""
+    """Return an elementwise result as a type of window that folds faster; None if none fits."""
     if all(isinstance(value, SlidingWindow | float) for value in values):
         shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
         sources = [
@@ -321,7 +321,7 @@ def _as_element(total: Any) -> Element:
 
 
 def _matrix(shape: Shape, at: Callable[[int, int], Element]) -> Value:
-    """Return a matrix of lazy elements; a single element is computed immediately and stored."""
+    """Return a matrix of elements computed on demand; a 1 x 1 matrix is computed and stored."""
     return _field(at(0, 0)) if shape == SCALAR else WindowMatrix(shape, at)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Computes layers block by block in the threads of the chain.
 
-The temporary arrays of a block fit into the cache, and the new layer is the only large array. The
+The temporary arrays of a block fit into the cache; only the result is as large as the map. The
 blocks depend on the map size and the reach, but not on the number of threads.
 """
 
@@ -38,7 +38,7 @@ def blockwise(function: Callable[..., npt.NDArray[Any]], *layers: Layer, reach: 
             cell of the result must depend only on cells that are at most `reach` rows and columns
             away.
         layers: (rows, cols) arrays of equal shape in map order.
-        reach: whole number of cells; `WHOLE_MAP` calls the function once, with whole layers.
+        reach: whole number of cells. If `WHOLE_MAP`, the function is called once, for whole layers.
 
     Returns:
         (rows, cols) float32 in Fortran order.

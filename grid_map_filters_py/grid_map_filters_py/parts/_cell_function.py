@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions of the values of one cell, applied to all cells of a map.
 
-A function uses operators, `choose` and `clamp`, and works for numbers and arrays. If numba is
-installed, the function is compiled to a loop over the cells on first use. Without numba, NumPy
-computes bitwise equal results piece by piece, but several times slower.
+A function uses only operators and helpers such as `choose` and `clamp`, so that it works for both
+numbers and arrays. If numba is installed, it is compiled to a loop over the cells on first use.
+Without numba, NumPy computes bitwise equal results piece by piece, but several times slower.
 """
 
 import functools
@@ -79,7 +79,7 @@ class CellFunction:
 
         Args:
             layers: arrays of equal shape in Fortran order, one per argument of the function.
-            numbers: last argument of the function.
+            numbers: numbers that the function receives as its last argument.
 
         Returns:
             Float32 array in Fortran order, with the shape of the layers; uint32 results keep
@@ -142,4 +142,4 @@ _ARGUMENTS: dict[int, Callable[..., tuple[Value, ...]]] = {
     3: lambda a, i, numbers: (a[0][i], a[1][i], a[2][i], numbers),
     5: lambda a, i, numbers: (a[0][i], a[1][i], a[2][i], a[3][i], a[4][i], numbers),
 }
-"""Functions that return the arguments for cell `i`, by number of layers."""
+"""For each number of layers, a function that returns the arguments for cell `i`."""

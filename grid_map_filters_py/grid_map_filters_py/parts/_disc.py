@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sums over the disc around every cell.
 
-The disc is closed: a cell center within 1e-9 m of the rim is inside. Cells outside the map count as
-missing.
+The rim belongs to the disc: a cell center up to 1e-9 m beyond it is still inside. Cells outside the
+map count as missing.
 
 Sums are never differences of running sums (as in an integral image), so that a huge value affects
 the precision only in discs that contain the value.
@@ -79,15 +79,15 @@ class Disc:
 
     @property
     def offsets(self) -> tuple[Field, Field]:
-        """(n, 1) and (1, m) distances of rows and columns from the center [cells]."""
+        """Signed row offsets (n, 1) and column offsets (1, m) from the center [cells]."""
         rows, columns = (np.arange(-reach, reach + 1.0) for reach in self.reach)
         return rows[:, None], columns[None, :]
 
     @cached_property
     def half_widths(self) -> tuple[Field, Field]:
-        """Half-lengths of the lines of cells in the disc, along axis 0 and along axis 1 [cells].
+        """Half-lengths of the chords of the disc [cells], along axis 0 and along axis 1.
 
-        Element i of each array is for the lines at a distance of i cells from the center.
+        Element i of each array belongs to the chords at a distance of i cells from the center.
         """
         rows, columns = (
             np.minimum(half_chords(self._limit, np.arange(other + 1.0)), reach).astype(int)
@@ -108,7 +108,7 @@ class Disc:
     def padded(
         self, layer: Layer, offset: float = 0.0, dtype: npt.DTypeLike = np.float64
     ) -> tuple[Field, Field]:
-        """Pad a layer with the reach of the disc, and separate missing cells from values.
+        """Pad a layer by the reach of the disc, and separate missing cells from values.
 
         Args:
             layer: (rows, columns) array of the size passed to `Disc`.
@@ -117,7 +117,7 @@ class Disc:
 
         Returns:
             known: padded bool mask of the finite cells.
-            values: padded differences to `offset`; 0 in non-finite cells.
+            values: padded differences from `offset`; 0 in non-finite cells.
         """
         rows, columns = self.reach
         values = np.zeros(np.add(self.size, (2 * rows, 2 * columns)), dtype, order="F")
@@ -141,14 +141,14 @@ class Disc:
 
         Args:
             values: array returned by `padded`.
-            axis: direction of the lines, 0 for rows.
+            axis: array axis along which the lines run.
             moments: weight each value by its signed distance from the middle of the line.
 
         Yields:
             distance: distance of the line from the center [cells].
-            ahead, behind: sums over the lines at this distance on both sides of the center, as in
-                the flat array of `totals`; equal for distance 0. The next iteration overwrites
-                both arrays.
+            ahead, behind: for every cell, the sums over the lines at this distance after and before
+                the center, laid out like the flat array of `totals`. At distance 0, both are the
+                same line. The next iteration overwrites both arrays.
         """
         # In a flat array, the neighbors of all cells at one offset are a single slice.
         flat, strides = values.T.reshape(-1), (1, len(values))
@@ -172,7 +172,7 @@ class Disc:
             yield distance, line[first + shift :][:length], line[first - shift :][:length]
 
     def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
-        """Return a (rows, columns) array of zeros, and its memory as a flat array with margins."""
+        """Return (rows, columns) zeros, and a flat view of them with margins between columns."""
         (height, width), (rows, _) = self.size, self.reach
         stride = height + 2 * rows
         flat = np.zeros(width * stride, dtype)

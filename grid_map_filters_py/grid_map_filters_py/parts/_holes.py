@@ -101,7 +101,7 @@ class HolesOfTile(NamedTuple):
 
     Args:
         lowest, highest: extremes of the finite values; NaN if there are none.
-        holes: long holes and holes that touch the tile border, in cells of the whole map.
+        holes: long holes and holes that touch the tile border, positioned in the whole map.
         edges: first and last row, first and last column.
     """
 
@@ -143,7 +143,7 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
 
     Args:
         tiles: holes of the tiles, row by row.
-        counts: number of tiles along rows and along columns.
+        counts: number of rows and of columns of tiles.
     """
     parts = [tile.holes for tile in tiles]
     firsts = np.cumsum([0, *(len(part.areas) for part in parts)])

@@ -4,7 +4,7 @@
 Implements Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and Video
 Inpainting" (2001) like OpenCV: holes are filled from the rim inwards by fast marching (Sethian
 1996). A cell becomes a weighted mean of the known and filled cells around it. Weights decrease with
-distance, and increase with the change of the image across the line to the cell.
+distance, and are largest where the image changes only at right angles to the line to the cell.
 
 Images are padded with one cell on all sides.
 """
@@ -21,8 +21,8 @@ from grid_map_core_py._loops import loop
 
 _ZERO, _ONE, _UNKNOWN = np.float32(0), np.float32(1), np.float32(np.inf)
 _OUTSIDE = np.float32(1e6)  # arrival time of cells outside the image
-# OpenCV constants for gray values from 0 to 255: maximum change in a flat direction, weight of a
-# flat direction, and lower bound of the sum of weights.
+# OpenCV constants for gray values from 0 to 255: change up to which a cell counts as flat, weight
+# factor of a flat cell, and initial value of the sum of weights.
 _FLAT, _WEIGHT_OF_FLAT, _LEAST_WEIGHT = np.float32(0.01), np.float32(1e-6), np.float32(1e-20)
 
 
@@ -46,7 +46,7 @@ def inpainted(
 
 
 def _change(before: Any, here: Any, after: Any, has_before: Any, has_after: Any) -> Any:
-    """Return the sum of the gray-value changes to the known cells before and after a cell."""
+    """Return the summed absolute changes to both neighbors; a single known one counts twice."""
     change = (abs(after - here) if has_after else _ZERO) + (
         abs(here - before) if has_before else _ZERO
     )
@@ -83,7 +83,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
                 times[np.uintp(cell - 1)] != _UNKNOWN,
                 times[np.uintp(cell + 1)] != _UNKNOWN,
             )
-            # Change along the direction to the cell, from the gradient rotated by 90 degrees.
+            # Gradient component at right angles to the line to the cell, times the line length.
             change = abs(np.float32(y - row) * along - np.float32(x - column) * across)
             weight = _WEIGHT_OF_FLAT
             if change > _FLAT:
@@ -132,7 +132,7 @@ def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) 
 def _inpaint(images: Any, frame: Any) -> None:
     """Fill the unknown cells of two images: gray values and arrival times.
 
-    `frame` is a tuple of rows and columns without padding, and the radius of the neighborhood.
+    `frame` contains the rows and columns without padding, and the radius of the neighborhood.
     """
     times = images[1]
     rows, columns, _ = frame

@@ -49,7 +49,7 @@ class LayerFilter(ABC):
         """Return the reach of the filter in rows and columns; see `LocalFilter.reach`."""
 
     def _for_blocks_of(self, _layer: Layer) -> Callable[[Layer, float], Values]:
-        """Return a function that filters a block; its arguments are block and resolution."""
+        """Return the function that filters each block of a layer, given block and resolution."""
         return self._filter
 
     @abstractmethod
@@ -108,7 +108,7 @@ class FillingDiscFilter(DiscFilter):
 
 
 def check_radius(radius: float, name: str = "radius") -> None:
-    """Raise an error unless `radius`, the parameter `name` of a disc filter, is valid."""
+    """Raise an error that names the parameter `name` unless `radius` is finite and >= 0."""
     check(math.isfinite(radius) and radius >= 0, name, "a length >= 0 [m]", radius)
 
 

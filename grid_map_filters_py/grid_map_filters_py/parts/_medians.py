@@ -15,13 +15,13 @@ from grid_map_core_py._loops import loop
 Values = npt.NDArray[np.float32]
 
 _SCATTERED = 0.3
-"""Maximum fraction of chosen cells for which sorting single windows is faster than sliding."""
+"""Fraction of chosen cells up to which sorting each window is faster than sliding a window."""
 
 _LARGEST_BLUR = 5
 """Maximum window side that `cv2.medianBlur` supports for float32."""
 
 _SIDE = 64
-"""Minimum number of rows and columns of a block over which a window slides."""
+"""Side of the blocks over which a window slides [cells], unless the window is wider."""
 
 _BUCKET = 16
 """Number of values in a bucket of `_slide`."""
@@ -91,10 +91,11 @@ def _put_blurred(
     ranks: npt.NDArray[Any],
     side: int,
 ) -> Mask:
-    """Write medians that `cv2.medianBlur` computes, and return a mask of the other cells.
+    """Write the medians that `cv2.medianBlur` can compute; return a mask of the other cells.
 
-    The middle value is the upper median if half of the missing values are minus infinity. Two
-    complementary checkerboards of signs achieve this in most windows.
+    The middle value of a window is the upper median of its finite values if half of the missing
+    values are replaced by infinity, the others by minus infinity. A checkerboard of signs, or its
+    complement, achieves this in most windows.
     """
     rest = cells.T.copy()
     for color in (0, 1):
@@ -111,13 +112,13 @@ def _put_blurred(
 
 @loop("int64*", ("int64", 3), "uint8*", "int64*", "int64*")
 def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> None:
-    """Replace the rank of each median in its window with its place among all sorted values.
+    """Convert the rank of each median in its window to its place, the rank in the whole block.
 
     From one window to the next, one column of values leaves and one enters, and the median moves
     by a few places (J. Suomela, "Median Filtering is Equivalent to Sorting", 2014).
 
     Args:
-        places: places in sorted order of the values in and around a block.
+        places: place of each value in the sorted list of all values in and around the block.
         shape: rows and columns of the block, and side of the windows.
         used: work array: 1 if the value at a place is in the window.
         in_buckets: work array: number of values in the window, by bucket of places.

@@ -21,13 +21,13 @@ Field = npt.NDArray[np.float64]
 Fields = tuple[Field, ...]
 
 _SMALLEST_SPREAD = 1e-8
-"""Minimum variance [m^2] across the main direction for points that define a plane."""
+"""Points define a plane if their variance across the main direction exceeds this value [m^2]."""
 
 _SMALLEST_GAP = 0.03
-"""Product of the relative gaps between eigenvalues below which the formula loses precision."""
+"""`_smallest_eigenvectors` is imprecise if the product of relative eigenvalue gaps is smaller."""
 
 _SMALLEST_Z = 0.01
-"""z component of a normal below which the formula loses precision."""
+"""`_smallest_eigenvectors` is imprecise if the z component of the normal is smaller."""
 
 _PIECE = 2**14  # number of cells whose normals are computed at once, to fit the cache
 
@@ -49,8 +49,9 @@ def area_normals(layer: Layer, offset: float, radius: float, resolution: float) 
 def raster_normals(layer: Layer, resolution: float) -> Fields:
     """Return the normals computed from slopes between neighboring cells.
 
-    Slopes are central differences, even across an unknown cell, and one-sided next to an
-    unknown cell. Normals are NaN at the layer border, and where a slope lacks two finite cells.
+    A slope is the central difference of both neighbors, even if the cell between them is unknown.
+    If one neighbor is unknown, the slope is the one-sided difference between the cell and the
+    other. Normals are NaN at the layer border, and where too few cells are known for a slope.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Rows run towards -x and columns towards -y: the slopes are -dz/dx and -dz/dy.
@@ -125,8 +126,8 @@ def _sums(
     The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
     """
     known, heights = disc.padded(layer, offset)
-    # In units of cells, x and y are integers. Rows run towards -x and columns towards -y; negated
-    # heights correct all signs.
+    # In units of cells, x and y are integers. Rows run towards -x and columns towards -y. Negated
+    # heights also reverse the third axis, which leaves all covariances unchanged.
     heights *= -1.0 / disc.resolution
     z, xz = _moments(disc, heights, 1, (0, 1))
     (yz,) = _moments(disc, heights, 1, (0,), along=True)
@@ -140,9 +141,9 @@ def _sums(
 
 
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
-    """Return unit vectors; upright in ignored cells and where the points are on a line.
+    """Return unit normals: the z axis in ignored cells and where the points are on a line.
 
-    `spread` is the minimum second eigenvalue of points that define a plane.
+    Points are on a line if the second eigenvalue of their covariance matrix is at most `spread`.
     """
     *normals, is_exact = _smallest_eigenvectors(*covariances)
     xx, xy, _, yy, _, _ = covariances
@@ -226,8 +227,8 @@ def _smallest_eigenvectors(
     smallest = (squared * root * 8.0 + cosine) / gap * radius * 2.0 + mean
     a, b, c = xx - smallest, yy - smallest, zz - smallest
     x, y, z = xy * yz - xz * b, xy * xz - yz * a, a * b - xy2
-    # The trace of the adjugate is the factor before the outer product. A column that contains only
-    # rounding errors is much shorter.
+    # The trace of the adjugate is the factor of the outer product. A last column that consists of
+    # rounding errors is much shorter than this factor.
     factor = (a + b) * c - xz2 - yz2 + z
     length = np.sqrt(x * x + y * y + z * z)
     is_exact = (gap > _SMALLEST_GAP) & (length > _SMALLEST_Z * factor)

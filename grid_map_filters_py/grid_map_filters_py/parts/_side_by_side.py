@@ -45,8 +45,8 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     `numpy.errstate` settings of the caller, and `warn` names the step of the caller.
 
     Args:
-        function: called in any order, by several threads at the same time.
-        parts: arguments of the calls, drawn one after the other.
+        function: called by several threads at the same time, in no particular order.
+        parts: one argument for each call; only one thread at a time takes the next part.
 
     Raises:
         Exception: a call failed; no further calls are started.

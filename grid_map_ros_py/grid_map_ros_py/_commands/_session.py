@@ -28,7 +28,9 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", r
 
 
 class Session:
-    """ROS node without parameters, as a context manager. A signal sets `ended`.
+    """Context manager for a ROS node without parameter services.
+
+    SIGINT, SIGTERM and SIGHUP set `ended`.
 
     Raises:
         CommandError: ROS rejects the environment settings, or security keys are missing.
@@ -84,7 +86,11 @@ class Session:
 
 
 def message_class(types: Sequence[str]) -> Any:
-    """Return the message class of a topic with exactly one type; the type must be installed."""
+    """Return the message class of a topic from its types.
+
+    Raises:
+        CommandError: the topic has several types, or the type is not installed.
+    """
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")
     found = None
