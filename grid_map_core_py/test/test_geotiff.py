@@ -3,6 +3,7 @@
 
 import warnings
 import zipfile
+from collections import Counter
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from command_line import a_map
 
 from grid_map_core_py import GridMap, GridMapError, change_resolution
 from grid_map_core_py.files import load, load_geotiff, save, save_geotiff
-from grid_map_core_py.files._geotiff import describe_geotiff
+from grid_map_core_py.files._geotiff import describe_geotiff, read_pixels
 from grid_map_core_py.files._shared import (
     map_facts,
 )
@@ -131,6 +132,31 @@ def test_foreign_rasters_may_have_mask_and_scale(rasterio):
         position = (101.0 + 2 * column, 199.0 - 2 * row)
         expected = np.nan if value == -9 else 10.0 + 0.5 * value
         np.testing.assert_equal(dem.at_position("elevation", position), expected)
+
+
+@pytest.mark.parametrize(("name", "value"), [("scales", np.inf), ("offsets", np.nan)])
+def test_scale_or_offset_that_is_not_finite_is_refused(rasterio, name, value):
+    write(rasterio)
+    with rasterio.open("dem.tif", "r+") as raster:
+        setattr(raster, name, (value,))
+    with pytest.raises(GridMapError, match=r"dem\.tif: .*band 1: expected a finite scale and off"):
+        load("dem.tif")
+
+
+def test_properties_of_all_bands_are_read_once(rasterio):
+    asked = Counter()
+
+    class Asked:
+        def __getattr__(self, name):
+            asked[name] += 1
+            return getattr(raster, name)
+
+    write(rasterio, count=3)
+    images = np.empty((3, *PIXELS.shape), np.float32)
+    with rasterio.open("dem.tif") as raster:
+        read_pixels(Asked(), [1, 2, 3], (slice(0, 2), slice(0, 3)), images)
+    assert (images == PIXELS).all()
+    assert {*asked.values()} == {1}
 
 
 def test_bands_are_layers(rasterio):

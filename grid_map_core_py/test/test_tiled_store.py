@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Zarr stores as others read and write them: CRS, addresses, formats, readers of one window."""
 
+import json
 import pickle
 import subprocess
 import sys
@@ -49,6 +50,21 @@ def test_resolution_and_place_are_those_of_the_map(store: Path) -> None:
     assert site.get_submap((10.0, -4.0), (0.35, 0.75)) == a_map().get_submap(
         (10.0, -4.0), (0.35, 0.75)
     )
+
+
+@pytest.mark.parametrize(
+    ("chunk", "text"),
+    [
+        ([8, 0], r"chunks: expected at least one cell, got \[8, 0\]"),
+        ([22_000, 22_000], "chunk: expected at most 16000000 cells, got 22000 x 22000"),
+    ],
+)
+def test_empty_and_huge_chunks_are_refused(store: Path, chunk: list[int], text: str) -> None:
+    document = json.loads((store / ".zmetadata").read_text())
+    document["metadata"]["variance/.zarray"]["chunks"] = chunk
+    (store / ".zmetadata").write_text(json.dumps(document))
+    with pytest.raises(GridMapError, match=f"a.zarr: variance: {text}"):
+        open_map(store)
 
 
 @pytest.mark.needs("fsspec")

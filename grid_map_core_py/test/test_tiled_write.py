@@ -254,6 +254,15 @@ def test_names_that_a_store_cannot_hold(tmp_path: Path, name: str) -> None:
     assert [*tmp_path.iterdir()] == []
 
 
+def test_layer_that_is_a_link_is_not_written(store: Path, tmp_path: Path) -> None:
+    outside = (store / "elevation").rename(tmp_path / "outside")
+    (store / "elevation").symlink_to(outside)
+    before = sorted(outside.iterdir())
+    with pytest.raises(GridMapError, match=r"site\.zarr/elevation: expected a folder, got a link"):
+        open_map(store).write(patch())
+    assert sorted(outside.iterdir()) == before
+
+
 def test_create_keeps_what_is_there(store: Path) -> None:
     with pytest.raises(GridMapError, match=r"site.zarr: already exists"):
         make_store(store)

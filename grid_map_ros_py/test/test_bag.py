@@ -226,6 +226,13 @@ def test_folder_that_is_no_bag_is_never_replaced(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
+def test_bag_inside_a_bag_is_refused(bag):
+    with pytest.raises(BagError, match=r"is inside the bag bag\. Choose another folder"):
+        save_to_bag(numbered_map(1), bag / "inner", TOPIC)
+    save_to_bag(numbered_map(8), bag, TOPIC)
+    assert number_of(load_from_bag(bag)) == 8
+
+
 # --- what rosbag2 writes --------------------------------------------------------------------------
 
 

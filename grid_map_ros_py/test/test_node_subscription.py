@@ -2,6 +2,7 @@
 """Subscriptions that deliver undecoded maps."""
 
 import pytest
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 from test_grid_map import sample_map
 
@@ -32,6 +33,20 @@ def test_maps_arrive_undecoded_until_the_subscription_is_given_up(other_side: Pe
     other_side.wait_until(
         lambda: not other_side.node.count_subscribers("/map"), "the subscription to go"
     )
+
+
+def test_subscription_adopts_the_quality_of_known_publishers(other_side: Peer) -> None:
+    node, warned, received = other_side.node, [], []
+    events = PublisherEventCallbacks(incompatible_qos=warned.append)
+    volatile = map_qos(transient_local=False)
+    publisher = node.create_publisher(GridMapMessage, "/map", volatile, event_callbacks=events)
+    other_side.wait_until(lambda: node.get_publishers_info_by_topic("/map"), "the publisher")
+    subscription = MapSubscription(node, "/map", received.append)
+    other_side.wait_until(publisher.get_subscription_count, "the subscription")
+    publisher.publish(to_message(sample_map()))
+    other_side.wait_until(lambda: received, "the map")
+    assert not warned
+    subscription.destroy()
 
 
 def test_given_quality_of_service_stays(

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap
 
 _HEIGHTS = re.compile(r"(elevation|heights?|altitude|dem|dsm|dtm)(?![a-z])", re.IGNORECASE)
+_SLOPES = re.compile(r"slope(?![a-z])(?!.*(color|deg|percent|std|variance))", re.IGNORECASE)
 _NO_HEIGHTS = re.compile(r"color|count|curvature|deviation|error|normal|slope|std|time|variance")
 
 
@@ -31,9 +32,10 @@ def is_heights(layer: str) -> bool:
     return bool(_HEIGHTS.match(layer)) and not _NO_HEIGHTS.search(layer)
 
 
-def titled(layer: str) -> str:
-    """Return the layer name, followed by the unit if the name indicates heights."""
-    return f"{layer} [m]" if is_heights(layer) else layer
+def titled(layer: str, label: str = "", *, is_empty: bool = False) -> str:
+    """Return `label`, or the layer name with its unit, and a note if the layer is empty."""
+    unit = " [m]" if is_heights(layer) else " [rad]" if _SLOPES.match(layer) else ""
+    return (label or layer + unit) + (": all cells unknown" if is_empty else "")
 
 
 def lit_heights(site: "GridMap | TiledMap", layer: str, hillshade: bool | str | None) -> str:

@@ -56,6 +56,11 @@ def check_color(color: int) -> None:
     check(0 <= color <= 0xFFFFFF, "color", f"0 to {0xFFFFFF} (0xRRGGBB)", color)
 
 
+def is_empty(coloring: "Coloring", values: npt.NDArray[np.float32]) -> bool:
+    """Return whether a color map has no bounds, because no value is finite."""
+    return None in (coloring.lower, coloring.upper) and not np.isfinite(values).any()
+
+
 @dataclass(frozen=True)
 class Coloring:
     """Cell coloring with a color map, with packed colors, or with one color.

@@ -103,6 +103,24 @@ def test_pointer_tells_values_of_lit_pictures_too(corner_map, hillshade):
     assert image.format_cursor_data(told[0]) == "[1.000]"
 
 
+@pytest.mark.parametrize("draw", [plot, plot_3d, plot_relief])
+def test_color_bar_of_an_empty_layer_says_so(corner_map, draw):
+    corner_map["slope"] = np.inf
+    axes = flat_axes(**({"projection": "3d"} if draw is plot_3d else {}))
+    draw(corner_map, "slope", axes)
+    *_, bar = (*axes.figure.axes, *axes.child_axes)
+    assert "slope [rad]: all cells unknown" in (bar.get_xlabel(), bar.get_ylabel())
+    assert len([*bar.get_xticks(), *bar.get_yticks()]) == 0
+
+
+@pytest.mark.parametrize("draw", [plot, plot_3d])
+def test_ticks_show_whole_coordinates(draw):
+    axes = flat_axes(**({"projection": "3d"} if draw is plot_3d else {}))
+    far = GridMap((4.0, 3.0), 0.1, (691_600.0, 5_399_500.0), {"elevation": 1.0})
+    draw(far, "elevation", axes).figure.canvas.draw()
+    assert "5399500.0" in [text.get_text() for text in axes.get_yticklabels()]
+
+
 def test_packed_colors_have_no_color_bar():
     grid_map = GridMap(
         (1, 1), 1.0, layers={"color": color_vector_to_value((255, 128, 0))[None, None]}
@@ -113,19 +131,20 @@ def test_packed_colors_have_no_color_bar():
 
 
 @pytest.mark.parametrize(
-    ("layer", "is_lit"),
+    ("layer", "unit"),
     [
-        *(("elevation", True), ("elevation_smooth", True), ("Height", True), ("dem", True)),
-        *(("elevation_variance", False), ("elevator", False), ("heightmap_color", False)),
-        *(("demand", False), ("slope", False)),
+        *(("elevation", "m"), ("elevation_smooth", "m"), ("Height", "m"), ("dem", "m")),
+        *(("elevation_variance", ""), ("elevator", ""), ("heightmap_color", "")),
+        *(("demand", ""), ("slope", "rad"), ("slope_max", "rad"), ("slope_deg", "")),
     ],
 )
-def test_layers_of_heights_are_lit_and_have_a_unit(layer, is_lit):
+def test_layers_of_heights_are_lit_and_have_a_unit(layer, unit):
+    is_lit = unit == "m"
     grid_map = GridMap((3, 2), 0.5, layers={layer: 0.0})
     grid_map[layer][2:] = 1.0
     axes = plot(grid_map, layer, flat_axes())
     assert (pixels(axes).ndim == 3) == is_lit
-    assert axes.figure.axes[1].get_ylabel() == (f"{layer} [m]" if is_lit else layer)
+    assert axes.figure.axes[1].get_ylabel() == (f"{layer} [{unit}]" if unit else layer)
     assert pixels(plot(grid_map, layer, flat_axes(), hillshade=False)).ndim == 2
     assert pixels(plot(grid_map, layer, flat_axes(), hillshade=layer)).ndim == 3
 

@@ -34,7 +34,7 @@ from grid_map_ros_py import bag_messages, from_serialized_message
 from grid_map_ros_py.bags import BagWriter
 from grid_map_ros_py.bags._storage import GRID_MAP_TYPE, Topic
 from grid_map_ros_py.testing import wait_until
-from grid_map_visualization_py.rerun import Style, log_bag, recorded as writing
+from grid_map_visualization_py.rerun import Scene, Style, log_bag, recorded as writing
 
 pytestmark = pytest.mark.needs("mcap", "rerun")
 
@@ -157,7 +157,7 @@ def test_legends_have_bounds_names_and_colors_of_layers(color_layer):
         scene.log_map("/grid_map", grid_map)
     rows = rows_of(Path("map.rrd"))
     viridis = [[0x44, 0x01, 0x54], [0xFD, 0xE7, 0x25]]
-    for layer, title in (("elevation", "elevation [m]"), ("slope", "slope")):
+    for layer, title in (("elevation", "elevation [m]"), ("slope", "slope [rad]")):
         is_chosen = layer == (color_layer or "slope")
         lower = "-1" if is_chosen else f"{np.nanmin(grid_map[layer]):.4g}"
         labels = rows[f"/grid_map/legend/{layer}"][0]["Points2D:labels"].tolist()
@@ -199,6 +199,25 @@ def test_maps_of_any_shape_and_value_are_recorded(cells, value):
     assert ("Mesh3D:vertex_positions" in rows["/grid_map/surface"][0]) == (
         bool(np.isfinite(value)) and min(cells) > 1
     )
+
+
+@pytest.mark.filterwarnings("error")
+def test_normals_of_single_cells_and_legends_without_values():
+    grid_map = GridMap((0.5, 0.2), 0.1, layers={"elevation": 1.0, "slope": np.nan}, timestamp=1)
+    grid_map["elevation"][3] = np.nan
+    grid_map["elevation"][4, 1] = np.nan
+    rows = recorded(grid_map)
+    normals = rows["/grid_map/surface"][0]["Mesh3D:vertex_normals"].reshape(-1, 3)
+    np.testing.assert_allclose(normals, [[0.0, 0.0, 1.0]] * 7)
+    labels = rows["/grid_map/legend/slope"][0]["Points2D:labels"].tolist()
+    assert labels == ["", "slope [rad]: all cells unknown", ""]
+
+
+def test_titles_of_many_layers_fit_in_two_columns():
+    scene = Scene(pytest.importorskip("rerun").RecordingStream("grid_map"))
+    scene.log_map("/grid_map", GridMap((1.0, 1.0), 0.5, layers=dict.fromkeys("abcdefg", 1.0)))
+    _, beside = scene.layout().root_container.contents
+    assert beside.contents[0].grid_columns == 2
 
 
 def test_far_maps_keep_the_precision_of_their_cells():

@@ -94,6 +94,7 @@ def started(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
         [sys.executable, "-c", MAKE],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         text=True,
         env=environment(tmp_path),
     ) as program:
@@ -113,10 +114,10 @@ def test_server_listens_and_connects_on_this_machine_only(server):
     assert all(address.startswith(("127.", "0.0.0.0")) for address in remotes)
 
 
-def test_statistics_are_off_without_touching_the_home(started, tmp_path):
+def test_first_session_is_silent_and_leaves_the_home_empty(started, tmp_path):
     program, pid, _ = started
     assert all(remote.startswith(("127.", "0.")) for _, remote, _ in sockets_of(program.pid, pid))
-    program.communicate()
+    assert program.communicate()[0] == ""
     assert list(tmp_path.rglob("*")) == []
 
 

@@ -216,9 +216,18 @@ def read_pixels(
         images: arrays to fill, one per band: (lines, pixels) float32, with any strides.
 
     Raises:
-        ValueError: a band contains complex numbers.
+        ValueError: a band contains complex numbers, or its scale or offset is not finite.
     """
     rectangle = import_module("rasterio.windows").Window.from_slices(*window)
+    # Each access of a property visits all bands.
+    terms = [*zip(raster.scales, raster.offsets, strict=True)]
+    for band in bands:
+        scale, offset = terms[band - 1]
+        if not (math.isfinite(scale) and math.isfinite(offset)):
+            raise ValueError(
+                f"band {band}: expected a finite scale and offset, got {scale:g} and {offset:g}. "
+                "'gdal_edit.py -scale 1 -offset 0' resets those of all bands"
+            )
     kinds = {flag.name for flags in raster.mask_flag_enums for flag in flags}
     is_plain = kinds == {"nodata"} and all(map(math.isnan, raster.nodatavals))
     # Read all bands at once; otherwise GDAL unpacks interleaved blocks once for each band.
@@ -229,10 +238,9 @@ def read_pixels(
         image[...] = np.ma.filled(values.astype(np.float32), np.nan)
         if kinds == {"all_valid"}:
             _warn_of_fill(raster, image[np.isfinite(image)])
-        scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
-        if (scale, offset) != (1.0, 0.0):
-            image *= scale
-            image += offset
+        if (term := terms[band - 1]) != (1.0, 0.0):
+            image *= term[0]
+            image += term[1]
 
 
 def _warn_of_fill(raster: Any, values: Layer) -> None:

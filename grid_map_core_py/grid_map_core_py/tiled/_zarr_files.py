@@ -256,6 +256,8 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
         empty_chunks: also write chunks in which all cells are NaN.
     """
     zarr = required("zarr", f"{store}: a Zarr store", REMEDY)
+    if Path(store, name).is_symlink():
+        raise GridMapError("expected a folder, got a link. Copy the layer into the store first")
     options = {"write_empty_chunks": empty_chunks}
     if _is_zarr_2(zarr):
         return zarr.open_array(store, path=name, mode="r+", **options)

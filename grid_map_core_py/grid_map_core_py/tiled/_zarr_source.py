@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._arrays._checks import Layer, Size, select_layers
 from ..errors import GeometryError, GridMapError, OutOfMapError, required
+from ..limits import check_cells
 from ..map._grid_map import GridMap
 from ..map._merge import check_frames, lines_under
 from ._datasets import DIMENSIONS, geometry_of, layers_of, mirrored, open_dataset
@@ -96,6 +97,13 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
         dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
         layers = layers_of(dataset)
+        for layer in layers:
+            chunk = dataset[layer].encoding.get("chunks") or (1, 1)
+            if not min(chunk):
+                expected = "chunks: expected at least one cell, got"
+                raise GridMapError(f"{layer}: {expected} {[*chunk]}. Write the store anew")
+            # Even for a window of one cell, a chunk is unpacked as a whole.
+            check_cells(f"{layer}: chunk", chunk)
         stored = dataset[layers[0]].encoding.get("chunks") if layers else None
         if stored and dataset[layers[0]].dims != DIMENSIONS:
             stored = stored[::-1]

@@ -109,6 +109,7 @@ class BagWriter:
 
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:
+            self._check_parent()
             self._folder = stack.enter_context(self._new_folder())
             self._file = f"{self._path.resolve().name}_0{STORAGES[self._storage]}"
             file = self._folder / self._file
@@ -143,6 +144,7 @@ class BagWriter:
         """Raise `BagError` if a map could not be written to `topic`, without writing anything."""
         self._check_topic(topic)
         with bag_errors(self._path, "written"):
+            self._check_parent()
             parent = self._path.resolve().parent
             if not os.access(parent, os.W_OK | os.X_OK):
                 reason = "may not be written to" if parent.is_dir() else "is no folder"
@@ -199,6 +201,14 @@ class BagWriter:
     def _check_topic(self, topic: str) -> None:
         if not _TOPIC_NAME.fullmatch(topic):
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
+
+    def _check_parent(self) -> None:
+        """Raise `BagError` inside another bag, which then could not be replaced any more."""
+        parent = self._path.resolve().parent
+        if Path(parent, bag_storage.FILE_NAME).is_file() and any(
+            file.suffix in _BAG_ENDINGS for file in parent.iterdir()
+        ):
+            raise BagError(self._path, f"is inside the bag {parent.name}. Choose another folder")
 
     def _check_old(self, target: Path) -> None:
         """Raise `BagError` unless `target` is a bag or an empty folder."""

@@ -94,8 +94,8 @@ class LatchedSubscription:
     """Subscription that receives the last message of a latched topic and all later messages.
 
     A transient-local subscription receives the last earlier message, but does not connect to
-    volatile publishers. The subscription starts as transient local and becomes volatile when a
-    volatile publisher appears.
+    volatile publishers. The subscription starts as transient local, unless all known publishers are
+    volatile, and becomes volatile when a volatile publisher appears.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged; a `NodeFailedError` ends the node.
@@ -134,6 +134,12 @@ class LatchedSubscription:
         if not qos:
             self._qos.depth = depth
         self._can_give_up = [*WEAKER][: 0 if qos else 1 + hears_best_effort]
+        offers = [one.qos_profile for one in node.get_publishers_info_by_topic(self.topic_name)]
+        for kind in self._can_give_up:
+            policy, weaker = kind.name.lower(), WEAKER[kind]
+            # Publishers warn of stricter subscriptions.
+            if offers and all(getattr(offer, policy) == weaker for offer in offers):
+                setattr(self._qos, policy, weaker)
         self._log = LogThrottle(node.get_logger())
         self._subscribe = partial(
             node.create_subscription,

@@ -5,7 +5,6 @@ from functools import partial
 from importlib import import_module
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 
 from grid_map_core_py.errors import required
 from grid_map_ros_py.errors import NodeFailedError
@@ -120,7 +119,8 @@ class RerunViewerNode(ConfiguredNode):
         if self._server.problem:
             raise NodeFailedError(self._server.problem)
         for topic, types in self.get_topic_names_and_types():
-            if topic not in self._followed:
+            # The publishers determine the quality of service of the subscription.
+            if topic not in self._followed and self.count_publishers(topic):
                 self._follow(topic, types)
         if self._live.shown and not self._has_shown:
             self._has_shown = True
@@ -149,8 +149,6 @@ class RerunViewerNode(ConfiguredNode):
             partial(self._live.put, topic, kind),
             raw=True,
             hears_best_effort=True,
-            # Diagnostics are never latched; a latched subscription would make publishers warn.
-            qos=QoSProfile(depth=QUEUES[kind]) if "DiagnosticArray" in kind else None,
             depth=QUEUES.get(kind, 1),
         )
         self.get_logger().info(f"shows {topic} ({kind})")

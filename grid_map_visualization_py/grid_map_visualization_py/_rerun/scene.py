@@ -37,7 +37,7 @@ from grid_map_ros_py import MessageError, from_serialized_message
 from grid_map_ros_py.messages import view
 
 from .._layers import titled
-from ..colors import DEFAULT_COLOR_MAP, Coloring
+from ..colors import DEFAULT_COLOR_MAP, Coloring, is_empty
 from ..surface import Mesh, Surface, check_max_drawn_cells
 from ._messages import POSES, SHOWN
 
@@ -223,9 +223,9 @@ class Scene:
             for name, layers in self._maps.items()
             for layer in layers
         ]
-        # The titles of narrower images would be cut off.
         is_crowded = len(images) > 6
-        columns = 3 if is_crowded else None
+        # The titles of narrower images would be cut off.
+        columns = 2 if is_crowded else None
         beside = [rrb.Grid(*images, grid_columns=columns, name="layers")] if images else []
         curves = []
         if self._is_repeated:
@@ -377,7 +377,9 @@ class Scene:
         steps = np.linspace(lower, upper if upper > lower else lower + 1.0, 256, dtype=np.float32)
         bar = np.tile(coloring(steps), (10, 1, 1))
         self._log([*parts, "legend", layer, "bar"], rr.Image(bar, "RGB"))
-        labels = [f"{bounds[0]:.4g}", titled(layer), f"{bounds[1]:.4g}"]
+        without = is_empty(coloring, values)
+        ends = ["" if without else f"{bound:.4g}" for bound in bounds]
+        labels = [ends[0], titled(layer, is_empty=without), ends[1]]
         places = [(0.0, 10.0), (128.0, 10.0), (256.0, 10.0)]
         look = {"radii": 0.5, "colors": (128, 128, 128), "show_labels": True}
         self._log([*parts, "legend", layer], rr.Points2D(places, labels=labels, **look))
@@ -497,7 +499,7 @@ def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:
     sums = [
         np.bincount(every, np.repeat(faces[:, axis], 3), len(mesh.vertices)) for axis in range(3)
     ]
-    # The normal of a vertex without faces points upwards.
-    normals = np.stack(sums, axis=-1) + [0.0, 0.0, np.finfo(np.float64).tiny]
+    # The normal of a vertex without faces points upwards; the square of 1e-150 is not zero.
+    normals = np.stack(sums, axis=-1) + [0.0, 0.0, 1e-150]
     unit: npt.NDArray[np.float64] = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     return unit.astype(np.float32)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from grid_map_core_py._arrays import Positions
 
-TICKS, HEIGHT_TICKS = 5, 3
+TICKS, HEIGHT_TICKS = 8, 3
 """Maximum number of tick steps along the longer side of a map, and along the heights."""
 
 
@@ -52,10 +52,12 @@ class Axes:
         for axis, (name, start, anchor) in enumerate(zip("xyz", starts, anchors, strict=True)):
             step, first, last = self.steps[axis], self.low[axis], self.high[axis]
             along = np.eye(3)[axis] * step
-            numbers = range(first, last + 1)
+            # The z axis labels the far end of the y axis.
+            numbers = range(first, last + (name != "y"))
             places = [(f"{number * step:.10g}", float(number - first)) for number in numbers]
-            # The far end of the y axis is already occupied by the z axis.
-            places.append((f"{name} [m]", -0.5 if name == "y" else last - first + 0.5))
+            # Panels would cover names beyond the ends of the x and y axes.
+            end = last - first if name == "z" else (last - first) // 2
+            places.append((f"{name} [m]", end + 0.5))
             labels += [(text, tuple((start + at * along).tolist()), anchor) for text, at in places]
         return labels
 
@@ -70,7 +72,7 @@ def axes_around(low: Positions, high: Positions, exaggeration: float) -> Axes:
     length, width, height = (high - low).tolist()
     wide = round_step(max(length, width) / TICKS)
     # Height labels must not overlap.
-    tall = round_step(max(height / HEIGHT_TICKS, 0.4 * wide / exaggeration))
+    tall = round_step(max(height / HEIGHT_TICKS, 0.6 * wide / exaggeration))
     steps = wide, wide, tall
     first, last = np.floor(low / steps), np.ceil(high / steps)
     # Level ground also needs a z axis.

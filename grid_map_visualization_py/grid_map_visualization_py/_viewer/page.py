@@ -164,7 +164,8 @@ class Page:
             self._loading = self._add(scene, settings)
         layer = settings.coloring.layer or settings.height_layer
         bounds = scene.bounds
-        self._legend.content = legend(settings.coloring, bounds, titled(layer)) if bounds else ""
+        title = titled(layer, is_empty=bounds is not None and np.isnan(bounds[0]))
+        self._legend.content = legend(settings.coloring, bounds, title) if bounds else ""
         self._scene = scene
         self._look(scene.view)
 

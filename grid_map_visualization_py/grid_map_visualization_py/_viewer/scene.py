@@ -10,7 +10,7 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Positions, Size
 
-from ..colors import Coloring
+from ..colors import Coloring, is_empty
 from ..surface import Mesh, Surface
 from .glb import to_glb
 
@@ -96,7 +96,8 @@ class SurfaceScene:
         glb: content of a GLB file with the surface; None if the surface has no faces.
         grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
         vectors: (N, 2, 3) ends of the vectors; empty unless requested.
-        bounds: values at the ends of the color map for the whole map; None without a color map.
+        bounds: values at the ends of the color map for the whole map, NaN if no value is finite;
+            None without a color map.
         box: lowest and highest corner (3,) of the map [m], map frame.
         size: number of shown rows and columns.
         spacing: mean distance between neighboring shown cells [m].
@@ -140,7 +141,8 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
         vectors = _vectors(surface, mesh, settings)
     bounds = None
     if coloring.mode == "intensity":
-        bounds = surface.bounds(coloring)
+        values = grid_map[coloring.layer or settings.height_layer]
+        bounds = (math.nan, math.nan) if is_empty(coloring, values) else surface.bounds(coloring)
     glb = None
     if len(mesh.faces):
         glb = to_glb(mesh, shaded=settings.shaded, opacity=settings.opacity)

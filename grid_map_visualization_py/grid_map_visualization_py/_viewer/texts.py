@@ -77,11 +77,14 @@ def _time(seconds: float) -> str:
 
 
 def legend(coloring: Coloring, bounds: tuple[float, float], title: str) -> str:
-    """Return a color bar (HTML) in the colors of the lit surface, with a title and the bounds."""
+    """Return a color bar (HTML) in the colors of the lit surface, with a title and the bounds.
+
+    Bounds that are NaN are left out.
+    """
     # The browser interpolates between 16 colors.
     colors = replace(coloring, lower=0.0, upper=1.0)(np.linspace(0, 1, 16, dtype=np.float32))
     stops = ",".join("rgb({},{},{})".format(*color) for color in on_screen(colors).tolist())
-    lower, upper = (f"{bound:.4g}" for bound in bounds)
+    lower, upper = ("" if math.isnan(bound) else f"{bound:.4g}" for bound in bounds)
     return (
         f"<div style='{TEXT}'><b>{escape(title)}</b>"
         f"<div style='height:1em;background:linear-gradient(to right,{stops})'></div>"

@@ -23,7 +23,8 @@ from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer, slices
 from grid_map_core_py.conversions._packed_colors import color_value_to_bytes
 
-from ..colors import Coloring
+from .._layers import titled
+from ..colors import Coloring, is_empty
 
 LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
 """Direction to the light."""
@@ -76,7 +77,7 @@ def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) ->
 
 def paint(
     axes: Any, grid_map: GridMap, coloring: Coloring, side: int, heights: str, exaggeration: float
-) -> tuple[Any, bool]:
+) -> bool:
     """Draw a map on axes, and set the axis limits to the map.
 
     Args:
@@ -88,7 +89,7 @@ def paint(
         exaggeration: factor by which the heights are scaled.
 
     Returns:
-        Color map and bounds for a color bar, and True if some cells have no value.
+        True if some cells have no value.
     """
     is_color = coloring.mode == "color"
     layer = grid_map.unwrapped(coloring.layer)
@@ -131,7 +132,15 @@ def paint(
     if has_holes:
         axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, zorder=-1, **NO_VALUE))
     axes.set(xlim=(x0, x1), ylim=(y0, y1))
-    return bar, has_holes
+    return has_holes
+
+
+def add_color_bar(axes: Any, coloring: Coloring, values: Layer, label: str, **look: Any) -> Any:
+    """Add a color bar with the title of the layer; without a finite value, it has no ticks."""
+    without = is_empty(coloring, values)
+    look["label"] = titled(coloring.layer, label, is_empty=without)
+    look |= {"ticks": []} if without else {}
+    return axes.figure.colorbar(mappable(coloring, values), **look)
 
 
 def mappable(coloring: Coloring, values: Layer) -> Any:

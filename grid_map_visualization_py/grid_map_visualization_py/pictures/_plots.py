@@ -2,6 +2,7 @@
 """Functions that draw maps on Matplotlib axes."""
 
 import math
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
@@ -9,17 +10,17 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._layers import lit_heights, titled, usual_layer
+from .._layers import lit_heights, usual_layer
 from ..colors import DEFAULT_COLOR_MAP, MISSING, Coloring
 from ..surface import Surface, check_max_drawn_cells
 from ._from_above import (
     NO_VALUE,
+    add_color_bar,
     add_legend,
     add_scale_bar,
     block_side,
     extent_of,
     lit,
-    mappable,
     paint,
 )
 
@@ -77,7 +78,8 @@ def plot(
         exaggeration: factor by which the heights are scaled for hillshading.
         max_drawn_cells: maximum number of blocks; None means one per pixel, 0 means no limit.
         scale_bar: draw a scale bar, and a north arrow if the map has a reference system.
-        label: label of the color bar; empty means the layer name, with [m] for heights.
+        label: label of the color bar; empty means the layer name, with [m] for heights and [rad]
+            for slopes.
         title: title above the picture.
         color_bar: draw a color bar, and a legend for cells without a value.
 
@@ -100,17 +102,17 @@ def plot(
     drawn_map = _loaded(site, {layer, heights} - {""}, math.prod(site.size) / side**2)
     # A tiled map may have been thinned out, which changes the block size.
     side = block_side(axes, drawn_map.size, max_drawn_cells)
-    bar, has_holes = paint(axes, drawn_map, coloring, side, heights, exaggeration)
+    has_holes = paint(axes, drawn_map, coloring, side, heights, exaggeration)
+    _use_plain_ticks(axes)
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
     if scale_bar:
         add_scale_bar(axes, has_north=bool(getattr(site, "crs", "")))
     if color_bar:
-        drawn_bar = None
+        bar = None
         if color_mode == "intensity":
-            text = label or titled(layer)
-            drawn_bar = axes.figure.colorbar(bar, ax=axes, label=text, shrink=0.85)
+            bar = add_color_bar(axes, coloring, drawn_map[layer], label, ax=axes, shrink=0.85)
         if has_holes:
-            add_legend(axes, drawn_bar, NO_VALUE)
+            add_legend(axes, bar, NO_VALUE)
     return axes
 
 
@@ -166,19 +168,21 @@ def plot_3d(
         colors = mesh.colors[mesh.faces].mean(axis=1) / 255
         drawn.set_facecolor(lit(colors, np.cross(second - first, third - first)))
     x0, x1, y0, y1 = extent_of(drawn_map)
+    _use_plain_ticks(axes)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
     axes.set(xlim=(x0, x1), ylim=(y0, y1))
     height = exaggeration * float(np.ptp(z)) if z.size else 0.0
     sides = np.array([x1 - x0, y1 - y0, height])
     axes.set_box_aspect(np.maximum(sides, 0.05 * sides.max()), zoom=0.95)
     axes.view_init(elev=45.0, azim=-60.0)
+    # Labels of large coordinates need space.
+    axes.xaxis.labelpad = axes.yaxis.labelpad = 12.0
     # The z axis is short, so only a few ticks fit.
     axes.locator_params(axis="z", nbins=3)
     bar = None
     if color_bar and color_mode == "intensity":
-        colors_of = mappable(coloring, drawn_map[layer])
-        look = {"label": label or titled(layer), "shrink": 0.6, "pad": 0.1}
-        bar = axes.figure.colorbar(colors_of, ax=axes, **look)
+        look = {"ax": axes, "shrink": 0.6, "pad": 0.1}
+        bar = add_color_bar(axes, coloring, drawn_map[layer], label, **look)
     if color_bar and (~np.isfinite(surface.values(layer)) & surface.valid).any():
         add_legend(axes, bar, _GRAY)
     return axes
@@ -247,8 +251,8 @@ def plot_relief(
     bar = None
     if color_bar and color_mode == "intensity":
         place = axes.inset_axes((0.02, 0.12, 0.24, 0.025))
-        look = {"orientation": "horizontal", "label": label or titled(layer)}
-        bar = axes.figure.colorbar(mappable(coloring, values), cax=place, **look)
+        look = {"cax": place, "orientation": "horizontal"}
+        bar = add_color_bar(axes, coloring, values, label, **look)
     if color_bar and not np.isfinite(values).all():
         add_legend(axes, bar, _GRAY)
     return axes
@@ -259,6 +263,12 @@ def _check_options(color_mode: str, exaggeration: float) -> None:
     check(color_mode in modes, "color_mode", f"one of {', '.join(modes)}", color_mode)
     is_factor = math.isfinite(exaggeration) and exaggeration > 0
     check(is_factor, "exaggeration", "a positive number", exaggeration)
+
+
+def _use_plain_ticks(axes: Any) -> None:
+    """Write whole coordinates, such as 5399500, at the ticks."""
+    with suppress(AttributeError):  # the caller chose other formatters
+        axes.ticklabel_format(style="plain", useOffset=False)
 
 
 def _pyplot() -> Any:
