@@ -314,7 +314,7 @@ def test_parameters_are_described():
         "filter3": 7,
     }
     found = describe_parameters(config)
-    assert found["filter1.params.min.value"].startswith("first value of the ramp")
+    assert found["filter1.params.min.value"].startswith("value that gets `min_color`")
     assert found["filter1.params.min.color"].startswith("red, green and blue at the ends")
     assert found["filter1.params.max/value"] == "last value of the ramp, above `min_value`"
     assert found["filter1.name"] == "name of filter1"
