@@ -19,7 +19,7 @@ from .messages import load_octomap
 def _describe_bag(
     path: str | PathLike[str], *, topic: str | None = None, index: int = -1, recover: bool = False
 ) -> dict[str, Any]:
-    """Return the topics of a bag; a topic with maps includes the properties of one map."""
+    """Describe the topics of a bag, and the map at `index` of each topic with maps."""
     chosen = [one for one in bag_topics(path, recover=recover) if topic in (None, one.name)]
     if topic is not None and not chosen:
         BagReader(path, topic, recover=recover)  # raises: the topic does not exist

@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 @contextmanager
 def place_below(directory: str, path: str) -> Iterator[Path]:
-    """Resolve a requested bag path below a directory; errors name the requested path.
+    """Yield the resolved bag path; errors in the context become a `RequestError` with `path`.
 
     Args:
         directory: root directory; an empty string rejects all requests.
@@ -58,7 +58,7 @@ def part(
     length: Sequence[float],
     layers: Sequence[str] | None = None,
 ) -> GridMap:
-    """Return the submap whose cells overlap a rectangle.
+    """Return the submap of the cells that overlap a rectangle.
 
     Args:
         grid_map: the map.
@@ -79,7 +79,7 @@ def part(
 
 
 def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | None:
-    """Return a function that opens the map that the parameter `source` names; None if empty."""
+    """Return a function that opens the map in the parameter `source`, or None if it is empty."""
     kind: Any = str | list[str]
     about = f"map of any size: a Zarr store, or one or more GeoTIFF files; {note}"
     source = read_parameter(node, "source", kind, "", description=about)
@@ -101,10 +101,10 @@ def open_source(
     """Open a tiled map; only the metadata is read.
 
     Args:
-        source: path of a Zarr store or of a raster, or paths of rasters.
+        source: path of a Zarr store, or one or more paths of raster files.
         frame_id: frame of the map; empty means the stored frame.
-        origin: latitude and longitude [deg] of the frame origin; empty keeps the coordinates of the
-            source's reference system.
+        origin: latitude and longitude [deg] of the frame origin. If empty, the map keeps the
+            coordinates of the source.
     """
     tiled_map = open_map(source)
     if origin:
@@ -171,7 +171,7 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item and stop; return True if the thread ends in `timeout` [s]."""
+        """Process the waiting item and stop; return True if it ends within `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Publish the messages of a bag at the pace of the recording."""
+"""Play back the messages of a bag, by default at the recorded speed."""
 
 import argparse
 import time
@@ -59,7 +59,7 @@ def _play(
     publishers: dict[str, Any],
     rate: float,
 ) -> int:
-    """Publish messages until the bag ends or a signal arrives; return their number."""
+    """Publish messages until the bag ends or a signal arrives; return how many were published."""
     begin = time.monotonic()
     for count, (entry, file, topic) in enumerate(entries):
         data = bag.read(file, entry)
@@ -72,7 +72,7 @@ def _play(
 
 
 def _publishers(session: Session, bag: BagFiles, options: argparse.Namespace) -> dict[str, Any]:
-    """Create a publisher for each requested topic whose message type is installed."""
+    """Create a publisher for each requested topic; warn about topics that cannot be published."""
     publishers = {}
     for topic in options.topics or sorted(bag.topics):
         if topic not in bag.topics:

@@ -23,13 +23,13 @@ _LOOK_PERIOD = 0.2
 """Time between two checks for new publishers [s]."""
 
 _REST = 0.2
-"""Time to process messages that arrived before the end [s]."""
+"""Time after a recording ends to process messages that have already arrived [s]."""
 
 _DEPTH = 100
 """Queue depth of a subscription, for messages that arrive while the disk is busy."""
 
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*/)?([A-Z]\w*)(\[[^]]*\])?\s+[a-z]", re.MULTILINE)
-"""Matches a field with a message type; primitive type names begin with a lowercase letter."""
+"""Matches a field whose type is a message, not a primitive type such as `int32`."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Record until a signal, a limit or a full disk ends the recording; the bag is complete."""
+    """Record until a signal, a limit or a full disk stops it; the bag is valid in each case."""
     if options.all == bool(options.topics):
         raise UsageError("name the topics to record, or use --all")
     check_positive(options, "duration", "count")
@@ -68,9 +68,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 class _Recorder:
-    """Subscribes to topics when they appear, and writes the serialized messages unchanged.
+    """Subscribes to topics as they appear, and writes the serialized messages unchanged.
 
-    Without `topics`, all topics are recorded.
+    If `topics` is empty, all topics except hidden ones are recorded.
 
     Attributes:
         counts: number of recorded messages by topic, 0 for requested topics without messages.
@@ -93,7 +93,7 @@ class _Recorder:
         return sum(self.counts.values())
 
     def record(self, seconds: float, most: float) -> None:
-        """Record for `seconds` [s] or `most` messages, or until a signal or a full disk ends it."""
+        """Record for `seconds` [s] or `most` messages; a signal or a full disk ends it earlier."""
         self._most = most
         end = time.monotonic() + seconds
         while not self._session.ended and (left := end - time.monotonic()) > 0:
@@ -105,7 +105,7 @@ class _Recorder:
         self._session.spin(_REST, until_ended=False)
 
     def _follow(self, topic: str, types: list[str]) -> None:
-        """Subscribe with the QoS that all publishers offer; resubscribe if one offers less."""
+        """Subscribe with the strictest QoS that all publishers offer; resubscribe if it weakens."""
         publishers = self._session.publishers(topic)
         if not publishers:
             return
@@ -153,7 +153,7 @@ class _Recorder:
 def _definition_of(type_name: str) -> str:
     """Return the definitions of a message type and of all nested types, as rosbag2 stores them.
 
-    The text is empty if a definition file is not installed.
+    The text is empty if any definition file is not installed.
     """
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Camera model: converts depth images to points, and finds the map cells visible in an image.
 
-Camera frames are optical frames (REP-103): x right, y down, z forward. A pixel (u, v) is a column
-and a row; pixel centers have integer coordinates.
+Camera frames are optical frames (REP-103): x right, y down, z forward. Pixel
+coordinates (u, v) are a column and a row; pixel centers have integer coordinates.
 """
 
 import math
@@ -32,7 +32,7 @@ DISTORTIONS = {"plumb_bob": 8, "rational_polynomial": 8, "equidistant": 4, "fish
 """Number of coefficients of each distortion model, by its name in `CameraInfo`."""
 
 MILLIMETERS = {"16UC1", "mono16"}
-"""Encodings with depths in millimeters (REP-118); other encodings are floats in meters."""
+"""Image encodings of depths in millimeters (REP-118); depths in other encodings are in meters."""
 
 ROUNDS = 30
 """Number of fixed-point iterations when undistorting a pixel."""
@@ -41,10 +41,10 @@ _PIECE = 2**13
 """Number of pixels whose rays are computed at once."""
 
 LARGEST_RESIDUE = 0.1
-"""Largest reprojection error of an undistorted pixel [pixels]; above it, the ray is NaN."""
+"""Largest accepted reprojection error of a ray [pixels]; rays with larger errors become NaN."""
 
 OCCLUSION_TOLERANCE = 0.5
-"""Height by which a cell must exceed a line of sight to occlude it [cell sides]."""
+"""Height by which a cell must rise above a line of sight to block it [cell sizes]."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Camera:
         focal: (fx, fy) focal lengths [pixels].
         center: (cx, cy) principal point [pixels].
         model: name of the distortion model, one of `DISTORTIONS`.
-        coefficients: distortion coefficients.
+        coefficients: distortion coefficients; missing ones are 0.
     """
 
     size: tuple[int, int]
@@ -66,7 +66,7 @@ class Camera:
     coefficients: tuple[float, ...] = ()
 
     def project(self, points: Floats) -> Floats:
-        """Project points (N, 3) [m] in the camera frame to pixels (N, 2); NaN outside the image."""
+        """Project points (N, 3) [m] in the camera frame to pixels (N, 2), NaN if out of view."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             flat = points[:, :2] / points[:, 2:]
             pixels = self._distorted(flat) * self.focal + self.center
@@ -76,14 +76,14 @@ class Camera:
         return np.where(is_seen[:, None], pixels, np.nan)
 
     def rays(self, stride: int = 1) -> npt.NDArray[np.float32]:
-        """Return the rays (rows, cols, 2) of every `stride`-th pixel, as x, y at depth 1.
+        """Return the ray through every `stride`-th pixel, (rows, cols, 2): x and y at depth 1.
 
-        A ray is NaN if its distortion cannot be inverted.
+        A ray is NaN if the distortion of its pixel cannot be inverted.
         """
         height, width = self.size
         u, v = np.arange(0.0, width, stride), np.arange(0.0, height, stride)
         rays = np.empty((len(v), len(u), 2), np.float32)
-        # Process a few rows at a time: temporaries need many times the memory of the rays.
+        # Process a few rows at a time: temporary arrays need many times the memory of the rays.
         for part in slices(len(v), _PIECE // len(u)):
             pixels = np.stack(np.meshgrid(u, v[part]), axis=-1)
             with np.errstate(over="ignore"):
@@ -125,7 +125,10 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest visible distance from the axis at depth 1; beyond, points may fold into view."""
+        """Largest distance from the optical axis, at depth 1, that is visible in the image.
+
+        The distortion model may project points beyond it into the image by mistake.
+        """
         height, width = self.size
         u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
         edges = [(u, np.full(50, y)) for y in (v[0], v[-1])]
@@ -174,12 +177,12 @@ def from_camera_info(message: Any) -> Camera:
 
 @dataclass(frozen=True)
 class Picture:
-    """Image with the model of its camera.
+    """Decoded image, with the model of its camera.
 
     Attributes:
         frame_id: optical frame of the camera.
         stamp: time of the image [ns].
-        pixels: (rows, cols, channels); colors are RGB.
+        pixels: (rows, cols, channels); color channels are in RGB order.
         camera: the camera.
     """
 
@@ -197,9 +200,9 @@ class CameraImages:
     """Decodes the images of one camera, and converts depth images to points.
 
     Attributes:
-        stride: step between the used rows and columns of depth images.
+        stride: only every n-th row and column of a depth image is used.
         camera: the camera; None until a `CameraInfo` arrives.
-        topic: returns a description of the topic of `CameraInfo`.
+        topic: returns a description of the `CameraInfo` topic, for error texts.
     """
 
     stride: int = 1
@@ -228,7 +231,7 @@ class CameraImages:
         return Picture(message.header.frame_id, stamp, pixels, self.camera)
 
     def read_depths(self, message: Any) -> Cloud:
-        """Convert a depth image, or its bytes, to the points of pixels with a finite depth."""
+        """Return a point for each positive, finite depth in an `Image`, or in its bytes."""
         if isinstance(message, bytes):
             message = view(message, Image)
         picture = self.read_picture(message)
@@ -256,17 +259,17 @@ def seen_cells(
     """Return the map cells that a camera sees, and the pixels that show the cell centers.
 
     A cell is hidden if another cell rises above the line from its center to the camera. The line is
-    sampled in steps of one cell, until it is above the highest cell.
+    sampled in steps of one cell size, until it is above the highest cell.
 
     Args:
-        grid_map: the map; it may have moved.
+        grid_map: the map, with any start index.
         layer: layer of heights [m]; cells without a height are not visible and hide no other cells.
         camera: the camera.
         transform: (4, 4) transform from the camera frame to the map frame.
 
     Returns:
-        cells: rows and columns of the map.
-        pixels: rows and columns of the image.
+        cells: row indices and column indices of the visible cells in the map.
+        pixels: row indices and column indices of the corresponding pixels in the image.
     """
     heights = grid_map[layer]
     rows, columns = np.nonzero(np.isfinite(heights))
@@ -280,7 +283,7 @@ def seen_cells(
 
 
 def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt.NDArray[np.bool_]:
-    """Return a mask (N,) of points (N, 3) that map cells hide from the camera at `eye` (3,)."""
+    """Return a mask (N,): True for points (N, 3) that map cells hide from `eye` (3,)."""
     hidden = np.zeros(len(points), bool)
     if not len(points):
         return hidden
@@ -299,6 +302,6 @@ def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt
         cells, inside = grid_map.get_indices(on_way[:, :2])
         blocks = inside & (heights[cells] > on_way[:, 2] + OCCLUSION_TOLERANCE * side)
         hidden[left[blocks]] = True
-        # The map is convex: a line that has left the map does not reenter.
+        # The map is convex: a line that has left the map does not reenter it.
         left = left[inside & ~blocks]
     return hidden

@@ -36,7 +36,7 @@ FORGETTING = 0.05
 """Weight of the latest value in the moving mean of durations."""
 
 MEAN = 0.5
-"""Weight of a new pixel in the fusion `exponential`, as in elevation_mapping_cupy."""
+"""Weight of a new pixel in `exponential` fusion, the same as in elevation_mapping_cupy."""
 
 
 @dataclass
@@ -48,12 +48,12 @@ class ElevationFusion:
         follow: whether the map moves with the robot.
         covariance_scale: factor applied to all pose covariances.
         clears_before_scan: clear the map before each scan.
-        image_fusions: fusion methods for image channels, by name or regular expression.
+        image_fusions: fusion method of each image channel, by name or regular expression.
         report: last report of the mapper; None before the first scan.
-        milliseconds: last duration and moving mean [ms] of each stage.
+        milliseconds: last duration [ms] of each stage, and moving mean of its durations [ms].
         version: number of changes to the map.
         changed: time of the last change [s], on the steady clock; None before the first change.
-        warnings: texts for the log; the caller logs and clears them.
+        warnings: warnings that the caller must log and then remove from this list.
     """
 
     mapper: ElevationMapper
@@ -85,7 +85,7 @@ class ElevationFusion:
 
     @property
     def fused_map(self) -> GridMap:
-        """The map; its heights account for horizontal variances if these are enabled."""
+        """The map; with `horizontal_variances`, its heights include the horizontal uncertainty."""
         if self.mapper.parameters.horizontal_variances:
             return self.mapper.fused_map()
         return self.mapper.grid_map
@@ -205,7 +205,7 @@ class ElevationFusion:
         self._note({})
 
     def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
-        """Return the mapper parameters, restricted to the range and height limits of a source."""
+        """Return the mapper parameters, with limits tightened to those of a source."""
         given, own, processor = self.mapper.parameters, source.settings, source.processor
         # Source limits are relative to the robot, but mapper limits are relative to the sensor.
         above, below = processor.above, processor.below
@@ -221,7 +221,7 @@ class ElevationFusion:
         )
 
     def _fusion_of(self, name: str) -> str:
-        """Return the fusion method of a channel, from its name or the first matching pattern."""
+        """Return the fusion method of a channel, found by name or by the first matching pattern."""
         found = "color" if name == COLOR_LAYER else self.image_fusions.get(name)
         matching = (f for p, f in self.image_fusions.items() if re.fullmatch(p, name))
         return found or next(matching, "latest")

@@ -35,7 +35,7 @@ class Chain(Protocol):
     def without_copies(
         self, grid_map: GridMap, *, warnings: list[str] | None = None
     ) -> tuple[GridMap, Size]:
-        """Filter a map; return the result in map order, and its start index.
+        """Return the filtered map in map order, and the start index to use in its message.
 
         Warnings of the filters are appended to `warnings`.
         """
@@ -55,9 +55,9 @@ class MapOutputs:
     """Publishers of the raw and the filtered map of a fusion.
 
     Args:
-        chain: filter chain of the filtered map; None publishes the map unfiltered.
-        raw_rate, filtered_rate: rates at which changed maps are published [Hz]; `filtered_rate` 0
-            publishes the filtered map only on request, infinity publishes it with the raw map.
+        chain: filter chain of the filtered map; if None, the map is published unfiltered.
+        raw_rate, filtered_rate: rates at which changed maps are published [Hz]. If `filtered_rate`
+            is 0, the filtered map is published only on request; if infinite, after scans.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class MapOutputs:
             steady_timer(node, 1 / filtered_rate, self._publish_filtered)
 
     def on_scan(self, publish: bool) -> None:
-        """Log the warnings of the fusion, and publish the map if `publish` is true."""
+        """Log the warnings of the fusion; if `publish` is true, publish maps that have changed."""
         for text in self._fusion.warnings:
             self._log.warning(text)
         self._fusion.warnings.clear()
@@ -107,7 +107,7 @@ class MapOutputs:
         self._filtered.publish()
 
     def filtered(self) -> tuple[GridMap, Size]:
-        """Return the filtered map in map order, and its start index."""
+        """Return the filtered map, and the start index to use in its message."""
         grid_map, texts = self._fusion.fused_map, list[str]()
         if self._chain is None:
             return grid_map, grid_map.start_index

@@ -48,14 +48,14 @@ class Settings:
     Attributes:
         map_frame_id: map frame, usually the odometry frame; it must not jump.
         robot_base_frame_id: frame of the robot.
-        track_point_frame_id: frame of the track point (tf only); empty means the robot frame.
-        track_point_x, track_point_y, track_point_z: coordinate of the point that the map follows
-            [m].
+        track_point_frame_id: frame of the point that the map follows (tf only); empty means the
+            robot frame.
+        track_point_x, track_point_y, track_point_z: coordinate of this point [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
-        robot_pose_with_covariance_topic: topic of the robot poses. With tf, only their covariances
-            are used; without a topic, poses are assumed exact.
+        robot_pose_with_covariance_topic: topic of the robot poses, by default `/pose`. With tf,
+            only their covariances are used; if empty, poses are assumed exact.
         pose_type: message type of `robot_pose_with_covariance_topic`.
-        robot_pose_cache_size: number of poses to keep.
+        robot_pose_cache_size: number of latest poses to keep.
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: initial center of the map [m].
@@ -71,9 +71,9 @@ class Settings:
             NaN stay unchanged.
         directory: directory for maps that services load and save; empty disables these services.
         storage: file format of saved bags.
-        min_update_rate: rate at which changes of the raw map are published [Hz].
+        min_update_rate: rate at which the raw map is published if it has changed [Hz].
         fused_map_publishing_rate: publication rate of the filtered map [Hz]; 0 means only on
-            `trigger_fusion`, `.inf` means with the raw map.
+            `trigger_fusion`, `.inf` means after every scan that publishes the raw map.
     """
 
     map_frame_id: str = "map"
@@ -170,7 +170,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine may take some seconds to compile."""
+    """Create the fusion; on its first use on a machine, compilation may take some seconds."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
@@ -199,7 +199,7 @@ def read_fusion(
 
 
 def read_chain(node: ConfiguredNode) -> Chain | None:
-    """Create the filter chain of the filtered map from parameters; None if there are none."""
+    """Create the filter chain of the filtered map; return None if no filter is configured."""
     about = "parameter that holds the filter chain of `~/elevation_map`"
     name = node.read("postprocessor_pipeline_name", "postprocessor_pipeline", about)
     about = "filters `filter1`, `filter2`, ... with `name`, `type` and `params`"
@@ -210,7 +210,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
 
 
 def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
-    """Return the parameters that are set but have no effect (C++ only), with the reasons."""
+    """Return each parameter that is set but has no effect, followed by the reason."""
     given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
     for name in given:
         value = node._parameter_overrides[name].value

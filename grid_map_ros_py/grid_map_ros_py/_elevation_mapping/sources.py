@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parameters of input sources and of their sensor models.
 
-Parameter names follow the ROS 1 package `elevation_mapping`, and names for channels follow
+Parameters are named as in the ROS 1 package `elevation_mapping`; those for channels are named as in
 `elevation_mapping_cupy`.
 """
 
@@ -31,7 +31,7 @@ MODELS: Mapping[str, type[SensorModel]] = {
     "perfect": PerfectModel,
     "constant": ConstantModel,
 }
-"""Sensor models by their parameter `type`."""
+"""Classes of sensor models, by the value of the parameter `type`."""
 
 _OLD_MODELS = {
     "Laser": "laser",
@@ -39,7 +39,7 @@ _OLD_MODELS = {
     "Stereo": "stereo",
     "Perfect": "perfect",
 }
-"""Model names in parameter files for C++ versions older than 0.7."""
+"""Current values of `type`, by the values in parameter files for C++ versions before 0.7."""
 
 _UNUSED = {
     "apply_voxelgrid_filter": "all points are fused",
@@ -47,7 +47,7 @@ _UNUSED = {
     **dict.fromkeys(("factor_a", "factor_b", "factor_c"), "C++ reads normal_factor_a, _b and _c"),
     **dict.fromkeys(("p_2", "p_3", "p_4", "p_5"), "the stereo model has no terms of pixels"),
 }
-"""Sensor processor parameters of the C++ package that have no effect, with the reasons."""
+"""Sensor processor parameters of the C++ package that have no effect here, and the reasons."""
 
 UNUSED_PARAMETERS = {
     "increase_height_alpha": "`conflict_points` of one scan replace a height",
@@ -63,16 +63,16 @@ UNUSED_PARAMETERS = {
     "time_tolerance": "scans may be late by up to `max_time_jump`",
     "underlying_map_topic": "call `masked_replace` with the map",
 }
-"""Parameters of the C++ package that have no effect, with the reasons."""
+"""Node parameters of the C++ package that have no effect here, and the reasons."""
 
 
 @dataclass(frozen=True)
 class SensorProcessor:
-    """Noise model of a sensor, and height limits of its points.
+    """Noise model of a sensor, and height limits for its points.
 
     Attributes:
         model: the sensor model.
-        above, below: largest and smallest height of used points [m], relative to the robot.
+        above, below: heights relative to the robot above or below which points are ignored [m].
         unused: parameters without effect, each with the reason.
     """
 
@@ -126,17 +126,18 @@ class SourceSettings:
     Attributes:
         type: kind of sensor data on the topic.
         topic: topic of the clouds or images.
-        camera_info_topic: topic of the `CameraInfo`; empty means `camera_info` next to `topic`.
-        queue_size: maximum number of waiting messages.
+        camera_info_topic: topic of the `CameraInfo`; empty means `camera_info` in the namespace of
+            `topic`.
+        queue_size: maximum number of waiting messages; 0 means 100.
         publish_on_update: publish the raw map after each scan.
         channels: cloud fields or image channels that become layers.
-        min_range: smallest distance of points from the sensor [m].
-        max_range: largest distance of points from the sensor [m].
-        stride: use every n-th row and column of depth images.
+        min_range: ignore points closer to the sensor than this [m].
+        max_range: ignore points farther from the sensor than this [m].
+        stride: use only every n-th row and column of depth images.
         sensor_xyz: position of the sensor on the robot [m]; unused with tf.
         sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
-        reliability: `best_effort` receives from every publisher; `reliable` requests lost messages
-            again.
+        reliability: `best_effort` works with every publisher; `reliable` recovers lost messages,
+            but needs a reliable publisher.
     """
 
     type: Literal["pointcloud", "depth_image", "image"] = "pointcloud"
@@ -166,7 +167,7 @@ class SourceSettings:
 
 @dataclass(frozen=True)
 class InputSource:
-    """A source of scans or images: its name, its parameters, and the noise of its sensor."""
+    """A source of scans or images: its name, its parameters, and the noise model of its sensor."""
 
     name: str
     settings: SourceSettings
@@ -180,14 +181,14 @@ class InputSource:
 
     @property
     def queue_size(self) -> int:
-        """Maximum number of waiting messages; 0, which means no limit in ROS 1, becomes 100."""
+        """Maximum number of waiting messages; 100 if the parameter is 0 (no limit in ROS 1)."""
         return self.settings.queue_size or 100
 
 
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return fusion methods by name pattern from nested parameters; `default` is matched last.
+    """Return a flat mapping from name patterns to fusion methods; `default` becomes the last.
 
-    The parameters are nested because patterns such as `feat_.*` contain dots.
+    Patterns such as `feat_.*` contain dots, which ROS reads as nested parameters.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `elevation_mapping`: fuses range sensors into a map of heights with variances.
+"""Node `elevation_mapping`: fuses range measurements into a map of heights and their variances.
 
-Topics: `~/elevation_map_raw`, and `~/elevation_map`, the result of the filter chain.
+Topics: `~/elevation_map_raw`, and `~/elevation_map` with the result of the filter chain.
 
 Services:
-    ~/get_submap, ~/get_raw_submap: `grid_map_msgs/GetGridMap`, return a map or a part of it.
+    ~/get_submap, ~/get_raw_submap: `grid_map_msgs/GetGridMap`, return the map or a part of it.
     ~/masked_replace: `grid_map_msgs/SetGridMap`, replaces cells.
-    ~/save_map, ~/load_map: `grid_map_msgs/ProcessFile`, save or load a bag of both maps.
+    ~/save_map, ~/load_map: `grid_map_msgs/ProcessFile`, save both maps, or load the raw map.
     ~/clear_map, ~/trigger_fusion, ~/disable_updates, ~/enable_updates: `std_srvs/Empty`.
-    ~/reload_parameters: `std_srvs/Trigger`, applies parameters that were set.
+    ~/reload_parameters: `std_srvs/Trigger`, applies changed parameters.
 
 A failed request is logged and leaves the map unchanged.
 """
@@ -54,7 +54,7 @@ from ..nodes._scans import ScanInputs, ScanQueue, read_cloud
 from ..nodes._topics import listen, offer_service
 
 LOG_PERIOD = 5.0
-"""Minimum time between two similar log texts [s]."""
+"""Minimum time between two similar log messages [s]."""
 
 
 class ElevationMappingNode(ConfiguredNode):

@@ -15,7 +15,7 @@ from ..nodes import (
 from ..nodes._spin import steady_timer
 
 LOG_PERIOD = 10.0
-"""Time between two log lines about saved maps [s]."""
+"""Time between two log messages about saved maps [s]."""
 
 
 class GridMapSaverNode(ConfiguredNode):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_server`: stores a map, publishes it latched and serves it on request.
+"""Node `grid_map_server`: stores a map, publishes it on a latched topic and serves it on request.
 
 Services:
     ~/get_grid_map: `grid_map_msgs/GetGridMap`, returns the map or a part of it.
@@ -11,8 +11,8 @@ Services:
 With the parameter `source`, the node serves a map of any size: each response reads a part of the
 map, the map is not published, and requests cannot replace it.
 
-A failed request is logged and changes nothing. The response is a map without layers and with a
-resolution of 0, or `success: false`.
+A failed request is logged and changes nothing. Its response contains `success: false`, or a map
+with resolution 0 and no layers.
 """
 
 from pathlib import Path

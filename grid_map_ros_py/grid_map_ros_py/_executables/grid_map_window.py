@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_window`: publishes the part of a large map around a robot.
+"""Node `grid_map_window`: publishes the part of a large map that surrounds a robot.
 
-The map is a Zarr store or a GeoTIFF file; only cells of the window are read. With `write_back`,
-maps from another topic are merged into the store while the robot drives.
+The large map is a Zarr store, or one or more GeoTIFF files; only the cells in the window are read.
+With `write_back`, maps from a topic are merged into the Zarr store while the robot drives.
 """
 
 import math
@@ -37,14 +37,14 @@ from ..nodes._spin import steady_timer
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 
 SILENCE = 3.0
-"""Time without a pose after which the node warns [s]."""
+"""Time after startup at which the node warns if it has not received a pose [s]."""
 
 PATIENCE = 20.0
 """Maximum time to write the last map when the node ends [s]."""
 
 
 class GridMapWindowNode(ConfiguredNode):
-    """Publishes the window of a tiled map around the latest robot pose."""
+    """Publishes a window of a tiled map, centered on the latest position of the robot."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_window")
@@ -112,7 +112,7 @@ class GridMapWindowNode(ConfiguredNode):
     # --- windows ----------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        """Publish a window if the robot has moved or maps were merged, at most at `rate`."""
+        """Publish a window if the robot has moved or maps were merged, no faster than `rate`."""
         self._note_merged()
         found, now = self._poses.latest(), time.monotonic()
         if found is None:

@@ -32,8 +32,8 @@ STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 """File name extensions of new bags, by storage format."""
 
 _Storage: TypeAlias = McapFile | SqliteFile
-"""Open storage file. Its methods may raise any exception if the file is damaged; call the methods
-within `bag_errors`."""
+"""Open storage file. Call its methods within `bag_errors`, because they may raise any exception if
+the file is damaged."""
 
 _TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _ROS1_MAGIC = b"#ROSBAG"
@@ -78,11 +78,11 @@ class BagWriter:
     """Context manager that writes maps to a bag, one at a time.
 
     The new bag replaces an existing bag when the context ends; after an exception, the existing bag
-    stays unchanged. Other arguments: see `save_to_bag`.
+    stays unchanged. The other arguments are those of `save_to_bag`.
 
     Args:
-        in_place: write directly to `path`, for long MCAP recordings. The bag can be completed even
-            if the disk is full, and can be read with `recover=True` if the process is killed.
+        in_place: delete an existing bag and write directly to `path`, for long MCAP recordings. The
+            bag can be completed even if the disk is full; `recover=True` reads it after a crash.
     """
 
     def __init__(
@@ -262,7 +262,7 @@ def bag_maps(
     *,
     recover: bool = False,
 ) -> Iterator[GridMap]:
-    """Yield the maps on a topic in time order, reading lazily; arguments: see `load_from_bag`."""
+    """Yield the maps on a topic in time order, one at a time; arguments as in `load_from_bag`."""
     names = _once(layers)
     with BagReader(path, topic, recover=recover) as bag:
         for record in bag:
@@ -293,7 +293,7 @@ class BagTopic:
 
 
 def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagTopic]:
-    """Return the topics of a bag, sorted by name; arguments: see `load_from_bag`."""
+    """Return the topics of a bag, sorted by name; arguments as in `load_from_bag`."""
     with BagFiles(path, recover=recover) as files:
         times: dict[str, list[int]] = {name: [] for name in sorted(files.topics)}
         for entry, _, name in files.entries(times):
@@ -305,7 +305,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """A recorded message (CDR) and its recording time [ns]; errors name the message by `place`."""
+    """A recorded message in CDR, with its recording time [ns]; errors identify it by `place`."""
 
     topic: str
     type: str
@@ -360,7 +360,7 @@ class BagFiles:
             self._open = None
 
     def entries(self, topics: Iterable[str]) -> list[tuple[Entry, int, str]]:
-        """Return (entry, file number, topic) of each message on `topics`, in time order."""
+        """Return (entry, file number, topic) for each message on `topics`, in time order."""
         found, wanted = list[tuple[Entry, int, str]](), {*topics}
         for number, path in enumerate(self.paths):
             with bag_errors(path):
@@ -382,7 +382,7 @@ class BagFiles:
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Return an open file; only one stays open, as bags may exceed the open-file limit."""
+        """Return an open file; closes the previous one, as bags may exceed the open-file limit."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)
@@ -392,7 +392,7 @@ class BagFiles:
 def bag_messages(
     path: str | PathLike[str], types: Iterable[str] | None = None, *, recover: bool = False
 ) -> Iterator[BagMessage]:
-    """Yield the messages of a bag in time order, reading lazily.
+    """Yield the messages of a bag in time order, reading one at a time.
 
     Args:
         path, recover: as for `load_from_bag`.
@@ -415,8 +415,8 @@ def bag_messages(
 class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
-    A message is read from the bag on access and is not decoded. Close the reader after use, or use
-    it as a context manager. Arguments: see `load_from_bag`.
+    A message is read from the bag when accessed; its method `grid_map` decodes it. Close the reader
+    after use, or use it as a context manager. The arguments are those of `load_from_bag`.
     """
 
     def __init__(

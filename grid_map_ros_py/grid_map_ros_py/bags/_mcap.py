@@ -25,7 +25,7 @@ COMPRESSIONS = ("none", "lz4", "zstd")
 _HINT = "recover=True (--recover) reads up to the last whole chunk; 'mcap recover' repairs the file"
 
 _CHUNK_SIZE = 768 * 1024
-"""Size at which a chunk is written [bytes], equal to the rosbag2 default."""
+"""Size at which a chunk is written to the file [bytes], the default of rosbag2."""
 
 _RESERVE = 2**20
 """Space reserved for message types, the header of the last chunk, and metadata [bytes]."""
@@ -53,9 +53,9 @@ def package(module: str, path: Path) -> Any:
 class McapFile:
     """An MCAP file, open for reading.
 
-    The reader finds messages through the file index, or scans the file if there is no index. The
-    `place` of a message is a pair: the file offset of its chunk, and the offset of the message in
-    the chunk. Without a chunk, the pair is -1 and the file offset of the message.
+    The reader finds messages through the file index, or scans the file if the index is missing or
+    incomplete. The `place` of an entry is (file offset of the chunk, offset of the message in the
+    decompressed chunk), or (-1, file offset of the message) for a message outside chunks.
 
     If `recover` is true, the reader ignores the index and reads up to the first damaged record,
     with a warning.
@@ -264,6 +264,6 @@ class McapWriter:
         self._file.close()
 
     def close(self) -> None:
-        """Close the file; the file is valid only if `finish` was called before."""
+        """Close the file, which is valid only if `finish` was called first."""
         with suppress(OSError):
             self._file.close()

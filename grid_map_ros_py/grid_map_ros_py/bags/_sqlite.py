@@ -36,7 +36,7 @@ class SqliteWriter:
 
     def __init__(self, path: Path) -> None:
         self._database = sqlite3.connect(path)
-        # No journal is needed, because the file is moved to its final path only once complete.
+        # No journal is needed, because the file is moved to its final path only when complete.
         self._database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;")
         self._database.executescript(_SCHEMA)
         self._insert("schema", _SCHEMA_VERSION, ros_distro())
@@ -61,7 +61,7 @@ class SqliteWriter:
         self._database.close()
 
     def close(self) -> None:
-        """Close the file; the file is valid only if `finish` was called before."""
+        """Close the file, which is valid only if `finish` was called first."""
         self._database.close()
 
     def _insert(self, table: str, *values: object) -> None:

@@ -28,6 +28,7 @@ class Topic(NamedTuple):
 
     Attributes:
         type: name of the message type, such as `grid_map_msgs/msg/GridMap`.
+        encoding: serialization format, usually `cdr`.
         qos: quality-of-service profiles of the publishers, as a YAML list; may be empty.
         definition: definition of the message type and all nested types; may be empty.
         type_hash: type hash (REP-2011); may be empty.
@@ -41,7 +42,7 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Message time [ns] and format-specific position of the message in the storage file."""
+    """Time of a message [ns], and its place in the storage file: MCAP offsets or a row id."""
 
     time: int
     place: Any
@@ -49,7 +50,7 @@ class Entry(NamedTuple):
 
 @contextmanager
 def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
-    """Convert any exception raised in the context to a `BagError` that names the file."""
+    """Convert exceptions other than `GridMapError` to a `BagError` that names the file."""
     try:
         yield
     except GridMapError:
@@ -66,7 +67,7 @@ def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
 
 FILE_NAME = "metadata.yaml"
 VERSION = 9
-"""Version of the bag metadata written by ROS 2 Jazzy."""
+"""Version of the bag metadata format in ROS 2 Jazzy."""
 
 
 def ros_distro() -> str:
@@ -111,7 +112,7 @@ def information(
 
 
 def dump(document: object) -> str:
-    """Serialize a document to YAML without aliases, because some readers do not support aliases."""
+    """Serialize a document to YAML without aliases, because some readers do not support them."""
     text: str = yaml.safe_dump(json.loads(json.dumps(document)), sort_keys=False)
     return text
 

@@ -2,9 +2,9 @@
 """Conversions between grid maps and ROS messages.
 
 All functions raise `LayerNotFoundError` for a missing layer, `MessageError` for an inconsistent
-message or a value that a message cannot hold, `LimitError` for too many cells, other `GridMapError`
-for invalid arguments, and `MissingPackageError` for a message package that is not installed.
-Messages are checked completely before memory is allocated.
+message or a value that a message cannot hold, `LimitError` for too many cells, another
+`GridMapError` for invalid arguments, and `MissingPackageError` for a message package that is not
+installed. Messages are checked completely before memory is allocated.
 """
 
 from ._cdr import serialize as serialize, view as view

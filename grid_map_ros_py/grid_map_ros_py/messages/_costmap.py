@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from nav2_msgs.msg import Costmap
 
 COSTS = CostRange(FREE, LETHAL)
-"""Codec that keeps the costs 0 to 254 as layer values; unknown is NaN."""
+"""Codec whose layer values are the costs 0 to 254, with NaN for unknown."""
 
 OCCUPANCIES = CostTable(free=0, inscribed=99, lethal=100, unknown=math.nan)
-"""Codec for occupancies 0 to 100, as nav2 publishes them and `from_occupancy_grid` returns them."""
+"""Codec for layers of occupancies, 0 to 100, as in nav2 and `from_occupancy_grid`."""
 
 
 def to_costmap(
@@ -57,7 +57,7 @@ def to_costmap(
         layer: name of the layer to convert.
         data_min, data_max: layer values of cost 0 (free) and cost 254 (lethal); must differ. Values
             outside this range are clamped; NaN becomes 255.
-        codec: used instead of `data_min` and `data_max`, for example `OCCUPANCIES`.
+        codec: codec that replaces `data_min` and `data_max`, for example `OCCUPANCIES`.
     """
     messages = messages_of("nav2_msgs", "to_costmap")
     costmap = costs.to_costs(grid_map, layer, codec or CostRange(data_min, data_max))
@@ -82,8 +82,8 @@ def to_costmap(
 def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     """Create a map with one layer from a costmap.
 
-    The resolution of the map is the float64 with the shortest decimal form of the float32 in the
-    message.
+    The costmap stores the resolution as float32; the map gets the float64 with the same shortest
+    decimal form, such as 0.05.
 
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander.

@@ -71,11 +71,11 @@ DEFINITION = f"\n{'=' * 80}\n".join(
     "\n".join((*([] if name == GRID_MAP else [f"MSG: {name}"]), *lines, ""))
     for name, lines in islice(_LINES.items(), 10)
 ).rstrip("\n")
-"""Definition of `grid_map_msgs/msg/GridMap` and all nested types (MCAP schema `ros2msg`)."""
+"""Definition of `grid_map_msgs/msg/GridMap` and all nested types, in the `ros2msg` format."""
 
 
 def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
-    """Return field types by field name, in the form of rclpy's `get_fields_and_field_types`."""
+    """Return field types by field name, as `get_fields_and_field_types` of a message class does."""
     fields = {}
     for line in lines:
         kind, name, *_ = line.split()
@@ -91,7 +91,7 @@ def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
 
 
 _NUMBERS = {"bool": "boolean", "byte": "octet", "float32": "float", "float64": "double"}
-"""Names of primitive types in message classes, where they differ from the definition."""
+"""Names of primitive types in message classes, for those that definitions name differently."""
 
 FIELDS_BY_TYPE = {name: _fields(name.partition("/")[0], lines) for name, lines in _LINES.items()}
 """Field types by field name, for each message type that needs no message package."""

@@ -41,7 +41,7 @@ LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
 """Latest time that a message can represent [ns]; its seconds are int32."""
 
 ROTATION_TOLERANCE = 1e-6
-"""Maximum x, y or z of a quaternion, relative to w, that is treated as no rotation."""
+"""Largest magnitude of x, y and z of a quaternion, relative to w, that means no rotation."""
 
 
 # --- times ----------------------------------------------------------------------------------------
@@ -54,7 +54,7 @@ def to_stamp(nanoseconds: int) -> "Time":
 
 
 def check_nanoseconds(nanoseconds: int) -> int:
-    """Return nanoseconds since the epoch as an int, after checking the range of messages."""
+    """Return nanoseconds since the epoch as an int, or raise `MessageError` if out of range."""
     try:
         exact = operator.index(nanoseconds)
     except TypeError:
@@ -123,7 +123,7 @@ def check_finite(
     expected: str = "finite coordinates",
     found: npt.NDArray[np.float64] | None = None,
 ) -> Any:
-    """Return `rows` (N, k) if finite, else raise an error that shows the bad row (from `found`)."""
+    """Return `rows` (N, k); if one is not finite, raise an error that shows this row of `found`."""
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
@@ -133,7 +133,7 @@ def check_finite(
 
 
 def check_unrotated(field: str, orientation: "Quaternion") -> None:
-    """Raise `MessageError` if a grid is rotated, because the rows of a map run along x.
+    """Raise `MessageError` if a grid is rotated: map axes must be parallel to the frame axes.
 
     A quaternion of zeros is accepted: publishers that do not set the orientation send zeros.
     """
@@ -147,9 +147,9 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
     """Return the grid geometry of a message whose `origin` is the corner with the smallest x and y.
 
     Args:
-        field: path of `info`.
+        field: path of `info` in the message, for error texts.
         info: grid description with the number of cells along each axis, `resolution` and `origin`.
-        cells: names of the attributes with the cell counts along x and along y.
+        cells: names of the attributes of `info` with the numbers of cells along x and y.
         values: number of values in the message; must equal the number of cells.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
@@ -181,9 +181,9 @@ def as_float32(field: str, value: float) -> float:
 
 
 def as_written(value: float) -> float:
-    """Return the float64 with the same shortest decimal form as a float32, such as 0.1.
+    """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1.
 
-    Values outside the float32 range, which only unsent messages can hold, become 0 or infinity.
+    Values outside the float32 range become 0 or infinity; only unsent messages can hold them.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))
@@ -209,7 +209,8 @@ def from_pose(message: Any) -> Matrix:
 def from_transform(message: Any) -> Matrix:
     """Convert a `Transform` or `TransformStamped` to a (4, 4) matrix.
 
-    The matrix transforms points [m] from the child frame. Errors: see `from_pose`.
+    The matrix transforms points [m] from the child frame to the parent frame. Errors are those of
+    `from_pose`.
     """
     return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
 
@@ -218,7 +219,7 @@ def to_pose(matrix: npt.ArrayLike) -> "Pose":
     """Convert a (4, 4) matrix to a `geometry_msgs/Pose`.
 
     Raises:
-        MessageError: the matrix is not a rotation and translation.
+        MessageError: the matrix does not consist of a rotation and a translation.
     """
     return _filled(messages_of("geometry_msgs").Pose(), "position", "orientation", matrix)
 
@@ -237,7 +238,7 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
 
 
 def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
-    """Return the (4, 4) matrix of `message`, or of its field `inner` if there is one."""
+    """Return the (4, 4) matrix of `message`, or of the innermost of its fields named `inner`."""
     from scipy.spatial.transform import Rotation  # slow to import
 
     path = ""

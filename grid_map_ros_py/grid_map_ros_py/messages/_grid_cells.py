@@ -32,7 +32,7 @@ BLOCK = 8192
 
 
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
-    """Convert the cells with a finite value between two bounds to `nav_msgs/GridCells`.
+    """Convert the cells whose value is finite and between two bounds to `nav_msgs/GridCells`.
 
     For large maps, `to_serialized_grid_cells` is faster, because it creates no object per cell.
 
@@ -50,7 +50,7 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
 
 
 def to_serialized_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> bytes:
-    """Version of `to_grid_cells` that returns the serialized message (CDR) for a publisher."""
+    """Return the result of `to_grid_cells` as a serialized message, which publishers accept."""
     cells = centers_between(grid_map, layer, lower, upper)
     return serialize(_without_cells(grid_map), {"cells": cells})
 
@@ -67,11 +67,11 @@ def from_grid_cells(
     Args:
         message: the cells; z is ignored.
         layer: name of the layer.
-        resolution: cell size [m]; None means the cell width in the message, as the float64 with the
-            same shortest decimal form.
+        resolution: cell size [m]; None means the cell width in the message (float32), converted to
+            the float64 with the same shortest decimal form.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
-            None means the smallest grid that covers all cells. This grid has the same cells as the
-            message if the centers lie on a lattice, as in messages from `to_grid_cells`.
+            None means the smallest grid that covers all cells. If the centers lie on a lattice, as
+            in messages from `to_grid_cells`, this grid has the same cells as the message.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)
@@ -96,7 +96,7 @@ def from_grid_cells(
 def centers_between(
     grid_map: GridMap, layer: str, lower: float, upper: float
 ) -> npt.NDArray[np.float64]:
-    """Return cell centers (N, 3), x, y [m, map frame] and z = 0, for values between two bounds.
+    """Return the centers (N, 3) [m, map frame] of cells with values between two bounds; z is 0.
 
     Cells are in column-major order of the map buffer. Arguments: see `to_grid_cells`.
     """
@@ -110,7 +110,7 @@ def centers_between(
     chosen &= np.isfinite(values)
     rows, columns = grid_map.size
     x, y = grid_map.axes()
-    # Process a few columns at a time, which fit in the cache and share one array of x.
+    # Process a few columns at a time: they fit in the cache, and one array of x serves them all.
     width = max(1, min(BLOCK // rows, columns))
     x = np.tile(x, width)
     centers = np.zeros((np.count_nonzero(chosen), 3))

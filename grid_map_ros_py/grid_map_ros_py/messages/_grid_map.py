@@ -40,7 +40,7 @@ LARGEST_START_INDEX = 2**16 - 1
 """Largest start index that a message can hold (uint16)."""
 
 _LABELS = ("column_index", "row_index")
-"""Dimension labels of column-major layers; row-major layers have the reverse order."""
+"""Dimension labels of column-major layers; row-major layers have them in reverse order."""
 
 LARGEST_SIDE = 2**31
 """Maximum number of cells along a side."""
