@@ -12,7 +12,6 @@ import pytest
 from filter_cases import TO_OUT, filtered, ground, run, step_of, terrain
 from hypothesis import given, settings, strategies as st
 
-from grid_map_core_py import GridMap, GridMapError
 from grid_map_core_py.testing import moved_in_buffer
 from grid_map_filters_py import FILTERS, FilterChain, FilterConfigError, FilterWarning
 
