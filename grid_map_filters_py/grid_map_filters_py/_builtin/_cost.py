@@ -30,13 +30,13 @@ class Cost(CellFilter):
 
     Attributes:
         input_layer: layer to convert; cells that are not finite are unknown.
-        output_layer: layer for the costs: whole numbers from 0 to 254, and NaN for unknown.
+        output_layer: layer for the costs; NaN is unknown.
         free_value: value of cost 0, in the unit of `input_layer`.
-        lethal_value: value of cost 254, in the same unit; may be less than `free_value`.
-        unknown: result in unknown cells: `unknown` (NaN), `lethal` (254) or `free` (0).
-        lethal_layer: layer with a second criterion, such as step height; requires `lethal_above`.
-        lethal_above: cells of `lethal_layer` above this value are lethal, also where `input_layer`
-            is unknown; NaN in `lethal_layer` has no effect.
+        lethal_value: value of cost 254; may be less than `free_value`.
+        unknown: cost of unknown cells: `unknown` is NaN, `lethal` 254, `free` 0.
+        lethal_layer: layer with a second criterion, such as step height.
+        lethal_above: cells of `lethal_layer` above this value are lethal, even if unknown; NaN has
+            no effect.
     """
 
     input_layer: str

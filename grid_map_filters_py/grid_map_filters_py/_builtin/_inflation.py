@@ -29,15 +29,13 @@ class Inflation(LayerFilter):
 
     Attributes:
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
-        output_layer: layer for the result, in which unknown cells are NaN.
-        inscribed_radius: radius of the largest circle about the robot's origin within the
-            footprint [m]. Nav2 replaces `robot_radius` by a polygon with 16 corners, whose
-            inscribed radius is robot_radius cos(pi / 16).
-        footprint: corners [x, y] of the robot's footprint [m], as a list or as the text of Nav2's
-            parameter `footprint`; replaces `inscribed_radius`.
+        output_layer: layer for the result; NaN is unknown.
+        inscribed_radius: radius of the largest circle about the robot's origin in its footprint
+            [m]; for Nav2's `robot_radius`, multiply it by cos(pi / 16) = 0.9808.
+        footprint: corners [x, y] [m], also as text as in Nav2, instead of `inscribed_radius`.
         inflation_radius: largest distance of raised costs [m], rounded up to whole cells.
         cost_scaling_factor: decrease of costs beyond the inscribed radius [1/m].
-        inflate_unknown: raise unknown cells to all costs from 1 on, instead of only 253 and 254.
+        inflate_unknown: raise unknown cells to all costs, not only to 253 and 254.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 
