@@ -161,7 +161,14 @@ def test_second_criterion_is_lethal_also_where_the_first_is_unknown():
         ),
         *(
             ("Inflation", {"footprint": text}, r"'footprint': expected corners \[x, y\] \[m\] of a")
-            for text in ("0.3", "[[1, 2", "[[1, 1], [1, 2], [2, 1]]", [[1.0], [2.0, 3.0]])
+            for text in (
+                "0.3",
+                "",
+                "{a: 1}",
+                "[[1, 2",
+                "[[1, 1], [1, 2], [2, 1]]",
+                [[1.0], [2.0, 3.0]],
+            )
         ),
     ],
 )

@@ -71,6 +71,6 @@ class Cost(CellFilter):
         costs[share >= 1] = LETHAL
         missing = {"unknown": np.nan, "lethal": LETHAL, "free": FREE}[self.unknown]
         costs[~np.isfinite(values)] = missing
-        if second is not None:
+        if second is not None and self.lethal_above is not None:
             costs[second.astype(np.float64) > self.lethal_above] = LETHAL
         return costs

@@ -4,6 +4,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -64,8 +65,8 @@ class Inflation(LayerFilter):
         if self.inscribed_radius is not None:
             return self.inscribed_radius
         expected = "corners [x, y] [m] of a polygon around the origin (0, 0)"
+        corners: Any = self.footprint
         try:
-            corners = self.footprint
             polygon = Polygon(yaml.safe_load(corners) if isinstance(corners, str) else corners)
         except (GeometryError, yaml.YAMLError):
             polygon = Polygon([])
@@ -95,24 +96,19 @@ class Inflation(LayerFilter):
             lethal |= unknown
         others = np.ascontiguousarray(~lethal.T).view(np.uint8)
         distances = cv2.distanceTransform(others, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).T
+        cells = math.ceil(min(self.reach(resolution), math.hypot(*layer.shape)))
         # Squared distances [cells] are whole numbers, which rounding recovers exactly. Without a
         # lethal cell, OpenCV returns a huge distance.
-        table = self._costs_by_square(resolution, math.hypot(*layer.shape))
-        squares = np.minimum(np.rint(np.square(distances)), np.float32(len(table) - 1))
-        inflated = table.take(squares.astype(np.intp))
+        squares = np.rint(np.square(np.minimum(distances, np.float32(cells + 1))))
+        table = self._costs_by_square(cells, resolution)
+        inflated = table.take(squares.astype(np.intp), mode="clip")
         least = 1 if self.inflate_unknown else INSCRIBED
         result: Layer = np.maximum(costs, inflated)
         result[unknown & (inflated < least)] = np.nan
         return result
 
-    def _costs_by_square(self, resolution: float, most: float) -> Layer:
-        """Return the costs by squared distance [cells^2]; the last one, 0, is for all others.
-
-        Args:
-            resolution: side of a cell [m].
-            most: largest distance in the layer [cells].
-        """
-        cells = math.ceil(min(self.reach(resolution), most))
+    def _costs_by_square(self, cells: int, resolution: float) -> Layer:
+        """Return the costs at the squared distances 0 to `cells`**2 [cells], and 0 beyond."""
         beyond = np.sqrt(np.arange(cells**2 + 1.0)) * resolution - self._inscribed_radius
         costs = np.floor((INSCRIBED - 1) * np.exp(-self.cost_scaling_factor * np.fmax(beyond, 0)))
         costs[beyond <= 0] = INSCRIBED
