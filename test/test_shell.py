@@ -47,6 +47,12 @@ def test_the_shell_keeps_its_options_arguments_and_functions(shell, options):
     assert arguments == ["one", "two"]
 
 
+@pytest.mark.parametrize(("words", "opens"), [("", False), ("VIEW=0", False), ("VIEW=1", True)])
+def test_demo_opens_a_view_only_if_wanted(words, opens):
+    done = run("make", "-n", "demo", *words.split(), environ=os.environ)
+    assert ("_demo --view" in done.stdout, "--report" in done.stdout) == (opens, not opens)
+
+
 def test_unknown_executable_is_answered_with_known_ones(tmp_path):
     started = run(ROOT / "tools/run", "grid_map_filters_py", "x", environ=os.environ, cwd=tmp_path)
     assert started.returncode == 1

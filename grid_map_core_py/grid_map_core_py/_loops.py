@@ -6,13 +6,14 @@ Numba is imported when the first loop is compiled or loaded, and caches the mach
 
 import importlib.util
 import inspect
+import logging
 import os
 import threading
 import types
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -23,6 +24,7 @@ __all__ = ["Compiled", "Loop", "loop"]
 Compiled: TypeAlias = Callable[..., None]
 Type: TypeAlias = str | tuple[str, int] | tuple[str, ...]
 
+logger = logging.getLogger(__name__)
 _compiling = threading.RLock()
 _known: set[Callable[..., Any]] = set()
 """Functions registered with numba for calls from compiled code."""
@@ -37,8 +39,8 @@ class Loop:
             nothing. It may call `math`, NumPy and other compilable Python functions.
         takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
             "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
-            Other types are compiled when they first occur.
-        instead: maps called functions to their replacements in compiled code.
+            For other types, the loop is compiled when they first occur.
+        instead: replacements, in compiled code, for functions that `function` calls.
     """
 
     function: Callable[..., None]
@@ -48,6 +50,7 @@ class Loop:
     def compiled(self) -> Compiled | None:
         """Return the compiled function, loaded from numba's cache or compiled in a few seconds.
 
+        The first compilation of a process is logged in one line.
         Array arguments may have any shape and must be contiguous. The function releases the GIL.
 
         Returns:
@@ -57,16 +60,6 @@ class Loop:
         with _compiling:
             return self._compiled
 
-    def must_compile(self) -> bool:
-        """Return whether `compiled` would have to compile because numba's cache is empty."""
-        if "_compiled" in self.__dict__ or not _has_numba():
-            return False
-        try:
-            folder = self._dispatcher(cache=True).stats.cache_path
-        except Exception:  # no folder is writable, or numba is broken
-            return True
-        return not any(Path(folder).glob(f"*.{self.function.__name__}-*.nbi"))
-
     @cached_property
     def _compiled(self) -> Compiled | None:
         failure = None
@@ -74,6 +67,10 @@ class Loop:
         for cache in (True, False) if _has_numba() else ():
             try:
                 dispatcher = self._dispatcher(cache=cache)
+                folder = dispatcher.stats.cache_path
+                files = f"*.{self.function.__qualname__}-*.nbi"
+                if folder is None or not any(Path(folder).glob(files)):
+                    _announce()
                 known = importlib.import_module("numba.types")
                 dispatcher.compile(tuple(_numba_type(known, part) for part in self.takes))
             except Exception as error:
@@ -98,6 +95,12 @@ class Loop:
 def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
     """Return a decorator that turns a function into a `Loop` with the argument types `takes`."""
     return lambda function: Loop(function, takes)
+
+
+@lru_cache
+def _announce() -> None:
+    # Not a Python warning, which a program may turn into an error. Nodes forward it to their log.
+    logger.warning("numba compiles loops for some seconds, this first time only")
 
 
 def _has_numba() -> bool:

@@ -85,7 +85,7 @@ def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
 
     Args:
         parameters: values by name.
-        above: nesting depth of `parameters`.
+        above: number of levels above `parameters`, which count towards `DEEPEST`.
 
     Raises:
         ConfigError: a parameter has both a value and nested parameters, or is nested more than

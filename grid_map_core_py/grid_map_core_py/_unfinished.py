@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Temporary files and folders that are removed on exit, even if a signal ends the process."""
 
+import fcntl
+import os
 import shutil
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _paths: set[Path] = set()
+notes: set[str] = set()
+"""Texts for the user if the command fails or a signal ends it, such as how to continue."""
 
 
 @contextmanager
@@ -22,9 +26,27 @@ def unfinished(path: Path) -> Iterator[Path]:
         _paths.discard(path)
 
 
-def scratch_folder() -> AbstractContextManager[Path]:
-    """Return a context manager for a new temporary folder, which is removed on exit."""
-    return unfinished(Path(tempfile.mkdtemp(prefix="grid-map-")))
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Yield a new temporary folder, removed on exit; remove the folders of killed processes."""
+    for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
+        with suppress(OSError), _locked(left):
+            remove(left)
+    new = Path(tempfile.mkdtemp(prefix=".grid-map-scratch-"))
+    # Other processes find the folder only once it is locked.
+    with _locked(new), unfinished(new.with_name(new.name[1:])) as folder:
+        yield new.rename(folder)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Lock a folder; raise `OSError` if a process uses it, or if it belongs to another user."""
+    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(number)
 
 
 def remove(path: Path) -> None:

@@ -217,6 +217,14 @@ def test_ellipse_cells_are_inside_the_ellipse(grid_map, fraction, axes, rotation
     assert found == cells_by_hand(grid_map, lambda p: value(p) < 1.0)
 
 
+def test_rotation_in_degrees_and_lines_as_polygons_warn():
+    grid_map = GridMap((5, 5), 1.0)
+    with pytest.warns(UserWarning, match=r"from -2 pi to 2 pi \[rad\], got 45. Convert degrees"):
+        ellipse_cells(grid_map, (0, 0), (3.0, 1.0), 45)
+    with pytest.warns(UserWarning, match=r"at least 3 vertices \[m\], got 2.*thicken_line"):
+        assert pairs(polygon_cells(grid_map, [(0, 0), (2, 0)])) == []
+
+
 def test_an_ellipse_without_area_has_no_cells():
     assert pairs(ellipse_cells(GridMap((5, 5), 1.0), (0, 0), (6.0, 0.0))) == []
 

@@ -26,6 +26,7 @@ SIZE = (60, 45)
 
 def a_map() -> GridMap:
     values = np.random.default_rng(0).normal(size=SIZE)
+    values[10:20, 30:35], values[40, 1] = np.nan, np.inf
     options = {"frame_id": "utm", "timestamp": 5, "basic_layers": ["elevation"]}
     layers = {"elevation": values, "a": 2.0}
     return GridMap(np.multiply(SIZE, 0.5), 0.5, (7.0, -3.0), layers, **options)
@@ -91,6 +92,7 @@ def test_convert_runs_on_tiles(command):
         ("convert site.zarr b.zarr --memory 1GB", 2, "--memory goes with --workers"),
         ("convert site.zarr b.zarr --chunks 0", 1, "'chunks': expected a number of cells, got 0"),
         ("convert site.zarr b.npz --workers 2", 2, "--workers is for maps that are converted"),
+        ("convert site.zarr b.zarr --workers 0", 2, "--workers: expected a number of at least 1"),
         ("convert gone.zarr b.zarr", 1, "gone.zarr: cannot be read: No such file or directory"),
         ("submap site.zarr a.npz --length 1 2", 2, "expected --position or --lat and --lon"),
         ("submap site.zarr a.npz --length 1 2 --position 99 0", 1, "does not overlap the map"),
@@ -101,6 +103,24 @@ def test_wrong_lines_are_refused(refused, words, code, text):
     found, error = refused(words)
     assert (found, text in error) == (code, True), error
     assert {path.name for path in Path().iterdir()} == {"site.zarr"}
+
+
+@pytest.mark.usefixtures("command")
+def test_failed_run_says_how_to_continue(refused):
+    Path("site.zarr/a/1.1").write_bytes(b"damaged")
+    code, error = refused("convert site.zarr b.zarr --quiet")
+    note = ". b.zarr.part keeps the finished tiles; --resume continues the run\n"
+    assert (code, error.endswith(note)) == (1, True), error
+    assert "b.zarr.part" not in refused("convert gone.zarr b.zarr")[1]
+
+
+def test_inspect_of_tiles_equals_the_whole_map(command):
+    lines = "inspect site.zarr --json", "inspect site.zarr --json --max-cells 2000"
+    every = [json.loads(command(line)[1])["layers"] for line in lines]
+    for whole, tiled in zip(*every, strict=True):
+        rounded = {name: pytest.approx(whole[name]) for name in ("mean", "std")}
+        assert tiled == whole | rounded
+    assert (every[1][0]["nan"], every[1][0]["infinite"]) == (50, 1)
 
 
 @pytest.mark.usefixtures("command")
@@ -126,6 +146,8 @@ def test_stores_become_cloud_optimized_rasters_and_back(command):
         assert raster.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
     assert command("convert site.tif back.zarr --chunks 16")[0] == 0
     assert_maps_equal(load("back.zarr"), a_map())
+    assert command("convert site.tif copy.tif --workers 1")[0] == 0
+    assert_maps_equal(load("copy.tif"), a_map())
     code, _, error = command("convert site.tif b.tif --resume")
     assert (code, "--resume is for" in error) == (2, True)
 
@@ -151,8 +173,7 @@ def test_submap_is_that_of_the_map(command):
     np.testing.assert_array_equal(load("part.zarr")["a"], expected["a"])
 
 
-@pytest.mark.usefixtures("command")
-def test_workers_are_processes_that_end_with_the_program():
+def test_workers_are_processes_that_end_with_the_program(command):
     environ = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     words = "convert site.zarr b.zarr --chunks 8 --workers 2 --memory 1GB --json"
     line = [sys.executable, "-m", "grid_map_core_py", *words.split()]
@@ -162,8 +183,11 @@ def test_workers_are_processes_that_end_with_the_program():
         run.stdout.readline()
         workers = children(run.pid)
         run.send_signal(signal.SIGINT)
-        run.communicate(timeout=20)
+        _, error = run.communicate(timeout=20)
     assert run.returncode == -signal.SIGINT
+    assert error == "grid-map: b.zarr.part keeps the finished tiles; --resume continues the run\n"
+    text = "b.zarr.part is left from a run that did not finish; --resume continues it\n"
+    assert command("info b.zarr")[2].startswith(f"grid-map: {text}")
     assert not Path("b.zarr").exists()
     end = time.monotonic() + 20
     while any(Path("/proc", str(worker)).exists() for worker in workers):

@@ -16,6 +16,7 @@ from command_line import PROGRAM, SECOND, a_map
 
 from grid_map_core_py import GridMap, __version__
 from grid_map_core_py._commands import _main
+from grid_map_core_py._unfinished import scratch_folder
 from grid_map_core_py.files import load_npz, save_npz
 from grid_map_core_py.testing import assert_maps_equal
 
@@ -214,7 +215,7 @@ def test_points_and_meshes_become_maps(command):
 WRONG = {
     "info nowhere": (1, "nowhere: cannot be read: No such file"),
     "info nowhere.npz": (1, "nowhere.npz: cannot be read"),
-    "info chain.yaml": (1, "chain.yaml: cannot be read: missing parameter 'image'"),
+    "info chain.yaml": (1, "with the key 'image'. A filter chain runs with `grid-map filter`"),
     "info notes.txt": (1, "notes.txt: expected a file or folder of one of the formats npz"),
     "info site.rrd": (1, "is written, not read; show it by `rerun site.rrd`"),
     "info -": (1, "standard input: cannot be read"),
@@ -313,6 +314,16 @@ def test_signal_ends_it_without_traceback_or_temporary_files(number, tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
+def test_next_run_removes_the_folders_of_killed_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    (tmp_path / "grid-map-scratch-pictures-of-mine").mkdir()
+    with scratch_folder() as used:
+        (used.with_name("grid-map-scratch-killed_1") / "inner").mkdir(parents=True)
+        with scratch_folder() as other:
+            others = {*tmp_path.iterdir()} - {used, other}
+    assert {*tmp_path.iterdir()} == others == {tmp_path / "grid-map-scratch-pictures-of-mine"}
+
+
 @pytest.mark.parametrize(("prefix", "numbers"), [([], "2 15 1"), (["nohup"], "2 15")])
 def test_hangup_stays_ignored_under_nohup(prefix, numbers, tmp_path):
     code = (
@@ -355,9 +366,11 @@ def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
         "info survey.mcap",
         "plot copy.npz map.png",
         "convert copy.npz map.tif",
+        "play survey",
     ]
     errors = run(sys.executable, "-c", code, *lines, cwd=tmp_path).stderr.splitlines()
-    assert errors[-1] == "[0, 0, 0, 0, 1, 1, 1]"
+    assert errors[-1] == "[0, 0, 0, 0, 1, 1, 1, 1]"
+    assert any("play: the" in line and "Source ROS 2, then the w" in line for line in errors)
     assert any("survey.mcap: a bag needs the package 'grid_map_ros_py'" in line for line in errors)
     assert any("plot: the command of grid_map_visualization_py" in line for line in errors)
     assert any("GeoTIFF needs the package 'rasterio'" in line for line in errors)
@@ -400,5 +413,7 @@ def test_help_is_complete_and_shown_without_a_command(command):
         assert code == 0
         assert text.startswith(f"usage: grid-map {name}")
         assert name in listed
+    ros = [e for e in entry_points(group=_main.GROUP) if e.value.startswith("grid_map_ros_py")]
+    assert " ".join(listed.split()).count("(needs ROS 2)") == len(ros)
     assert command("") == (2, "", listed)
     assert command("--version")[1] == f"grid-map {__version__}\n"

@@ -312,7 +312,8 @@ def test_drift_moves_the_map_as_a_whole():
 BAD = {
     "points": ({"points": [[1.0, 2.0]]}, "points"),
     "text": ({"points": "abc"}, "points"),
-    "small transform": ({"transform": np.eye(3)}, "transform"),
+    "points in columns": ({"points": cloud().T}, r"points: .* \(N, 3\), got \(3, 600\)\. Transp"),
+    "small transform": ({"transform": np.eye(3)}, "transform: .* the rotation and the position$"),
     "scaling transform": ({"transform": 2 * np.eye(4)}, "transform"),
     "NaN in the transform": ({"transform": np.full((4, 4), np.nan)}, "transform"),
     "float time": ({"timestamp": 1.5}, "timestamp"),
@@ -326,6 +327,7 @@ BAD = {
     "values without a name": ({"values": {"": np.ones(600)}}, "values"),
     "values without names": ({"values": [1.0]}, "parameter 'values'"),
     "sensor": ({"sensor": "laser"}, "sensor"),
+    "class of a sensor": ({"sensor": LaserModel}, r"sensor: .* class\. Pass LaserModel\(\), not"),
 }
 
 

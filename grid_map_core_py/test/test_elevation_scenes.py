@@ -234,5 +234,5 @@ def test_points_lost_to_a_limit_are_counted_with_the_reason():
     assert sum(report.reasons.values()) == report.points_dropped
     assert report.reasons["not finite, or at the origin of the sensor"] == 1
     assert report.reasons["farther than max_range"] > 300
-    assert report.reasons["cell more uncertain than max_variance"] > 1000
+    assert report.reasons["in cells more uncertain than max_variance"] > 1000
     assert report.points_used + report.points_gated + report.points_dropped == len(points)

@@ -16,6 +16,7 @@ from grid_map_core_py.files._shared import (
     map_facts,
 )
 from grid_map_core_py.testing import assert_maps_equal
+from grid_map_core_py.tiled import open_map
 
 PIXELS = np.array([[1, 2, 3], [4, -9, 6]], np.int16)
 """Rows to the south, columns to the east."""
@@ -150,6 +151,29 @@ def test_coordinates_that_are_not_meters_warn(crs, warning, rasterio):
         assert found[0].filename == __file__
         with pytest.warns(UserWarning, match=warning):
             load_geotiff("dem.tif")
+
+
+@pytest.mark.parametrize(
+    ("fill", "others", "nodata", "count"),
+    [
+        (-9999, (800, 2600), None, 2),
+        (-9999, (800, 2600), -9999, 0),
+        (1e20, (-3, 5), None, 2),
+        (-9999, (-9000, 9000), None, 0),
+        (0, (254, 255), None, 0),
+        (1000, (0, 0), None, 0),
+        (-9999, (-9999, -9999), None, 0),
+    ],
+)
+def test_undeclared_nodata_warns(fill, others, nodata, count, rasterio):
+    pixels = np.linspace(*others, 60, dtype=np.float32).reshape(6, 10)
+    pixels[1, 2:6] = fill
+    write(rasterio, "fill.tif", pixels, nodata=nodata)
+    with warnings.catch_warnings(record=True, action="always") as found:
+        load_geotiff("fill.tif")
+        open_map("fill.tif").to_map()
+    text = f"fill.tif: {fill:g} fills many cells, and no nodata value is declared"
+    assert [text in str(one.message) for one in found] == [True] * count
 
 
 def test_virtual_files_of_gdal_are_read(rasterio):

@@ -176,7 +176,9 @@ def test_values_move_with_the_map() -> None:
 
 def test_points_beyond_the_height_limits_are_left_out() -> None:
     rolling = RollingMap(GEOMETRY, min_height=0.0, max_height=1.0)
-    rolling.fuse([(0.1, 0.1, 0.5), (0.1, 0.1, 1.5), (0.7, 0.1, -0.5)])
+    points = [(0.1, 0.1, 0.5), (0.1, 0.1, 1.5), (0.7, 0.1, -0.5), (99, 0, 0.5), (0, 0, math.nan)]
+    reasons = "not finite", "below min_height", "above max_height", "outside the map"
+    assert rolling.fuse(points) == dict.fromkeys(reasons, 1)
     assert np.nansum(rolling.grid_map["elevation"]) == 0.5
 
 
@@ -248,6 +250,8 @@ def test_range_is_measured_from_the_sensor() -> None:
     rolling = RollingMap(GEOMETRY, fusion="mean")
     points = [(0.1, 0, 0), (-1, 0, 2), (-1, 0, 9), (math.nan, 0, 0)]
     columns = {"n": np.arange(4.0)}
-    rolling.fuse(points, columns, transform=transform, min_range=1.0, max_range=5.0)
+    found = rolling.fuse(points, columns, transform=transform, min_range=1.0, max_range=5.0)
+    reasons = "nearer than min_range", "farther than max_range", "not finite"
+    assert found == dict.fromkeys(reasons, 1)
     assert rolling.grid_map["count"].sum() == 1
     assert np.nansum(rolling.grid_map["n"]) == 1.0

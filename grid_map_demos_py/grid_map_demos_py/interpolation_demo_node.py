@@ -125,7 +125,7 @@ class InterpolationDemoNode(Demo):
         super().__init__("grid_map_interpolation_demo")
         about = "formula of the surface: Sine, Poly, Gauss, Tanh"
         world = WORLDS[self.read_choice("world", WORLDS, "Sine", about)]
-        about = "method of the published map: Nearest, Linear, Cubic_convolution, Cubic"
+        about = "interpolation of the published map: Nearest, Linear, Cubic_convolution, Cubic"
         method = METHODS[self.read_choice("interpolation_type", METHODS, "Nearest", about)]
         x = self.read_positive("world_size.length", 4.0, "extent along x [m]")
         y = self.read_positive("world_size.width", 4.0, "extent along y [m]")

@@ -142,7 +142,7 @@ class NormalFilterComparisonDemoNode(Demo):
         self._shape = self.read_choice("shape", SHAPES, "wave", about)
         about = "largest absolute noise [m]"
         self._noise = self.read_number("noise_on_map", 0.015, 0.0, MOST_NOISE, about)
-        about = "share of outliers (infinite heights), 0 to 1"
+        about = "share of cells that become outliers (infinite heights), 0 to 1"
         self._outliers = self.read_number("outliers_percentage", 0.0, 0.0, 1.0, about)
         about = "name of the parameter that holds the chain"
         name = self.read("filter_chain_parameter_name", "filters", about)

@@ -42,7 +42,7 @@ class OpencvDemoNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("opencv_demo")
-        about = "no ground around the star: cells without a value are transparent pixels"
+        about = "omit the ground around the star; cells without a value become transparent pixels"
         transparent = self.read("use_transparency", False, about)
         self._map = star_map("original", 0.01, has_ground=not transparent)
         # 16 bits distinguish 65536 heights; the fourth channel is alpha.

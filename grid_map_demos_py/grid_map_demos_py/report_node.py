@@ -301,7 +301,8 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
 
 
 def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
-    """Return table rows with the times [s] since `begin` [ns] at which maps showed the person."""
+    """Return table rows that show when the person was on the terrain and in the map."""
+    # Times [s] are counted from `begin` [ns]; `delays`: how long cells stayed high afterwards.
     way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
     walk: list[float] = []
     shown: list[float] = []

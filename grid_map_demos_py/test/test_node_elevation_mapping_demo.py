@@ -186,6 +186,7 @@ def test_demo_maps_the_terrain_and_reports_its_errors(tmp_path):
     command = [sys.executable, "-m", "grid_map_demos_py.launcher", "elevation_mapping_demo"]
     demo = Process([*command, "--report", str(tmp_path)])
     assert demo.wait(100) == 0, demo.text
+    assert "[ERROR]" not in demo.text
     names = {"truth", "estimate", "error", "deviation", "traversability"}
     assert {path.stem for path in tmp_path.iterdir()} == names
     assert all(path.stat().st_size > 10_000 for path in Path(tmp_path).iterdir())

@@ -2,6 +2,7 @@
 """`grid-map filter` over a map, over all maps of a bag, and over a map of any size."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -68,6 +69,8 @@ def test_chain_runs_over_one_map(command):
     assert (load("out.npz")["double"] == 8).all()
     assert command("filter chain.yaml survey one --index 0 --output-topic /one")[0] == 0
     assert [grid_map.timestamp for grid_map in bag_maps("one", "/one")] == [SECOND]
+    error = command("filter chain.yaml survey last.npz --quiet")[2]
+    assert error.splitlines()[0] == "grid-map: survey: last of 3 maps; --index selects another"
 
 
 def test_chain_may_come_from_a_pipe(command):
@@ -80,6 +83,17 @@ def test_chain_may_come_from_a_pipe(command):
     assert b"twice" in done.stderr
     Path("out.npz").write_bytes(done.stdout)
     assert (load("out.npz")["double"] == 8).all()
+
+
+@pytest.mark.needs("numba")
+@pytest.mark.usefixtures("command")
+def test_first_run_says_that_it_compiles(tmp_path):
+    curvature = "type: gridMapFilters/CurvatureFilter\n        params: {input_layer: height,"
+    Path("chain.yaml").write_text(f"{CHAIN.partition('type:')[0]}{curvature} output_layer: c}}")
+    words = [sys.executable, "-m", "grid_map_core_py", "filter", "chain.yaml", "site.npz", "-"]
+    environ = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    for text in (b"grid-map: numba compiles loops for some seconds, this first time only\n", b""):
+        assert subprocess.run(words, env=environ, capture_output=True).stderr == text
 
 
 def test_a_failing_map_ends_it_or_is_left_out(command):
@@ -112,6 +126,7 @@ def test_warnings_of_filters_are_shown_once(command):
         ("chain.yaml survey out --topic /map", 1, "'/map'; topics: /grid_map"),
         ("chain.yaml survey survey --force", 1, "is also the source"),
         ("chain.yaml survey/survey_0.mcap survey --force", 1, "is also the source"),
+        ("site.npz chain.yaml out.npz", 2, "expected the chain first: chain.yaml site.npz"),
         ("- - out.npz", 2, "cannot both come from standard input"),
         ("chain.yaml site.npz out.npz --json", 2, "--timing"),
         ("chain.yaml site.npz out.npz --threads 0", 1, "expected an integer from 1 to 1000, got 0"),

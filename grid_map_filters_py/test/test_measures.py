@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The filters that measure terrain, against loops over cells and known surfaces."""
 
+from contextlib import nullcontext
 from functools import partial
 
 import filter_oracles as oracles
@@ -9,6 +10,7 @@ import pytest
 from filter_cases import (
     CELLS,
     CELLS_OF_PLANES,
+    TO_OUT,
     assert_cells_are,
     filtered,
     ground,
@@ -20,9 +22,41 @@ from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import circle_cells
 from grid_map_core_py.testing import grid_maps
-from grid_map_filters_py import FilterConfigError
+from grid_map_filters_py import FilterConfigError, FilterWarning
 
 PLAIN_MAPS = grid_maps(allow_moved=False)
+
+# --- parameters in another unit -------------------------------------------------------------------
+
+NORMALS = {"output_layers_prefix": "n_", "normal_vector_positive_axis": "z"}
+SCORE = {"input_layers": ["slope"], "output_layer": "out", "critical_values": [30.0]}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("type_name", "params", "slopes", "text"),
+    [
+        ("Roughness", TO_OUT | {"radius": 0.09}, [0, 1, 2], "at least one cell, 0.1 m, got 0.09 m"),
+        ("Slope", TO_OUT | {"radius": 0.02}, [0, 1, 2], "radius: expected at least one cell"),
+        ("NormalVectors", NORMALS | {"radius": 0.02}, [0, 1, 2], "radius: expected at least one"),
+        ("Slope", TO_OUT | {"radius": 0.0}, [0, 1, 2], None),
+        (
+            "Traversability",
+            SCORE,
+            [0.2, np.nan, 1.5],
+            r"1.571 \[rad\] for slope, got 30. 30 deg",
+        ),
+        ("Traversability", SCORE | {"critical_values": [0.5]}, [0.2, np.nan, 1.5], None),
+        ("Traversability", SCORE, [0.2, np.nan, 40.0], None),
+        ("Traversability", SCORE, [0, 0, 0], None),
+        ("Traversability", SCORE, [np.nan] * 3, None),
+    ],
+)
+def test_parameters_in_another_unit_warn(type_name, params, slopes, text):
+    params = params if params.keys() & {"input_layers"} else params | {"input_layer": "slope"}
+    with nullcontext() if text is None else pytest.warns(FilterWarning, match=text):
+        run(type_name, terrain((1, 3), slope=[slopes]), **params)
+
 
 # --- Curvature ------------------------------------------------------------------------------------
 

@@ -127,6 +127,17 @@ def test_late_nodes_and_subscribers_get_the_last_map(parameters, other_side):
         wait_until(lambda: text in node.text, "the warning")
 
 
+@pytest.mark.needs("numba")
+def test_first_start_logs_that_it_compiles(parameters, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    params = {"input_layer": "elevation", "output_layer": "curvature"}
+    step = {"name": "curvature", "type": "gridMapFilters/CurvatureFilter", "params": params}
+    for times in (1, 0):
+        with running_node(MODULE, *parameters({"filter1": step})) as node:
+            wait_until(lambda: "[INFO]" in node.text and " on /grid_map" in node.text, "the start")
+            assert node.text.count("]: numba compiles loops for some seconds") == times
+
+
 MALFORMED = [
     ("data", [], "data: expected 1 arrays, one for each of layers"),
     ("outer_start_index", 12, "outer_start_index: expected 0 to 11, got 12"),

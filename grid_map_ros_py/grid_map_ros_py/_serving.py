@@ -78,10 +78,10 @@ def part(
     return grid_map.get_submap(position, length) if any(length) else grid_map
 
 
-def read_source(node: ConfiguredNode) -> Callable[[], TiledMap] | None:
+def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | None:
     """Return a function that opens the map that the parameter `source` names; None if empty."""
     kind: Any = str | list[str]
-    about = "map of any size: a Zarr store, or one or more GeoTIFF files; empty means none"
+    about = f"map of any size: a Zarr store, or one or more GeoTIFF files; {note}"
     source = read_parameter(node, "source", kind, "", description=about)
     about = "frame of the source; empty means the stored frame"
     frame_id = node.read("frame_id", "", about)

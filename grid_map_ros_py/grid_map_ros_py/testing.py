@@ -47,7 +47,7 @@ LOCK_PORTS = 32768
 OTHER_WAS_FASTER = "open_and_lock_file failed"
 """Harmless Fast DDS log text: two processes chose the same port, and one uses the next port."""
 
-TIMEOUT = 30.0
+TIMEOUT = 100.0
 """Default time to wait before a test fails [s]."""
 
 REFUSALS = """

@@ -136,6 +136,7 @@ def test_depths_become_points(encoding: str, stride: int) -> None:
                 expected.append(((column - 31) / 50 * z, (row - 24) / 52 * z, z))
     np.testing.assert_allclose(scan.points, expected, rtol=1e-5, atol=1e-6)
     assert scan.points.dtype == np.float32
+    assert len(scan) + scan.missing == math.ceil(ROWS / stride) * math.ceil(COLUMNS / stride)
 
 
 def test_new_camera_replaces_the_rays() -> None:

@@ -32,13 +32,16 @@ def test_sensor_of_cpp_file_is_read() -> None:
         "normal_factor_a": 0.00241809,
         "ignore_points_above": 0.5,
         "apply_voxelgrid_filter": True,
+        "factor_a": 0.000181,
     }
     found = sensor_processor(given)
     model = StructuredLightModel(
         cutoff_min_depth=0.35, cutoff_max_depth=3.0, normal_factor_a=0.00241809
     )
     assert (found.model, found.above, found.below) == (model, 0.5, -math.inf)
-    assert found.unused == ("apply_voxelgrid_filter: all points are fused",)
+    reason = "C++ reads normal_factor_a, _b and _c"
+    unused = ("apply_voxelgrid_filter: all points are fused", f"factor_a: {reason}")
+    assert found.unused == unused
     assert sensor_processor({"type": "Laser"}).model == LaserModel()
 
 

@@ -130,7 +130,7 @@ def test_one_map_is_the_last_or_the_chosen_one(command):
         ("inspect site.npz --index 1", 2, "--index is for bag, and this is npz"),
         ("convert site.npz survey", 1, "survey: already exists; --force replaces it"),
         ("convert survey survey --force", 1, "is also the source"),
-        ("convert site.npz map.mcap", 2, "map.mcap: expected a name of one of the formats"),
+        ("convert site.npz map.mcap", 2, "a bag is a folder; its name has no ending: map"),
         ("convert site.npz copy --recover", 2, "--recover is for bag, and this is npz"),
         ("info .", 1, "not a bag: a folder without metadata.yaml"),
     ],

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The node `elevation_mapping` as a process, over DDS."""
 
+import array
 import json
 import math
 from contextlib import ExitStack
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from clouds import xyz_cloud
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
@@ -25,6 +26,7 @@ from grid_map_msgs.srv import GetGridMap, ProcessFile, SetGridMap
 from grid_map_ros_py import from_message, load_from_bag, to_message
 from grid_map_ros_py.messages import to_stamp
 from grid_map_ros_py.messages._image import from_pixels
+from grid_map_ros_py.nodes._poses import has_tf
 from grid_map_ros_py.testing import Peer, Process, running_node, start_node, wait_until
 
 MODULE = "grid_map_ros_py._executables.elevation_mapping"
@@ -307,6 +309,97 @@ def test_constant_noise_makes_a_map_and_lost_points_have_reasons(
     assert float(found["points dropped in the last scan"]) == lost == 400 - known(grid_map)
 
 
+def test_few_used_points_are_explained(robot: Robot, tmp_path: Path) -> None:
+    noisy = {"type": "laser", "min_radius": 9.0}
+    sources = {
+        "far": {"topic": "/far", "max_range": 0.5},
+        "noisy": {"topic": "/noisy", "sensor_processor": noisy},
+        "millimeters": {"topic": "/depth/image", "type": "depth_image"},
+        "zeros": {"topic": "/zeros"},
+        "empty": {"topic": "/empty"},
+    }
+    info = CameraInfo(height=4, width=4, k=np.array([4.0, 0, 1.5, 0, 4.0, 1.5, 0, 0, 1]))
+    zeros, empty = (xyz_cloud([(0.0, 0.0, 0.0)] * 3, "odom") for _ in range(2))
+    empty.data, empty.width, empty.row_step = array.array("B"), 0, 0
+    depths = from_pixels(np.full((4, 4), 700, np.float32), "32FC1", zeros.header)
+    scans = {"/far": cloud(7.0, frame="odom"), "/depth/image": depths, "/zeros": zeros}
+    scans |= {"/noisy": scans["/far"], "/empty": empty, "/depth/camera_info": info}
+    expected = [
+        "/far: few points: used 0 of 400 points because 400 are farther than max_range",
+        "/noisy: few points: used 0 of 400 points because 400 are in cells more uncertain than max",
+        "/depth/image: few points: used 0 of 16 points because 16 are outside the map. The median",
+        "/zeros: few points: used 0 of 3 points because 3 are not finite, or at the origin",
+        "/empty: few points: used 0 of 0 points because the message is empty. Check the sensor",
+    ]
+    robot.peer.listen("/diagnostics", DiagnosticArray, 10)
+    with running_node(MODULE, *options(tmp_path, sources, pose_source="none")) as node:
+
+        def is_explained() -> bool:
+            for topic, message in scans.items():
+                robot.peer.publish(topic, message, qos_profile_sensor_data)
+            return all(text in node.text for text in expected)
+
+        robot.peer.wait_until(is_explained, "the reasons")
+        robot.peer.received["/diagnostics"].clear()
+        (status,) = robot.peer.expect("/diagnostics").status
+        assert (status.level, expected[0] in status.message) == (DiagnosticStatus.WARN, True)
+
+
+def test_missing_messages_name_topics_types_and_remedies(robot: Robot, tmp_path: Path) -> None:
+    sources = {
+        "lidar": LIDAR,
+        "rear": {"topic": "/scan"},
+        "depth": {"topic": "/depth/image", "type": "depth_image"},
+    }
+    kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    expected = [
+        "it waited 0.2 s for poses on /odom (type nav_msgs/msg/Odometry, but the parameters ask fo"
+        f"r {kind})" + "; without tf2_ros_py, pose_source 'auto' means" * (not has_tf()),
+        "no messages of rear on /scan (no publisher; topics of type sensor_msgs/msg/PointCloud2: /",
+        "image, on /depth/camera_info (no publisher; did you mean /depth/camera_inf?)",
+    ]
+    robot.peer.node.create_publisher(Odometry, "/odom", 10)
+    robot.peer.node.create_publisher(Odometry, "/depth/camera_inf", 10)
+    image = from_pixels(np.ones((4, 4), np.float32), "32FC1", camera_message(Image).header)
+    parameters = {"pose_type": "pose_with_covariance", "pose_timeout": 0.2}
+    with running_node(MODULE, *options(tmp_path, sources, **parameters)) as node:
+
+        def is_explained() -> bool:
+            robot.scan(1.0)
+            robot.peer.publish("/depth/image", image, qos_profile_sensor_data)
+            return all(text in node.text for text in expected)
+
+        robot.peer.wait_until(is_explained, "the reasons")
+        assert "ERROR" not in node.text
+
+
+LASER = {"type": "laser"}
+
+
+@pytest.mark.parametrize(
+    ("sources", "text"),
+    [
+        ([], "maps nothing"),
+        (
+            {
+                "a": {**LIDAR, "topic": "/a"},
+                "b": {"type": "image", "topic": "/b", "sensor_processor": LASER},
+            },
+            "?); input_sources.b.sensor_processor (images have no noise); sensor_processor (no sou",
+        ),
+    ],
+)
+def test_parameters_without_effect_are_named(
+    robot: Robot, tmp_path: Path, sources: Any, text: str
+) -> None:
+    given = {"sensor_processor": LASER, "robot_motion_map_update": {"scale": 2.0}}
+    with running_node(MODULE, *options(tmp_path, sources, **given)) as node:
+        robot.peer.wait_until(lambda: "poses: " in node.text, "the node")
+        assert text in node.text
+        motion = "effect: robot_motion_map_update.scale (unknown; did you mean robot_motion_map_up"
+        assert motion in node.text
+
+
 # --- what gets lost -------------------------------------------------------------------------------
 
 
@@ -332,6 +425,8 @@ def test_lost_poses_bad_clouds_and_a_looping_bag_are_survived(robot: Robot, tmp_
         robot.peer.wait_until(lambda: lines(node, "dropped a pose: header.frame_id"), "bad poses")
         robot.peer.publish("/points", cloud(0.0), qos_profile_sensor_data)
         robot.peer.wait_until(lambda: lines(node, "dropped a cloud of lidar: header.stamp"), "time")
+        robot.scan(100.0, frame="a_optical_frame")
+        robot.peer.wait_until(lambda: lines(node, "got 'a_optical_frame' with z up"), "the axes")
         # The bag begins again.
         grid_map = robot.until_mapped(5.0, ground=0.2)
         assert grid_map.position.tolist() == [0.0, 0.0]
@@ -398,7 +493,7 @@ def test_files_of_this_package_start_the_node() -> None:
 def test_node_says_that_it_compiles_if_it_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = "compiles for some seconds"
+    text = "[elevation_mapping]: numba compiles loops for some seconds"
     ElevationMapper(GridGeometry((1.0, 1.0), 0.1))
     with running_node(MODULE, *options(tmp_path)) as node:
         wait_until(lambda: "poses: " in node.text, "the node")

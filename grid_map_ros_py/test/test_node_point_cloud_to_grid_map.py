@@ -153,16 +153,22 @@ def test_fixed_map_is_published_at_a_rate_and_latched(other_side: Peer) -> None:
     with running_node(MODULE, *options) as node:
         for height in range(20):
             other_side.publish("/points", xyz_cloud([(0.5, 0.5, height)]), 50)
+        other_side.publish("/points", xyz_cloud([(9.0, 0.5, 3.0)]), 50)
         other_side.publish("/points", xyz_cloud([(0.5, 0.5, 3.0)], "lidar"), 50)
-        other_side.wait_until(lambda: "20 clouds with 20 points fused" in node.text, "statistics")
+        other_side.wait_until(lambda: "21 clouds with 21 points fused" in node.text, "statistics")
         other_side.wait_until(lambda: "; 1 clouds dropped" in node.text, "the cloud that is wrong")
         other_side.listen("/diagnostics", DiagnosticArray, 10)
         reason = "header.frame_id: expected 'map', that of the map, as there are no"
         assert reason in node.text
+        few = (
+            "/points: few points: used 0 of 1 points because 1 are outside the map. Check the pose"
+        )
+        assert few in node.text
         found = other_side.expect("/diagnostics").status[0]
         values = {value.key: value.value for value in found.values}
         counts = [values[f"clouds {name}"] for name in ("in", "out", "dropped")]
-        assert (counts, found.level) == (["21", "20", "1"], DiagnosticStatus.WARN)
+        assert (counts, found.level) == (["22", "21", "1"], DiagnosticStatus.WARN)
+        assert few in found.message
         assert reason in values["last error"]
         with peer() as late:
             late.listen("/grid_map", GridMapMessage)

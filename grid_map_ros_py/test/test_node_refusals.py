@@ -21,6 +21,10 @@ REFUSED = {
             {"input_sources.a.topic": "/a", "input_sources.a.type": "b"},
             "'input_sources.a.type': expected one of 'poi",
         ),
+        (
+            {"input_sources.a.topic": "/a", "input_sources.b.topic": "a"},
+            "'input_sources.b.topic': expected another topic than that of input_sources.a, got 'a'",
+        ),
         ({"input_sources": 3}, "'input_sources': expected parameters below it, got 3 (int)"),
         ({"pose_source": "topic", "pose_type": "gps"}, "'pose_type': expected one of 'odometry',"),
         ({"directory": "/no/such/directory"}, "'directory': expected a directory that exists"),

@@ -187,8 +187,13 @@ def test_node_without_keys_does_not_start_under_enforced_security(tmp_path: Path
 
 @pytest.mark.parametrize(
     "content",
-    ["filters:\n  - {name: a, type: b}\n", "rate: 1\n", "node:\n  rate: 1\n"],
-    ids=["chain", "parameter", "section"],
+    [
+        "filters:\n  - {name: a, type: b}\n",
+        "rate: 1\n",
+        "node:\n  rate: 1\n",
+        "node: {ros__parameters: {filters: [{name: a, params: {radius: 1.0}}]}}",
+    ],
+    ids=["chain", "parameter", "section", "list"],
 )
 def test_parameter_file_of_ros_1_names_the_page_on_migration(
     start: Start, content: str, tmp_path: Path
@@ -198,4 +203,7 @@ def test_parameter_file_of_ros_1_names_the_page_on_migration(
     process = start("living.py", "idle", "--ros-args", "--params-file", str(path))
     assert process.wait() == 1
     assert "docs/migration_ros1.md#parameters" in process.text
+    assert ("Name the items of a list of mappings: filter1, f" in process.text) == (
+        "1.0" in content
+    )
     assert str(path) in process.text

@@ -142,6 +142,8 @@ def test_cloud_from_before_the_first_pose_is_refused(limit: int, first: int) -> 
         GridMapError, match=rf"no pose at 1\.000 s: the first one is of {first}\.000 s"
     ):
         known.at(SECOND)
+    with pytest.raises(GridMapError, match=r"50\.000 s; do scans and poses have the same cl"):
+        history(pose(50)).at(SECOND)
 
 
 @pytest.mark.parametrize(("frame", "expected"), [("lidar", (10, 21, 0.5)), ("odom", (0, 0, 0))])

@@ -19,7 +19,7 @@ from grid_map_core_py import ConfigError, GridGeometry
 from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py.messages import to_stamp
-from grid_map_ros_py.nodes._poses import Placement, Poses
+from grid_map_ros_py.nodes._poses import Placement, Poses, from_xyz_rpy
 from grid_map_ros_py.nodes._scans import Cloud, ScanQueue, read_cloud
 
 
@@ -201,6 +201,43 @@ def test_fields_become_layers_if_they_are_asked_for() -> None:
     colored.add(cloud(2, frame="odom"))
     text = "dropped a cloud: fields: expected one called 'rgb', got ['x', 'y', 'z']"
     assert colored.reports == [text]
+
+
+@pytest.mark.parametrize(
+    ("points", "missing", "unused", "text"),
+    [
+        (2.5, 0, {"outside the map": 396}, ""),
+        (2.5, 0, {"outside the map": 9, "not finite": 388}, "3 of 400 points because 388 are n"),
+        (2500.0, 0, {"outside the map": 400}, "The median range is 2500 m: convert millimeters"),
+        (2.5, 9, {"farther than max_range": 400}, "400 are farther than max_range, 9 are without"),
+        (math.nan, 0, {"not finite": 400}, "0 of 400 points because 400 are not finite"),
+        (None, 0, {}, "used 0 of 0 points because the message is empty. Check the sensor"),
+        (None, 4, {}, "used 0 of 4 points because 4 are without a depth. Check the camera"),
+    ],
+)
+def test_few_used_points_have_reasons_and_a_remedy(points, missing, unused, text) -> None:
+    cloud = np.empty((0, 3)) if points is None else np.full((400, 3), (0.0, 0.0, points))
+    found = Cloud("lidar", 1, cloud, missing=missing).usage(unused)
+    assert (text in found, bool(found)) == (True, bool(text))
+
+
+@pytest.mark.parametrize(
+    ("frame", "rpy", "tilt", "is_refused"),
+    [
+        ("front_optical_frame", (0, 0, 0), 0.0, True),
+        ("front_optical_frame", (-math.pi / 2, 0, -math.pi / 2), 0.0, False),
+        ("front_link", (0, 0, 0), 0.0, False),
+        # Poses of the camera itself, without a robot.
+        ("front_optical_frame", (0, 0, 0), -math.pi / 2, False),
+    ],
+)
+def test_optical_frame_without_rotation_is_refused(frame, rpy, tilt, is_refused) -> None:
+    robot = from_xyz_rpy((0, 0, 1), (tilt, 0, 0.5))
+    placement = Placement(robot @ from_xyz_rpy((0, 0, 0), rpy), robot)
+    queue = fixed_mapper()
+    queue.poses.place = lambda *_: placement
+    assert queue.add(cloud(1, frame=frame)) == (not is_refused)
+    assert ("got 'front_optical_frame' with z up. Publish" in str(queue.reports)) == is_refused
 
 
 def test_statistics_count_clouds_in_one_line() -> None:

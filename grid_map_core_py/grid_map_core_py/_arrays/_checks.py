@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, short
 
 Layer: TypeAlias = NDArray[np.float32]
-"""(rows, cols) float32, Fortran order, rows towards -x, columns towards -y; NaN means no data."""
+"""(rows, cols) float32, Fortran order; indices grow towards -x and -y. NaN means no data."""
 
 Mask: TypeAlias = NDArray[np.bool_]
 """Booleans, one per cell or per point."""
@@ -45,7 +45,7 @@ _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
 def as_positions(values: ArrayLike, name: str = "position") -> Positions:
-    """Return `values` as a float64 array whose last axis is x, y."""
+    """Return positions as a float64 array whose last axis holds x and y."""
     positions = as_array(values, np.float64, name)
     if positions.ndim == 0 or positions.shape[-1] != 2:
         raise GeometryError(f"{name}: expected x, y of shape (2,) or (N, 2), got {positions.shape}")
@@ -153,6 +153,8 @@ def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
     values = as_floats(points, name)
     if values.ndim != 2 or values.shape[1] < 3:
         raise GeometryError(f"{name}: expected x, y, z of shape (N, 3), got {values.shape}")
+    if len(values) in (3, 4) and values.shape[1] > 16:  # no cloud has so many fields
+        raise GeometryError(f"{name}: expected shape (N, 3), got {values.shape}. Transpose it")
     return values
 
 
@@ -160,7 +162,8 @@ def as_rigid(transform: ArrayLike) -> Positions:
     """Return a transform as (4, 4) float64 after checking that it is rigid."""
     matrix: Positions = as_array(transform, np.float64, "transform")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise GeometryError(f"transform: expected (4, 4) finite numbers, got {short(transform)}")
+        text = f"transform: expected (4, 4) finite numbers, got {short(transform)}"
+        raise GeometryError(f"{text}. The matrix holds the rotation and the position")
     if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
         raise GeometryError(
             f"transform: expected (0, 0, 0, 1) as the last row, got {tuple(matrix[3].tolist())}"
@@ -187,7 +190,7 @@ def as_size(values: ArrayLike, name: str) -> Size:
 
 
 def plain_cell(values: Any) -> Size | None:
-    """Return `values` if it is a plain pair of integers, else None."""
+    """Fast path: return `values` as two `int` if it is a plain pair of integers, else None."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind != "i":
@@ -206,11 +209,11 @@ def plain_cell(values: Any) -> Size | None:
 
 
 def as_cells(values: ArrayLike, name: str = "index") -> Cells:
-    """Return cells as (rows, cols).
+    """Return cells as a tuple (rows, cols) of int64 arrays.
 
     Args:
-        values: a tuple (rows, cols), as for NumPy indexing, or an (N, 2) array of rows and columns;
-            a single cell is (row, col).
+        values: a tuple (rows, cols), as for NumPy indexing, or an (N, 2) array of rows and columns.
+            A single cell may be given as (row, col).
         name: parameter name for error messages.
     """
     if isinstance(values, tuple):
@@ -230,7 +233,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or a (rows, cols) array to a layer; warn if it exceeds the float32 range."""
+    """Copy a scalar or a (rows, cols) array to a new layer; warn of values beyond float32."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""

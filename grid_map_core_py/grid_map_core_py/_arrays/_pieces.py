@@ -57,14 +57,14 @@ def slices(count: int, step: int) -> Iterator[slice]:
 
 
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
-    """Enumerate the members of all groups in order, in chunks of at most `limit` members.
+    """Yield the members of all groups, group by group, in chunks of at most `limit` members.
 
     Args:
         counts: (G,) size of each group.
 
     Yields:
-        groups: (n,) group number of each member.
-        members: (n,) number of each member within the group, from 0.
+        groups: (n,) index in `counts` of each member's group.
+        members: (n,) index of each member within its group.
     """
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0

@@ -3,6 +3,7 @@
 
 import argparse
 import ctypes
+import logging
 import os
 import re
 import signal
@@ -16,7 +17,7 @@ from types import FrameType
 from typing import Any, NoReturn, TypeAlias
 
 from .. import __version__
-from .._unfinished import remove_all
+from .._unfinished import notes, remove_all
 from ..errors import GridMapError
 from ..limits import Limits, set_limits
 from ._output import CommandError, UsageError, message, shown
@@ -35,9 +36,9 @@ HELP = {
     "filter": "run a filter chain on a map of any size, or on all maps of a bag",
     "plot": "draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video",
     "view": "show a map, or all messages of a bag, in Rerun in the browser, until Ctrl-C",
-    "topics": "list the topics of running nodes",
-    "record": "record topics of any type to a bag, until Ctrl-C",
-    "play": "publish the messages of a bag at the pace of the recording",
+    "topics": "list the topics of running nodes (needs ROS 2)",
+    "record": "record topics of any type to a bag, until Ctrl-C (needs ROS 2)",
+    "play": "publish the messages of a bag at the pace of the recording (needs ROS 2)",
 }
 """Help texts of the suite's commands, so that `grid-map --help` need not import the commands."""
 
@@ -76,8 +77,9 @@ def make_parser(words: Sequence[str]) -> Parser:
                 module = entry.load()
             # Any error raised by a plug-in is reported with the plug-in's name.
             except Exception as error:
+                remedy = ". Source ROS 2, then the workspace" if "needs ROS 2" in text else ""
                 text = f"{name}: the command of {entry.value} cannot be loaded: {error}"
-                raise CommandError(text) from error
+                raise CommandError(text + remedy) from error
             command.description = (module.__doc__ or "").partition("\n")[0]
             module.add_arguments(command)
             command.set_defaults(run=module.run, parser=command)
@@ -95,6 +97,7 @@ def _commands() -> dict[str, EntryPoint]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code, unless a signal ends the process."""
     before = on_end(_end)
+    logging.basicConfig(format=f"{PROGRAM}: %(message)s")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("once", UserWarning)
@@ -110,14 +113,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """Remove temporary files and end the process, without raising a catchable exception."""
+    """Signal handler: remove temporary files and end the process without raising an exception."""
     remove_all()
+    for note in notes:
+        # The signal may have interrupted `print`, which is not reentrant.
+        os.write(2, ("\n" * os.isatty(2) + f"{PROGRAM}: {note}\n").encode())
     signal.signal(number, signal.SIG_DFL)
     signal.raise_signal(number)
 
 
 def _run(arguments: Sequence[str]) -> int:
     parser: Parser | None = None
+    notes.clear()
     try:
         completing = "_ARGCOMPLETE" in os.environ
         words = os.environ.get("COMP_LINE", "").split() if completing else arguments
@@ -161,7 +168,7 @@ def _text_of(error: Exception) -> str:
 
 
 def _failed(text: str) -> int:
-    message(f"error: {' '.join(text.split())}")
+    message(f"error: {' '.join('. '.join([text, *notes]).split())}")
     return 1
 
 
@@ -181,12 +188,13 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
     """Return a `preexec_fn` that makes Linux signal the child when the parent thread ends."""
     set_parent_death_signal = 1
-    # Loaded before the fork, because the child should do little before its program starts.
+    # Load libc before the fork, so that the child does little before it starts its program.
     parent, control = os.getpid(), ctypes.CDLL(None).prctl
 
     def prepare() -> None:
         control(set_parent_death_signal, number)
-        # Detect a parent that has ended already; in a container, the parent may be process 1.
+        # Detect a parent that has ended already. Comparing with 1 would fail in a container, where
+        # the parent itself may be process 1.
         if os.getppid() != parent:
             os._exit(0)
 

@@ -20,13 +20,11 @@ from ._output import CommandError, UsageError, message
 
 if TYPE_CHECKING:
     from ..files import Format
-    from ..files._formats import (
-        MapRecord,
-    )
+    from ..files._formats import MapRecord
     from ..map import GridMap
 
 TimedMap: TypeAlias = "tuple[int | None, GridMap]"
-"""Recording time [ns], or None if unknown, and the map."""
+"""Recording time [ns] (None if unknown), and the map."""
 
 STANDARD = "-"
 """File name that stands for standard input or output, which use the npz format."""
@@ -48,17 +46,14 @@ _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 def _choose(
     options: argparse.Namespace, of_source: Iterable[str] | None = None
 ) -> "tuple[Format, dict[str, Any]]":
-    """Return the format and the user's options for the source or for the destination.
+    """Return the format of the source or of the destination, and the options given for it.
 
     Args:
         options: the arguments.
-        of_source: names of the options that the source uses; set only for the destination.
+        of_source: names of the options that the source uses, to choose the destination format.
+            None chooses the source format.
     """
-    from ..files._formats import (
-        find_format,
-        formats,
-        options_of,
-    )
+    from ..files._formats import find_format, formats, options_of
 
     writes = of_source is not None
     # `--black` and `--white` may apply to the source or to the destination. If neither format uses
@@ -107,12 +102,8 @@ def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -
 
 def describe(options: argparse.Namespace) -> dict[str, Any]:
     """Return the format, size and metadata of the source as JSON values."""
-    from ..files._formats import (
-        options_of,
-    )
-    from ..files._shared import (
-        map_facts,
-    )
+    from ..files._formats import options_of
+    from ..files._shared import map_facts
 
     found, given = _choose(options)
     with _source(options.source) as path:
@@ -137,9 +128,10 @@ def _is_address(source: str) -> bool:
 def open_records(
     options: argparse.Namespace, destination: "Destination", layers: Iterable[str] | None = None
 ) -> "Iterator[Sequence[MapRecord]]":
-    """Yield records of the maps to copy from the source to the destination.
+    """Yield a sequence with one record per map to copy from the source to the destination.
 
-    All maps are copied if source and destination are bags without `--index`, otherwise one map.
+    It holds all maps of a bag if the destination can store several and `--index` is not given,
+    otherwise one map.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)
@@ -158,6 +150,8 @@ def open_records(
         if destination.takes_many and index is None:
             yield records
         else:
+            if index is None and len(records) > 1:
+                message(f"{options.source}: last of {len(records)} maps; --index selects another")
             yield [records[-1 if index is None else index]]
 
 
@@ -200,9 +194,7 @@ class Destination:
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
-        from ..files._formats import (
-            options_of,
-        )
+        from ..files._formats import options_of
 
         self.path: str = options.destination
         self.usual_topic = usual_topic
@@ -227,7 +219,7 @@ class Destination:
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:
-        """Return whether to copy a whole bag; True if no topic, map or layer is selected."""
+        """Return whether to copy a whole bag: the format can store it, and no part is selected."""
         chosen = (options.topic, options.index, options.layers)
         is_whole = all(one is None for one in chosen)
         return self.format.save_all is not None and self._holds_many and is_whole

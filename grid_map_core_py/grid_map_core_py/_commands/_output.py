@@ -34,7 +34,7 @@ def print_json(value: object) -> None:
 
 
 def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """Format rows as a table; the columns with the indices `numbers` are right-aligned."""
+    """Format rows as a table; right-align the columns whose indices are in `numbers`."""
     columns = [
         [f"{cell:{'>' if number in numbers else '<'}{max(map(len, column))}}" for cell in column]
         for number, column in enumerate(zip(*rows, strict=True))
@@ -80,8 +80,8 @@ class ProgressBar:
         clock: function that returns the time [s].
         quiet: whether to hide the progress; ignored for `as_json`.
         unit: name of the counted items.
-        cells: number of cells per unit, to show the rate in cells. The first call must then report
-            how many units were already finished.
+        cells: number of cells per unit, to show cells per second. Make the first call before the
+            work begins, with the number of units finished earlier; the rate excludes them.
         as_json: print a JSON line every second and at the end.
     """
 

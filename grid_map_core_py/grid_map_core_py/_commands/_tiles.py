@@ -4,6 +4,7 @@
 import argparse
 import logging
 import math
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,7 @@ def add_tiles(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("maps of any size, from .zarr or .tif to .zarr or .tif")
     where = group.add_mutually_exclusive_group()
     about = "start this number of processes (threads of this process)"
-    where.add_argument("--workers", type=int, metavar="N", help=about)
+    where.add_argument("--workers", type=_count, metavar="N", help=about)
     about = "use the Dask cluster of this scheduler, such as tcp://host:8786"
     where.add_argument("--scheduler", metavar="ADDRESS", help=about)
     about = "largest memory of each process, such as 1GB"
@@ -47,6 +48,12 @@ def add_tiles(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--chunks", type=int, metavar="CELLS", help=about)
     about = "GeoTIFF: cloud-optimized, with overviews"
     group.add_argument("--cog", action="store_true", help=about)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a number of at least 1, got {text}")
+    return int(text)
 
 
 def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
@@ -99,13 +106,14 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    Zarr stores and GeoTIFF files are read window by window. Small files are read as a whole if
-    there is no destination, or if both files are GeoTIFF, unless `--cog` or `also_small` is set.
+    That is the case if the source, and the destination if there is one, is a Zarr store or GeoTIFF
+    file. Unless `--cog` or `also_small` is set, a small source is still read as a whole if there is
+    no destination, or if both files are GeoTIFF.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
     on_tiles = source in _TILED and target in (None, *_TILED)
-    also_small = also_small or getattr(options, "cog", False)
+    also_small = also_small or any(getattr(options, name, None) for name in _OPTIONS)
     if on_tiles and target in (None, "geotiff") and not also_small:
         rows, columns = describe(options)["map"]["size"]
         is_large = rows * columns > current_limits().max_cells
@@ -136,8 +144,8 @@ def write_tiles(
         tiled_map: the map.
         destination: a Zarr store or a GeoTIFF file.
         options: the `add_tiles` arguments, and `layers`.
-        threads: thread count of this process if there are no workers; None means one per
-            processor.
+        threads: number of threads, unless `options` select workers or a cluster; None means one
+            per processor.
         progress: `ProgressBar` arguments.
     """
     if options.memory and not options.workers:
@@ -189,14 +197,14 @@ def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[Non
 def _processes(distributed: Any, count: int, memory: str) -> Iterator[None]:
     from dask import utils
 
-    if count < 1:
-        raise UsageError(f"--workers: expected a number of processes, got {count}")
     parse: Any = utils.parse_bytes
     try:
         limit = memory if memory == "auto" else parse(memory)
     except ValueError as error:
         text = f"--memory: expected a size such as 1GB, got {memory}"
         raise UsageError(text) from error
+    # After a signal, the resource tracker of multiprocessing removes semaphores; it need not warn.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
     with scratch_folder() as folder:
         cluster = distributed.LocalCluster(
             count,

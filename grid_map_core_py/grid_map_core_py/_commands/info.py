@@ -3,11 +3,12 @@
 
 import argparse
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from ._arguments import add_json, add_source
 from ._maps import describe
-from ._output import byte_count, coordinate, number, print_json, print_table, shown
+from ._output import byte_count, coordinate, message, number, print_json, print_table, shown
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
@@ -19,6 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    if (part := Path(f"{Path(options.source)}.part")).is_dir():
+        message(f"{part} is left from a run that did not finish; --resume continues it")
     facts = describe(options)
     if options.json:
         print_json(facts)
@@ -112,7 +115,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Format a time as a date; return "" if not a system time (before 2001 or after 2106)."""
+    """Format a time as a date, or as "" if it is no system time (before 2001 or after 2106)."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""

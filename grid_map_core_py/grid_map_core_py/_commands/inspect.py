@@ -2,15 +2,17 @@
 """Show range, mean, missing values and histogram of every layer."""
 
 import argparse
+import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ._arguments import add_json, add_layers, add_source
-from ._maps import read_map
+from ._maps import describe, read_map
 from ._output import UsageError, number, print_json, print_table, shown
+from ._tiles import tiled_source
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
+    from ..map import GridMap
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 WIDTH = 40
@@ -30,14 +32,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     if not 1 <= options.bins <= 1000:
         raise UsageError(f"--bins: expected a number from 1 to 1000, got {options.bins}")
-    from ..files._shared import (
-        map_facts,
-    )
+    from ..files._shared import map_facts
 
-    grid_map = read_map(options, options.layers)
-    layers = [statistics_of(name, grid_map[name], options.bins) for name in grid_map]
+    each: Callable[..., list[Any]]
+    if (tiled_map := tiled_source(options)) is None:
+        grid_map = read_map(options, options.layers)
+        names, info, each = grid_map.layers, map_facts(grid_map), lambda f, _: [f(grid_map)]
+    else:
+        names, info = options.layers or tiled_map.layers, describe(options)["map"]
+        each = tiled_map.over_tiles
+    layers = [statistics_of(name, each, options.bins) for name in names]
     if options.json:
-        info = map_facts(grid_map)
         print_json({"path": options.source, "map": info, "layers": layers})
         return 0
     head = ("layer", "min", "max", "mean", "std", "NaN", "infinite", "histogram")
@@ -55,35 +60,48 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dict[str, Any]:
+def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[str, Any]:
     """Return statistics and a histogram of the finite values of a layer as JSON values.
 
     For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
+    `each(function, layers)` calls a function with the map or its tiles, and returns the results.
     """
     import numpy as np
 
-    is_color = name.endswith("color")
-    nan = int(np.isnan(layer).sum())
-    # Use double precision, so that neither sums nor bin widths overflow.
-    finite = layer[np.isfinite(layer)].astype(np.float64)
+    # Double precision, so that neither sums nor bin widths overflow.
+    def finite_of(tile: "GridMap") -> Any:
+        return tile[name][np.isfinite(tile[name])].astype(np.float64)
+
+    def extent(tile: "GridMap") -> tuple[Any, ...]:
+        finite, nan = finite_of(tile), np.isnan(tile[name]).sum()
+        lowest, highest = finite.min(initial=np.inf), finite.max(initial=-np.inf)
+        return tile[name].size, nan, finite.size, finite.sum(), lowest, highest
+
+    def spread(tile: "GridMap") -> tuple[Any, Any]:
+        finite = finite_of(tile)
+        return np.histogram(finite, bins, ends)[0], ((finite - mean) ** 2).sum()
+
+    *sums, lows, highs = zip(*each(extent, [name]), strict=True)
+    cells, nan, count, total = map(sum, sums)
     found: dict[str, Any] = {
         "name": name,
-        "is_color": is_color,
-        "cells": layer.size,
-        "nan": nan,
-        "infinite": layer.size - nan - finite.size,
+        "is_color": name.endswith("color"),
+        "cells": cells,
+        "nan": int(nan),
+        "infinite": int(cells - nan - count),
         **dict.fromkeys(("min", "max", "mean", "std")),
         "histogram": {"edges": [], "counts": []},
     }
-    if is_color or not finite.size:
+    if found["is_color"] or not count:
         return found
-    lowest, highest = float(finite.min()), float(finite.max())
+    lowest, highest, mean = float(min(lows)), float(max(highs)), float(total / count)
     # If all values are equal, center the histogram on them.
     margin = max(0.5, 1e-3 * abs(lowest)) if lowest == highest else 0.0
-    counts, edges = np.histogram(finite, bins, (lowest - margin, highest + margin))
-    mean, deviation = float(finite.mean()), float(finite.std())
-    found |= {"min": lowest, "max": highest, "mean": mean, "std": deviation}
-    return found | {"histogram": {"edges": edges.tolist(), "counts": counts.tolist()}}
+    ends = lowest - margin, highest + margin
+    counts, squares = map(sum, zip(*each(spread, [name]), strict=True))
+    found |= {"min": lowest, "max": highest, "mean": mean, "std": math.sqrt(squares / count)}
+    edges = np.histogram_bin_edges([], bins, ends).tolist()
+    return found | {"histogram": {"edges": edges, "counts": np.asarray(counts).tolist()}}
 
 
 def _row(layer: dict[str, Any]) -> tuple[str, ...]:

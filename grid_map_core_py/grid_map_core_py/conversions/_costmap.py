@@ -17,7 +17,7 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 
 Costs: TypeAlias = NDArray[np.uint8]
-"""(...) uint8 costs from 0 to 254, and 255 for unknown."""
+"""(...) uint8: costs from 0 to 254, or 255 for unknown."""
 
 FREE = 0
 INSCRIBED = 253
@@ -40,9 +40,9 @@ class CostCodec(Protocol):
 class CostTable:
     """Maps layer values to the named costs of costmap_2d and nav2.
 
-    Values between `free` and `inscribed` are mapped linearly. The defaults match occupancy grids,
-    from 0 to 100 with -1 for unknown. Use `CostTable(0, 253, 254, 255)` for layers
-    that store costs.
+    Values between `free` and `inscribed` are mapped linearly. The defaults suit layers with the
+    values of occupancy grids: 0 to 100, and -1 for unknown. For layers that store costs, use
+    `CostTable(0, 253, 254, 255)`.
 
     Attributes:
         free: layer value of cost 0.
@@ -129,7 +129,7 @@ class CostRange:
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Convert costs to values (...) float32: 0 to `data_min`, 254 to `data_max`, 255 to NaN."""
+        """Convert costs to float32 values (...): 0 is `data_min`, 254 is `data_max`, 255 is NaN."""
         known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
         table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))
@@ -181,7 +181,7 @@ def to_costs(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     costs = np.roll(costs, np.negative(grid_map.start_index), axis=(0, 1))
     origin = grid_map.position - 0.5 * grid_map.length
     return Costmap(
-        # A costmap starts at the smallest x and y, a grid map at the largest x and y.
+        # The first cell of a costmap has the smallest x and y; that of a grid map has the largest.
         costmap=costs.ravel("F")[::-1].copy(),
         size_x=grid_map.size[0],
         size_y=grid_map.size[1],

@@ -170,10 +170,10 @@ def _encoder(
 def _range(
     lower: float | None, upper: float | None, values: Layer
 ) -> tuple[np.float32, np.float32]:
-    """Return `lower` and `upper`; a bound that is None becomes the finite minimum or maximum."""
+    """Return `lower` and `upper`, with None replaced by the smallest or largest finite value."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
-    # `fmin` and `fmax` return the other bound if all values are beyond it or not finite.
+    # If no value is finite, or all lie beyond the given bound, both bounds become the given one.
     if lower is None:
         low = float(np.fmin(min_of_finites(values), high))
     if upper is None:
@@ -204,14 +204,14 @@ def from_image(
     """Create a map with one layer from the gray values of an image.
 
     Args:
-        image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colors are
-            converted to luma (ITU-R BT.601, OpenCV's `cvtColor`).
+        image: (rows, cols), or (rows, cols, channels) with 1, 3 or 4 channels; uint8, uint16,
+            float32 or float64. Colors are converted to luma (ITU-R BT.601, OpenCV's `cvtColor`).
         resolution: side of a pixel [m].
-        lower, upper: layer values for pixel value 0 and for 255, 65535 or 1.0. With 0 and 1, the
-            values of a float image are copied unchanged.
+        lower, upper: layer values of black (0) and white (255, 65535 or 1.0) pixels. With 0 and 1,
+            the values of a float image are copied unchanged.
         position: (2,) center of the map [m].
         alpha_threshold: pixels with a smaller alpha become NaN (1 is opaque). For integer images,
-            the scaled threshold is rounded down.
+            the threshold is scaled to the range of the type and rounded down.
         order: order of the color channels; `cv2.imread` returns "bgr".
         timestamp: time of the data [ns].
 

@@ -18,7 +18,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import fitting_geometry
 
-# Triangles, or triangle-cell pairs, per chunk, so that the temporaries fit into the cache.
+# Triangles, or pairs of a triangle and a cell, per chunk; temporaries then fit into the cache.
 _TRIANGLES = _PAIRS = 1 << 13
 
 _ROUNDING = 1e-9  # largest rounding error of a distance to an edge [cells]
@@ -29,14 +29,14 @@ def rasterize_triangles(
 ) -> GridMap:
     """Return a map with a layer that holds the highest point of a mesh at each cell center.
 
-    A vertical ray through the center hits a triangle even up to 1e-9 m outside its edges, so that
-    no cell between adjacent triangles is missed. Triangles that are vertical, have zero area or are
+    A triangle also covers centers up to 1e-9 m outside its edges, so that no center on the edge
+    between two triangles is missed. Triangles that are vertical, have zero area or are
     not finite are ignored.
 
     Args:
         vertices: (V, 3) x, y, z [m], map frame.
         faces: (F, 3) vertex indices of each triangle, in any winding order; or (F, n) for polygons
-            with n vertices, which are split into triangle fans from the first vertex.
+            with n vertices, which are split into triangles that share the first vertex.
         layer: name of the layer that is added or replaced.
 
     Returns:
@@ -110,7 +110,7 @@ def from_mesh(
 
 
 def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
-    """Split faces (F, n) into triangles (F', 3), as fans from the first vertex of each face."""
+    """Split faces (F, n) into triangles (F', 3) that share the first vertex of their face."""
     try:
         given = np.asarray(faces)
     except ValueError as error:
@@ -136,7 +136,7 @@ class _Triangles(NamedTuple):
     Attributes:
         row, column: (T,) position of the first corner.
         by_row, by_column: (3, T) slopes of the barycentric coordinates along rows and columns.
-        slacks: (3, T) tolerance for negative barycentric coordinates.
+        slacks: (3, T) amount by which the barycentric coordinates of a hit may be negative.
         heights: (3, T) heights of the corners [m].
         first_row, row_count, first_column, column_count: (T,) bounding rectangles.
         counts: (T,) number of cells in each bounding rectangle.
@@ -158,7 +158,7 @@ class _Triangles(NamedTuple):
 def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
 ) -> _Triangles:
-    """Return the finite, non-vertical triangles with nonzero area.
+    """Return the triangles that are finite, not vertical, and have a nonzero area.
 
     Args:
         rows, columns, z: (3, T) positions of the corners [cells], with cell centers at integers,
@@ -189,7 +189,7 @@ def _prepared(
 
 
 def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the column-major cell numbers (n,) and the heights (n,) of hits."""
+    """Yield the hits of small triangles: column-major cell numbers (n,) and heights (n,)."""
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides
@@ -240,7 +240,7 @@ def _inside(
 def _heights(
     weights: Iterable[Positions], hits: Integers, corners: Iterable[Positions]
 ) -> Positions:
-    """Return the heights (n,) of hits; `corners` are the corner heights of one or n triangles."""
+    """Return the heights (n,) of hits; `corners` holds corner heights of one or n triangles."""
     heights, total = np.zeros(len(hits)), np.zeros(len(hits))
     for weight, height in zip(weights, corners, strict=True):
         # Clamped, because extrapolating a steep triangle beyond an edge causes large errors.
@@ -258,6 +258,6 @@ def _range(corners: Positions, cells: int, tolerance: float) -> tuple[Integers, 
 
 
 def _edges(corners: Positions) -> Positions:
-    """Return the extent (3, T) along one axis of the edge opposite each corner."""
+    """Return the signed extents (3, T), along one axis, of the edges opposite the corners."""
     first, second, third = corners
     return np.array([third - second, first - third, second - first])

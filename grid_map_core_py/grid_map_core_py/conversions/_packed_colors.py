@@ -42,7 +42,7 @@ def color_vector_to_value(rgb: ArrayLike) -> NDArray[np.float32]:
 def color_channels_to_value(
     red: NDArray[Any], green: NDArray[Any], blue: NDArray[Any]
 ) -> NDArray[np.float32]:
-    """Pack the color channels of three arrays into layer values.
+    """Pack colors, given as one array per channel, into layer values.
 
     Args:
         red, green, blue: (...) all floats in [0, 1] or all integers in [0, 255], as in

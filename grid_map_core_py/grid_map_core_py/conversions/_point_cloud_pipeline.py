@@ -75,7 +75,7 @@ class _ClusterExtraction:
     """Parameters for clustering the points of a cell.
 
     Attributes:
-        cluster_tolerance: longest step from point to point within a cluster [m].
+        cluster_tolerance: largest distance between neighboring points of a cluster [m].
         min_num_points, max_num_points: clusters with fewer or more points are ignored.
         use_max_height_as_cell_elevation: with height type 0, use the highest cluster of a cell
             instead of the lowest.
@@ -120,7 +120,7 @@ class _Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudPipeline:
-    """Creates a map from a raw point cloud; fields as in `grid_map_pcl` parameter files.
+    """Creates a map from a raw point cloud; has the fields of a `grid_map_pcl` parameter file.
 
     If enabled, outliers are removed and the cloud is downsampled. The cloud is then transformed to
     the map frame, and the points of each cell are clustered. The height of a cell is the mean
@@ -185,7 +185,7 @@ class PointCloudPipeline:
             timestamp: timestamp of the map [ns].
 
         Raises:
-            GridMapError: no finite point remains.
+            GridMapError: no finite point is left after the outlier removal.
             LimitError: the map would have too many cells.
         """
         cloud = self.prepared(points)
@@ -223,7 +223,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks, skipping cells with too few or too many points."""
+        """Yield point indices (n,) in chunks of whole cells that have an allowed point count."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -320,7 +320,7 @@ def remove_outliers(
     Args:
         points: (N, 3) or wider, x, y, z [m]; points that are not finite are removed.
         mean_k: number of neighbors; limited to the number of other points.
-        stddev_threshold: negative values remove more points.
+        stddev_threshold: number of standard deviations, which may be negative.
         workers: number of threads that search for neighbors.
 
     Raises:
@@ -357,7 +357,7 @@ def remove_outliers(
 def euclidean_clusters(
     points: Positions, groups: Integers, tolerance: float, *, workers: int = 1
 ) -> Integers:
-    """Return the cluster number (n,) of each point, from 0 in arbitrary order.
+    """Return the cluster number (n,) of each point; clusters are numbered in arbitrary order.
 
     Two points are in the same cluster if a chain of points in their group connects them with steps
     no longer than the tolerance.
@@ -401,11 +401,11 @@ def _missing_links(
     reach: float,
     workers: int,
 ) -> _Edges:
-    """Return links between `crowded` points of different clusters in the same group.
+    """Return links that join clusters of the same group through their `crowded` points.
 
-    `crowded` indexes the points with the maximum number of links; few clusters contain any, so this
-    is cheap. For each pair of clusters, each crowded point of the cluster with fewer such points is
-    linked to the nearest crowded point of the other cluster within `reach`.
+    `crowded` are the indices of points that already have the maximum number of links. Few clusters
+    contain such points, so this is cheap. For each pair of clusters, the cluster with fewer crowded
+    points links each of them to the nearest one in the other cluster, if it is within `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -436,7 +436,7 @@ def _missing_links(
 
 
 def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
-    """Return points (n, 4); the fourth coordinate separates groups by more than `reach`."""
+    """Return points (n, 4) with a coordinate that keeps groups more than `reach` apart."""
     return np.column_stack([points, 2.0 * reach * groups])
 
 
@@ -451,7 +451,7 @@ def _components(points: int, edges: _Edges) -> Integers:
 
 
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
-"""Vector parameters that are mappings in the file, such as `{x: 0.1, y: 0.1, z: 0.1}`."""
+"""Keys of vectors that may be mappings in the file, such as `{x: 0.1, y: 0.1, z: 0.1}`."""
 
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:

@@ -84,12 +84,24 @@ def rasterize(
         GeometryError: an array has the wrong shape or is not numeric.
         ConfigError: a reduction is unknown or does not support colors, or a limit is invalid.
     """
+    limits = as_limits(min_height, max_height)
+    return rasterize_counted(points, grid_map, layers, fields, field_reductions, limits)[0]
+
+
+def rasterize_counted(
+    points: ArrayLike,
+    grid_map: GridMap,
+    layers: Mapping[str, str],
+    fields: Mapping[str, ArrayLike] | None,
+    field_reductions: Mapping[str, str] | None,
+    limits: tuple[float, float],
+) -> tuple[GridMap, Mask]:
+    """Return the result of `rasterize`, and a mask (N,) of the points on the map."""
     cloud = as_points(points)
     sources = _sources(cloud, layers, fields or {}, field_reductions or {})
     geometry = grid_map.geometry
     rows, cols = geometry.size
     made = {}
-    limits = _limits(min_height, max_height)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         flat, counted = _located(cloud, geometry, limits)
         for name, (source, reduce) in sources.items():
@@ -99,7 +111,7 @@ def rasterize(
                 cells, values = cells[finite], values[finite]
             layer = reduce(cells, values, rows * cols)
             made[name] = layer.reshape(geometry.size, order="F")
-    return grid_map.with_layers(GridMap.from_geometry(geometry).with_layers(made))
+    return grid_map.with_layers(GridMap.from_geometry(geometry).with_layers(made)), counted
 
 
 def from_points(
@@ -140,7 +152,7 @@ def from_points(
     center = None if position is None else np.array(as_pair(position, "position"))
     lower = upper = np.zeros(2)
     if length is None or center is None:
-        lower, upper = _extent(cloud, _limits(min_height, max_height))
+        lower, upper = _extent(cloud, as_limits(min_height, max_height))
     if length is not None:
         middle = lower + 0.5 * (upper - lower) if center is None else center
         geometry = GridGeometry(length, resolution, middle)
@@ -229,7 +241,7 @@ def fitting_geometry(
     return geometry
 
 
-def _limits(min_height: float, max_height: float) -> tuple[float, float]:
+def as_limits(min_height: float, max_height: float) -> tuple[float, float]:
     lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
     if not lowest <= highest:
         raise ConfigError(

@@ -140,11 +140,6 @@ class ElevationMapper:
         for made in _LOOPS:
             made.compiled()
 
-    @staticmethod
-    def must_compile() -> bool:
-        """Return whether creating a mapper will compile loops, which takes a few seconds once."""
-        return any(made.must_compile() for made in _LOOPS)
-
     @property
     def grid_map(self) -> GridMap:
         """The current map. Each update creates a new map; earlier maps stay unchanged."""
@@ -404,7 +399,7 @@ class ElevationMapper:
         is_lost = ~is_certain[points.cells[points.groups]]
         reasons = scan.dropped | {
             "outside the map": len(scan.cells) - len(on_map),
-            "cell more uncertain than max_variance": int((used & is_lost).sum()),
+            "in cells more uncertain than max_variance": int((used & is_lost).sum()),
         }
         return UpdateReport(
             points_used=int((used & ~is_lost).sum()),
@@ -432,6 +427,9 @@ class _Stages:
 
 
 def _as_sensor(sensor: SensorModel) -> SensorModel:
+    if isinstance(sensor, type):
+        name = sensor.__name__
+        raise GridMapError(f"sensor: expected an object, got the class. Pass {name}(), not {name}")
     if not callable(getattr(sensor, "vertical_variances", None)):
         raise GridMapError(f"sensor: expected a sensor model, got {short(sensor)}")
     return sensor

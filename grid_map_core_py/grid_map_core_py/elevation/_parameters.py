@@ -37,8 +37,8 @@ class Parameters:
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
         conflict_points: number of points in one scan that must agree to replace a height.
-        min_support: share of the points in the cell's densest cluster that a higher cluster needs
-            to become the surface at once. Smaller clusters must be seen in three scans.
+        min_support: minimum size of a cluster that becomes the surface at once, relative to the
+            cell's densest cluster. Smaller clusters must be seen in three scans.
         overhang_clearance: gap above the ground beyond which a higher cluster is an overhang [m]:
             the cell keeps the ground height, and the layer `overhang` holds the underside of the
             overhang; with 0, the cell gets the highest surface.

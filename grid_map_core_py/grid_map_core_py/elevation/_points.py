@@ -139,9 +139,10 @@ class Scan:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
         variances: (n,) variances of z from the sensor noise alone [m^2].
-        cells: (n,) cell number of each point, column by column in map order, or `OUTSIDE`.
+        cells: (n,) cell number of each point, column by column in map order; OUTSIDE off the map.
         places: (n,) indices of the points in the cloud.
-        horizontal: (n,) variances along x and y [m^2]; (0,) if not requested.
+        horizontal: (n,) horizontal variances, each the mean of the variances along x and y [m^2];
+            (0,) if not requested.
         dropped: number of dropped points for each reason.
         noise: pose covariance, shared by all points; None means an exact pose.
     """
@@ -203,7 +204,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 
 
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
-    """Check the values of points and return them by name as arrays (count,)."""
+    """Return per-point values by name as arrays (count,), after checking types and shapes."""
     columns = {}
     check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():

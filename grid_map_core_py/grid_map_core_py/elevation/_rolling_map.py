@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -11,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import GridGeometry, GridMap
-from .._arrays._checks import Layer, as_points, as_rigid
-from ..conversions._point_layers import rasterize
+from .._arrays._checks import Layer, Mask, as_points, as_rigid
+from ..conversions._point_layers import as_limits, rasterize_counted
 from ..plugins import check
 from ._points import (
     as_columns,
@@ -70,9 +71,9 @@ class RollingMap:
             self._layers = {layer: "mean", _VARIANCE: "variance", _COUNT: "count"}
         self._fusion = _FUSIONS[fusion]
         self._max_count = max_count or np.inf
-        self._min_height, self._max_height = min_height, max_height
+        self._limits = as_limits(min_height, max_height)
         # Rasterizing an empty cloud checks the arguments and creates the layers.
-        self._map = self._rasterized(geometry, np.empty((0, 3)), {})
+        self._map, _ = self._rasterized(geometry, np.empty((0, 3)), {})
         self._map.frame_id = frame_id
         self._map.basic_layers = [layer]
 
@@ -101,8 +102,10 @@ class RollingMap:
         max_range: float = np.inf,
         position: ArrayLike | None = None,
         timestamp: int | None = None,
-    ) -> None:
+    ) -> dict[str, int]:
         """Fuse the points of a cloud into the map; after an error the map is unchanged.
+
+        Returns the number of ignored points by reason, such as `outside the map`.
 
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
@@ -119,11 +122,14 @@ class RollingMap:
             GridMapError: an array or the position is invalid, or a column has the name of a height
                 layer.
         """
-        cloud = as_points(points)
+        cloud, reasons = as_points(points), Counter[str]()
         columns = as_columns(columns, len(cloud))
         if min_range > 0.0 or max_range < np.inf:
             distances = distances_of(cloud[:, :3].T.astype(np.float64))
             kept = (distances >= min_range) & (distances <= max_range)
+            reasons["nearer than min_range"] = int((distances < min_range).sum())
+            reasons["farther than max_range"] = int((distances > max_range).sum())
+            reasons["not finite"] = len(cloud) - int(kept.sum()) - reasons.total()
             cloud, columns = cloud[kept], {name: data[kept] for name, data in columns.items()}
         if transform is not None:
             matrix = as_rigid(transform)
@@ -134,7 +140,14 @@ class RollingMap:
         geometry = self._map.geometry
         if position is not None:
             geometry = geometry.shifted(geometry.index_shift(position))
-        new = self._rasterized(geometry, cloud, columns)
+        new, counted = self._rasterized(geometry, cloud, columns)
+        x, y, z = cloud[~counted, :3].T
+        is_finite = np.isfinite(x) & np.isfinite(y) & np.isfinite(z)
+        below, above = is_finite & (z < self._limits[0]), is_finite & (z > self._limits[1])
+        reasons["not finite"] += len(z) - int(is_finite.sum())
+        reasons["below min_height"] = int(below.sum())
+        reasons["above max_height"] = int(above.sum())
+        reasons["outside the map"] = int((is_finite & ~below & ~above).sum())
         if position is not None:
             self.move(position)
         old, new = self._map, new.with_start_index(self._map.start_index)
@@ -151,16 +164,13 @@ class RollingMap:
         self._map = old.with_layers(fused)
         if timestamp is not None:
             self._map.timestamp = timestamp
+        return {reason: count for reason, count in reasons.items() if count}
 
-    def _rasterized(self, geometry: GridGeometry, points: ArrayLike, columns: _Columns) -> GridMap:
-        return rasterize(
-            points,
-            GridMap.from_geometry(geometry),
-            self._layers,
-            fields=columns,
-            min_height=self._min_height,
-            max_height=self._max_height,
-        )
+    def _rasterized(
+        self, geometry: GridGeometry, points: ArrayLike, columns: _Columns
+    ) -> tuple[GridMap, Mask]:
+        empty = GridMap.from_geometry(geometry)
+        return rasterize_counted(points, empty, self._layers, columns, None, self._limits)
 
 
 def _newer(old: Layer, new: Layer) -> Layer:

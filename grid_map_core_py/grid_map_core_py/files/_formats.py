@@ -43,9 +43,9 @@ class Format:
         name: unique short name, such as "npz".
         description: short description for tables and messages.
         endings: file name endings, in lower case, such as ".npz".
-        reads: function that returns whether a path can be read, for folders and for endings that
-            several formats share; None means that the endings decide.
-        writes: function that returns whether a path can be written; None as in `reads`.
+        reads: function that returns whether a path can be read; used for folders, and for endings
+            that several formats share. If None, the endings decide.
+        writes: function that returns whether a path can be written. If None, the endings decide.
         load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
         save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
         describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
@@ -53,8 +53,8 @@ class Format:
         open_maps: for formats with several maps per file: `open_maps(path, **options)` accepts the
             options of `load` except `layers` and `index`, and returns a context manager that yields
             a sequence of `MapRecord` with an attribute `topic`.
-        save_maps: for formats with several maps: `save_maps(path, maps, **options)` writes pairs of
-            time [ns] (or None) and map, one at a time, and returns their number.
+        save_maps: for formats with several maps: `save_maps(path, maps, **options)` writes an
+            iterable of (time [ns] or None, map) pairs one by one, and returns the number of pairs.
         save_all: for formats that also store other messages: `save_all(source, path, **options)`
             copies all messages of a file, such as the clouds and poses of a bag, and returns
             the number of messages.
@@ -204,6 +204,9 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
     if kind is not None and kind not in formats():
         remedy = "build and source this workspace with ROS 2, or pip install it"
         return MissingPackageError("grid_map_ros_py", f"{path}: a {kind}", remedy)
+    if writes and kind == "bag":
+        text = "a bag is a folder; its name has no ending"
+        return GridMapError(f"{path}: {text}: {path.with_suffix('')}")
     if not writes and not path.exists():
         return GridMapError(f"{path}: cannot be read: No such file or directory")
     if not writes and path.suffix.lower() == ".rrd":

@@ -213,7 +213,7 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
 def read_pixels(
     raster: Any, bands: Sequence[int], window: tuple[slice, slice], images: Sequence[Layer]
 ) -> None:
-    """Read a window of several bands; mask pixels with NaN, and apply scales and offsets.
+    """Read a window of several bands, set masked pixels to NaN, and apply scales and offsets.
 
     Args:
         raster: the open dataset.
@@ -233,10 +233,24 @@ def read_pixels(
         raise ValueError(f"expected real numbers, got {found.dtype}")
     for band, image, values in zip(bands, images, found, strict=True):
         image[...] = np.ma.filled(values.astype(np.float32), np.nan)
+        if kinds == {"all_valid"}:
+            _warn_of_fill(raster, image[np.isfinite(image)])
         scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
         if (scale, offset) != (1.0, 0.0):
             image *= scale
             image += offset
+
+
+def _warn_of_fill(raster: Any, values: Layer) -> None:
+    """Warn if one value far outside the others fills many cells, as undeclared nodata does."""
+    for fill in map(float, (values.min(initial=0.0), values.max(initial=0.0))):
+        # The usual marks are at least 999 away from 0.
+        others = values[values != fill].astype(np.float64) if abs(fill) > 900.0 else values[:0]
+        is_many = 0 < others.size < 0.99 * values.size
+        if is_many and np.abs(others - fill).min() > np.ptp(others) > 0:
+            text = f"{raster.name}: {fill:g} fills many cells, and no nodata value is declared"
+            remedy = f"'gdal_edit.py -a_nodata {fill:.9g} {raster.name}' declares it"
+            warnings.warn(f"{text}; {remedy}", stacklevel=6)
 
 
 def raster_profile(

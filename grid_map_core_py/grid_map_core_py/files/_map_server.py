@@ -186,6 +186,9 @@ class _Settings:
 def _settings(document: Any) -> _Settings:
     if not isinstance(document, Mapping):
         raise ValueError("expected keys and values such as 'image: map.pgm'")
+    if "image" not in document:
+        text = "expected a map of nav2's map_server, with the key 'image'"
+        raise ValueError(f"{text}. A filter chain runs with `grid-map filter`")
     known = {field.name for field in fields(_Settings)}
     return build(_Settings, {key: value for key, value in document.items() if key in known})
 

@@ -170,7 +170,7 @@ def replace_folder(temporary: Path, target: Path) -> None:
 
 @contextmanager
 def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
-    """Yield a temporary path and the target with resolved links; errors name `path`."""
+    """Yield a temporary path next to the target, and the target with symbolic links resolved."""
     target = Path(path).resolve()
     if not target.parent.is_dir():
         raise FileNotFoundError(2, f"there is no folder {Path(path).parent}", str(path))
@@ -179,6 +179,7 @@ def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
         with unfinished(name) as temporary:
             yield temporary, target
     except OSError as error:
+        # An OSError about the temporary path names `path` instead.
         if str(name) in str(error.filename):
             error.filename, error.filename2 = str(path), None
         raise

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Literal, overload
 
 import numpy as np
@@ -129,13 +130,16 @@ def ellipse_cells(
         center: (2,) center of the ellipse [m]; it may be outside the map.
         length: (2,) lengths of the full axes [m], along x and y before the rotation; if one is 0,
             no cells are returned.
-        rotation: counter-clockwise rotation of the ellipse [rad].
+        rotation: counter-clockwise rotation of the ellipse [rad]; beyond 2 pi, the function warns.
     """
     center = np.array(as_pair(center, "center"))
     half_axes = 0.5 * np.array(as_pair(length, "length"))
     if (half_axes < 0).any():
         raise GeometryError(f"length: expected no negative numbers, got {short(length)}")
     angle = as_finite(rotation, "rotation", "a finite angle [rad]")
+    if abs(angle) > 2.0 * math.pi:
+        text = f"rotation: expected an angle from -2 pi to 2 pi [rad], got {angle:g}"
+        warnings.warn(f"{text}. Convert degrees with math.radians", stacklevel=2)
     cosine, sine = math.cos(angle), math.sin(angle)
     (a, b), (squared_a, squared_b) = half_axes, half_axes**2
     reach = np.hypot((a * cosine, a * sine), (b * sine, b * cosine))
@@ -168,7 +172,8 @@ def polygon_cells(
     """Return the cells (rows, cols) whose centers are inside a polygon, row by row.
 
     Args:
-        polygon: a `Polygon`, or (V, 2) vertices [m]; `Polygon.is_inside` defines the inside.
+        polygon: a `Polygon`, or (V, 2) vertices [m]; `Polygon.is_inside` defines the inside. With
+            fewer than three vertices, the function warns and returns no cells.
         count_outside: also return the number of cells inside the polygon, but outside the map, on
             the grid continued beyond the map. A footprint check needs it: cells outside are
             unknown, not free.
@@ -180,7 +185,11 @@ def polygon_cells(
         LimitError: `count_outside` for a polygon that spans more cells than a map may have.
     """
     polygon = Polygon.of(polygon)
-    if not len(polygon):
+    if len(polygon) < 3:
+        text = (
+            f"polygon: expected at least 3 vertices [m], got {len(polygon)}, without a cell inside"
+        )
+        warnings.warn(f"{text}. Use line_cells or Polygon.thicken_line for a line", stacklevel=2)
         return (empty_cells(0), 0) if count_outside else empty_cells(0)
     rows, columns = grid_map.geometry.box(*polygon._ends)
     x, y = grid_map.geometry.negated_axes

@@ -139,7 +139,8 @@ def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
 
 
 def _noise(covariances: NDArray[np.float64], random: np.random.Generator) -> Positions:
-    """Draw a normal sample (N, 3) with each covariance, which may be singular or NaN."""
+    """Draw one normally distributed vector per covariance, (N, 3)."""
+    # A covariance may be singular; one that is not finite gives a vector of NaN.
     measured = np.isfinite(covariances.sum(axis=(1, 2)))
     variances, axes = np.linalg.eigh(np.where(measured[:, None, None], covariances, 0.0))
     normal = random.standard_normal(variances.shape) * np.sqrt(np.maximum(variances, 0.0))

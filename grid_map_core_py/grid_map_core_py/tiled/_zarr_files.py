@@ -27,6 +27,7 @@ from typing import IO, Any
 import numpy as np
 
 from .._arrays._checks import Size, is_name
+from .._unfinished import notes
 from ..errors import GridMapError, required, short
 from ..files._shared import check_ending, new_folder
 from ._datasets import CRS_VARIABLE, DIMENSIONS, attributes, coordinates, grid_mapping
@@ -101,8 +102,11 @@ def to_zarr(
                 create_layers(folder, tiled_map, names)
                 # Written after the layers, because Zarr warns about foreign files.
                 (folder / _RUN).write_text(json.dumps(run), encoding="utf-8")
+        note = f"{part} keeps the finished tiles; --resume continues the run"
         with _locked(part):
+            notes.add(note)
             _compute(tiled_map, part, names, progress)
+            notes.discard(note)
             # Workers that were killed leave partial files behind.
             for leftover in part.glob("*/*.partial"):
                 leftover.unlink()

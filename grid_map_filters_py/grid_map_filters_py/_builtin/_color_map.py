@@ -27,8 +27,8 @@ class ColorMap(CellFilter, LayerFilter):
         input_layer: layer with the values.
         min_value: value that gets `min_color`. YAML also accepts `min: {value, color}` and
             `min/value`.
-        max_value: value that gets `max_color`; above `min_value`.
-        min_color, max_color: red, green and blue at the ends of the ramp, clamped to [0, 1].
+        max_value: value that gets `max_color`; must exceed `min_value`.
+        min_color, max_color: red, green and blue at this end of the ramp, clamped to [0, 1].
     """
 
     min_value: float

@@ -38,7 +38,7 @@ class MedianFill:
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
         fill_mask_layer: mask of the cells that may change; computed if the layer is missing.
-        num_erode_dilation_iterations: closing iterations of one cell each.
+        num_erode_dilation_iterations: number of closing iterations, each by one cell.
         debug: also store the mask before the closing.
         debug_infill_mask_layer: layer for the debug mask; required with `debug`.
     """

@@ -14,7 +14,7 @@ from grid_map_core_py.plugins import check
 
 from .._filter import in_map_order
 from ..parts._blocks import blocks_of, fill_blocks
-from ..parts._disc import disc_reach, typical_value
+from ..parts._disc import disc_reach, need_neighbors, typical_value
 from ..parts._normals import area_normals, raster_normals
 
 
@@ -51,6 +51,8 @@ class NormalVectors:
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights, resolution = grid_map[self.input_layer], grid_map.resolution
         offset = 0.0 if self._is_raster else typical_value(heights)
+        if not self._is_raster:
+            need_neighbors(self.radius, resolution)
 
         def normals_of(block: Layer) -> tuple[npt.NDArray[np.float64], ...]:
             if self._is_raster:

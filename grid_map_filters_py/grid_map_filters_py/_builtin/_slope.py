@@ -13,7 +13,7 @@ from grid_map_core_py.errors import ConfigError
 
 from .._filter import in_map_order
 from ..parts._blocks import blockwise
-from ..parts._disc import disc_reach, typical_value
+from ..parts._disc import disc_reach, need_neighbors, typical_value
 from ..parts._layer_filter import check_radius
 from ..parts._normals import area_normals, raster_normals
 
@@ -55,6 +55,8 @@ class Slope:
         if self.input_layers_prefix is None:
             heights, resolution = grid_map[self.input_layer or ""], grid_map.resolution
             offset = typical_value(heights) if self.radius else 0.0
+            if self.radius:
+                need_neighbors(self.radius, resolution)
 
             def of_block(block: Layer) -> Layer:
                 if self.radius:

@@ -18,7 +18,7 @@ class Threshold(CellFilter):
     """Set the cells of a layer to a fixed value where a layer is below or above a threshold.
 
     Attributes:
-        layer: layer for both `condition_layer` and `output_layer`.
+        layer: layer used as both `condition_layer` and `output_layer`.
         condition_layer: layer compared with the threshold; requires `output_layer`.
         output_layer: existing layer in which cells are set; requires `condition_layer`.
         lower_threshold: cells below this value are set.

@@ -11,8 +11,10 @@ from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._filter import CellFilter
+from .._filter import CellFilter, warn
 from ..parts._blocks import blockwise
+
+_RIGHT_ANGLE = 0.5 * math.pi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +28,8 @@ class Traversability(CellFilter):
     Attributes:
         input_layers: layers with costs such as slope, step height and roughness.
         output_layer: layer for the result.
-        critical_values: for each layer, the value at which its term reaches 0.
+        critical_values: per layer, the value at which its term reaches 0, in the unit of the layer
+            (slopes in radians).
         weights: weight per layer; only their ratios matter. Equal by default.
     """
 
@@ -50,6 +53,13 @@ class Traversability(CellFilter):
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         layers = [grid_map[name] for name in self.input_layers]
+        for name, critical in zip(self.input_layers, self.critical_values, strict=True):
+            values = grid_map[name].ravel("K")
+            # `fmax` ignores NaN.
+            if "slope" in name and critical > _RIGHT_ANGLE >= np.fmax.reduce(values) > 0:
+                expected = f"at most {_RIGHT_ANGLE:.4g} [rad] for {name}, got {critical:g}"
+                degrees = f"{critical:g} degrees are {math.radians(critical):.4g} rad"
+                warn(f"critical_values: expected {expected}. {degrees}")
         return grid_map.with_layers({self.output_layer: blockwise(self._mean, *layers)})
 
     def _mean(self, *layers: Layer) -> npt.NDArray[np.float64]:

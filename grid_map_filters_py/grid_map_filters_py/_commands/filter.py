@@ -5,6 +5,7 @@ import argparse
 import sys
 from collections.abc import Iterator
 from contextlib import redirect_stdout
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grid_map_core_py._commands import (
@@ -28,10 +29,9 @@ from .._times import StepTimes
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
-    from grid_map_core_py.files._formats import (
-        MapRecord,
-    )
+    from grid_map_core_py.files._formats import MapRecord
 
+_YAML = (".yaml", ".yml")
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")
 """Options that are valid only on tiles, and options that are valid only in memory."""
@@ -67,6 +67,8 @@ def run(options: argparse.Namespace) -> int:
     """Run `grid-map filter`: filter the maps of a file, and print their number."""
     if options.chain == options.source == "-":
         raise UsageError("the chain and the map cannot both come from standard input")
+    if Path(options.source).suffix in _YAML and Path(options.chain).suffix not in ("", *_YAML):
+        raise UsageError(f"expected the chain first: {options.source} {options.chain}")
     path = "/dev/stdin" if options.chain == "-" else options.chain
     threads = 1 if options.threads is None else options.threads
     chain = FilterChain.from_yaml(path, options.name, threads=threads)

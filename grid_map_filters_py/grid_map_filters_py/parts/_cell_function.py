@@ -121,7 +121,8 @@ class CellFunction:
             for i in range(count):
                 results[i] = function(*arguments(layers, i, numbers))
 
-        loop.__name__ = function.__name__
+        # The name of the file in numba's cache.
+        loop.__qualname__ = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
         takes, gives = f"const {np.dtype(self.takes)}*", f"{np.dtype(self.gives)}*"
         kinds = (takes, self.layers), ("float32", self.numbers), gives, "int64"
         return Loop(loop, kinds, {choose: _choose_one})

@@ -21,7 +21,7 @@ from grid_map_core_py._arrays import Layer, Size
 from grid_map_core_py.map._axis import BORDER_TOLERANCE
 from grid_map_core_py.regions._shapes import half_chords
 
-from .._filter import WHOLE_MAP
+from .._filter import WHOLE_MAP, warn
 
 Field = npt.NDArray[Any]
 
@@ -41,6 +41,13 @@ def disc_reach(radius: float, resolution: float) -> float:
     """
     cells = (max(radius, 0.0) + BORDER_TOLERANCE) / resolution
     return math.floor(cells) if cells < _LARGEST else WHOLE_MAP
+
+
+def need_neighbors(radius: float, resolution: float) -> None:
+    """Warn if a disc is so small that it contains only the cell at its center."""
+    if disc_reach(radius, resolution) < 1:
+        text = f"radius: expected at least one cell, {resolution:g} m, got {radius:g} m"
+        warn(f"{text}. A disc without neighboring cells gives no useful result")
 
 
 @dataclass(frozen=True)

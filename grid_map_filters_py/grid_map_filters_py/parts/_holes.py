@@ -118,7 +118,8 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: length up to which holes inside the tile are omitted [cells].
+        length: holes that do not touch the tile border are omitted if the longer side of their
+            bounding box is at most this long [cells].
     """
 
     layer: str

@@ -18,7 +18,7 @@ from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, CellFilter, in_map_order
 from ._blocks import blockwise
-from ._disc import Disc, disc_reach, typical_value
+from ._disc import Disc, disc_reach, need_neighbors, typical_value
 
 Values: TypeAlias = npt.NDArray[np.floating[Any]]
 
@@ -87,6 +87,10 @@ class DiscFilter(LayerFilter):
 
     def __post_init__(self) -> None:
         check_radius(self.radius)
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        need_neighbors(self.radius, grid_map.resolution)
+        return super().__call__(grid_map)
 
     def reach(self, resolution: float) -> float:
         return disc_reach(self.radius, resolution)

@@ -6,6 +6,7 @@ and a row; pixel centers have integer coordinates.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -198,10 +199,12 @@ class CameraImages:
     Attributes:
         stride: step between the used rows and columns of depth images.
         camera: the camera; None until a `CameraInfo` arrives.
+        topic: returns a description of the topic of `CameraInfo`.
     """
 
     stride: int = 1
     camera: Camera | None = None
+    topic: Callable[[], str] = lambda: "camera_info"
     _rays: tuple[Camera, npt.NDArray[np.float32]] | None = None
 
     def take(self, message: Any) -> None:
@@ -214,7 +217,8 @@ class CameraImages:
             message = view(message, Image)
         pixels, order = to_pixels(message)
         if self.camera is None:
-            raise MessageError("camera_info", "a message before the first image", None)
+            expected = f"a message before the first image, on {self.topic()}"
+            raise MessageError("camera_info", expected, None)
         if pixels.shape[:2] != self.camera.size:
             expected = f"those of the camera, {self.camera.size}"
             raise MessageError("height, width", expected, pixels.shape[:2])
@@ -243,7 +247,7 @@ class CameraImages:
             points = np.empty((int(kept.sum()), 3), np.float32)
             points[:, 2] = depth[kept]
             np.multiply(rays[kept], points[:, 2:], out=points[:, :2])
-        return Cloud(picture.frame_id, picture.stamp, points)
+        return Cloud(picture.frame_id, picture.stamp, points, missing=depth.size - len(points))
 
 
 def seen_cells(

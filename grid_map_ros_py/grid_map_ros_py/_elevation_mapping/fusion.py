@@ -90,8 +90,11 @@ class ElevationFusion:
             return self.mapper.fused_map()
         return self.mapper.grid_map
 
-    def fuse(self, source: InputSource, cloud: Cloud, placement: Placement) -> None:
-        """Fuse a cloud into the map; after an error, the map is unchanged."""
+    def fuse(self, source: InputSource, cloud: Cloud, placement: Placement) -> dict[str, int]:
+        """Fuse a cloud into the map; after an error, the map is unchanged.
+
+        Returns the number of unused points by reason.
+        """
         begin = time.perf_counter()
         if cloud.stamp == 0:
             raise MessageError("header.stamp", "the time of the scan", "0")
@@ -120,6 +123,7 @@ class ElevationFusion:
             raise
         self.warnings += [str(entry.message) for entry in caught]
         self._note({**self.report.milliseconds, "update": 1e3 * (time.perf_counter() - begin)})
+        return {**self.report.reasons, "in contradiction to the map": self.report.points_gated}
 
     def paint(self, source: InputSource, picture: Picture, placement: Placement) -> None:
         """Write the channels of an image to layers, in the cells that the camera sees."""

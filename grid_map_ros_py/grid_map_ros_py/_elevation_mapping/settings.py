@@ -15,12 +15,12 @@ from grid_map_core_py.elevation import (
     ElevationMapper,
 )
 from grid_map_core_py.elevation._parameters import Parameters
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.errors import ConfigError, hint
 from grid_map_core_py.limits import check_cells
 from grid_map_core_py.plugins import check
 
 from ..nodes import ConfiguredNode, read_parameter, read_parameter_tree
-from ..nodes._parameters import names_below, read_fields
+from ..nodes._parameters import check_topic, names_below, read_fields
 from .fusion import ElevationFusion
 from .outputs import Chain, make_chain
 from .sources import (
@@ -67,7 +67,8 @@ class Settings:
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
         target_frame_init_submap: frame of the patch (tf only); empty means the robot frame.
-        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; NaN keeps the cell.
+        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where it is
+            NaN stay unchanged.
         directory: directory for maps that services load and save; empty disables these services.
         storage: file format of saved bags.
         min_update_rate: rate at which changes of the raw map are published [Hz].
@@ -130,12 +131,14 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
     about = "default sensor model: `type` and its parameters"
     default = read_parameter_tree(node, "sensor_processor", description=about)
     names = names_below(node, "input_sources")
-    about = "deprecated: cloud topic, used without `input_sources`"
+    about = "deprecated: cloud topic, used if `input_sources` is missing"
     topic = node.read("point_cloud_topic", "/points", about)
     defaults = {}
-    if not names and not node.has_parameter("input_sources"):
+    if not names and "input_sources" not in node._parameter_overrides:
         names, defaults = ["points"], {"topic": topic}
-    sources = []
+    elif not names:
+        read_parameter_tree(node, "input_sources", description="empty: no source")
+    sources, owners = [], dict[str, str]()
     for name in names:
         place = f"input_sources.{name}"
         about = "sensor model: `type` and its parameters"
@@ -145,6 +148,9 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
             noise = sensor_processor(processor or default)
         except ConfigError as error:
             raise ConfigError(f"{place}.sensor_processor: {error}") from error
+        full = node.resolve_topic_name(check_topic(node, f"{place}.topic", settings.topic))
+        expected = f"another topic than that of input_sources.{owners.setdefault(full, name)}"
+        check(owners[full] == name, f"{place}.topic", expected, settings.topic)
         sources.append(InputSource(name, settings, noise))
     return sources
 
@@ -210,7 +216,17 @@ def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[st
         value = node._parameter_overrides[name].value
         read_parameter(node, name, type(value), value, description="no effect")
     texts = [f"{name} ({UNUSED_PARAMETERS[name]})" for name in given]
+    names = sorted(name.replace("/", ".") for name in node._parameter_overrides)
+    motion, scale = "robot_motion_map_update.", "robot_motion_map_update.covariance_scale"
+    wrong = [name for name in names if name.startswith(motion) and name != scale]
+    texts += [f"{name} (unknown{hint(name, [scale])})" for name in wrong]
+    needs_default = False
     for source in sources:
         place = f"input_sources.{source.name}.sensor_processor"
         texts += [f"{place}.{text}" for text in source.processor.unused]
+        is_image, has_own = source.settings.type == "image", bool(names_below(node, place))
+        texts += [f"{place} (images have no noise)"] * (is_image and has_own)
+        needs_default |= not (is_image or has_own)
+    if not needs_default and any(name.startswith("sensor_processor.") for name in names):
+        texts.append("sensor_processor (no source without its own needs one)")
     return texts

@@ -44,6 +44,7 @@ _OLD_MODELS = {
 _UNUSED = {
     "apply_voxelgrid_filter": "all points are fused",
     "voxelgrid_filter_size": "all points are fused",
+    **dict.fromkeys(("factor_a", "factor_b", "factor_c"), "C++ reads normal_factor_a, _b and _c"),
     **dict.fromkeys(("p_2", "p_3", "p_4", "p_5"), "the stereo model has no terms of pixels"),
 }
 """Sensor processor parameters of the C++ package that have no effect, with the reasons."""

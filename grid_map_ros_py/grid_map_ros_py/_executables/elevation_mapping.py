@@ -22,7 +22,6 @@ from typing import Any
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_srvs.srv import Empty, Trigger
 
-from grid_map_core_py.elevation import ElevationMapper
 from grid_map_msgs.srv import GetGridMap, ProcessFile, SetGridMap
 
 from .._elevation_mapping.cameras import CameraImages
@@ -68,8 +67,6 @@ class ElevationMappingNode(ConfiguredNode):
         health.inputs, health.details = "scans", self._details
         sources = read_sources(self)
         self._settings = settings = read_fields(self, Settings)
-        if ElevationMapper.must_compile():
-            self.get_logger().info("compiles for some seconds, this first time only")
         self._fusion = read_fusion(self, settings, sources)
         self._is_begun = not settings.initialize_elevation_map or settings.pose_source == "none"
         if unused := read_unused(self, sources):
@@ -141,7 +138,8 @@ class ElevationMappingNode(ConfiguredNode):
             if given.type == "image":
                 read, fuse = images.read_picture, self._fusion.paint
             info = source.camera_info_topic
-            listen(self, CameraInfo, info, images.take, self._log, "a camera_info")
+            log = self._log
+            images.topic = listen(self, CameraInfo, info, images.take, log, "a camera_info")
         poses, is_cloud = self._poses, given.type == "pointcloud"
         if isinstance(poses, PoseHistory):
             poses = poses.mounted(from_xyz_rpy(given.sensor_xyz, given.sensor_rpy))

@@ -19,7 +19,7 @@ class GridMapLoaderNode(ConfiguredNode):
         about = "topic in the bag; empty means the only topic with maps"
         bag_topic = self.read("bag_topic", "/grid_map", about)
         topic = self.read_topic("publish_topic", "/grid_map", "topic of the map")
-        about = "time for which late subscribers get the map [s]; 0 means until the node ends"
+        about = "time after which new subscribers no longer receive the map [s]; 0 means no limit"
         duration = self.read_number("duration", 0.0, 0.0, 1e9, about)
         qos = map_qos()
         if duration:

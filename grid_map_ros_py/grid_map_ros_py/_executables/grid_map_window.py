@@ -51,7 +51,7 @@ class GridMapWindowNode(ConfiguredNode):
         self._log = LogThrottle(self.get_logger())
         self._health = health_of(self)
         self._health.details = self._details
-        open_source = read_source(self)
+        open_source = read_source(self, "required")
         layers = read_parameter(
             self, "layers", list[str], [], description="layers of the window; empty means all"
         )
@@ -60,8 +60,8 @@ class GridMapWindowNode(ConfiguredNode):
         self._step = self.read_number("step", 0.5, 0.0, 1e9, about)
         self._period = 1 / self.read_positive("rate", 10.0, "maximum publication rate [Hz]")
         about = (
-            "`tf`, `odometry`, `pose` or `pose_with_covariance`; `auto` means `tf` if tf2 is "
-            "installed, else `odometry`"
+            "source of the robot poses: `tf`, `odometry`, `pose` or `pose_with_covariance`; "
+            "`auto` means `tf` if tf2 is installed, else `odometry`"
         )
         source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
         source = chosen_source(source, "odometry")
@@ -152,7 +152,8 @@ class GridMapWindowNode(ConfiguredNode):
     # --- maps to merge ----------------------------------------------------------------------------
 
     def _merge(self, received: ReceivedMap) -> None:
-        """Write the layers that the store contains; runs in the writer thread."""
+        """Merge a received map into the store; runs in the writer thread."""
+        # Layers that the store does not contain are ignored.
         known = [name for name in received.layers if name in self._whole.layers]
         if not known:
             raise MessageError("layers", f"one of {list(self._whole.layers)}", received.layers)

@@ -27,7 +27,7 @@ class OctomapToGridMapNode(ConfiguredNode):
         self._log = LogThrottle(self.get_logger())
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
         self._layer = self.read("layer", "elevation", "name of the height layer")
-        about = "side of a cell [m]; 0 means the side of a voxel"
+        about = "cell size [m]; 0 means the voxel size"
         self._resolution = self.read("resolution", 0.0, about) or None
         self._min_bound = self._read_bound("min", "smaller")
         self._max_bound = self._read_bound("max", "larger")
@@ -46,7 +46,7 @@ class OctomapToGridMapNode(ConfiguredNode):
         """Subscribe, or call the service periodically; return the name of the topic or service."""
         about = "topic of the octomaps, binary or full"
         topic = self.read_topic("octomap_topic", "/octomap_binary", about)
-        about = "service `octomap_msgs/GetOctomap` that replaces the topic; empty means none"
+        about = "`octomap_msgs/GetOctomap` service to use instead of the topic; empty means none"
         service = self.read_topic("octomap_service_topic", "", about)
         about = "time between two service calls [s]"
         self._period = self.read_positive("octomap_service_period", 10.0, about)

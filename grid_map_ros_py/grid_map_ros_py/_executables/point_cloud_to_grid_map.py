@@ -52,13 +52,13 @@ class RollingSettings:
         layer: name of the height layer.
         fusion: how clouds are combined: `max`, `min`, `mean` or `last`.
         reduction: how the points of one cloud within a cell are combined: `max`, `min`, `mean`,
-            `median`, `first` or `last`; unused with the fusion `mean`.
-        max_count: largest weight of earlier clouds in the fusion `mean` [points]; 0 means no limit.
-        min_height: smallest height of points in the map frame [m].
-        max_height: largest height of points in the map frame [m].
+            `median`, `first` or `last`; unused with `mean` fusion.
+        max_count: with `mean` fusion, maximum weight of earlier clouds [points]; 0 means no limit.
+        min_height: ignore points below this height in the map frame [m].
+        max_height: ignore points above this height in the map frame [m].
         fields: additional cloud fields that become layers.
-        min_range: smallest distance of points from the sensor [m].
-        max_range: largest distance of points from the sensor [m].
+        min_range: ignore points closer to the sensor than this [m].
+        max_range: ignore points farther from the sensor than this [m].
         pose_timeout: maximum time a cloud waits for its pose [s].
         queue_size: maximum number of waiting clouds.
         pose_topic: topic of the robot poses in the map frame; unused with tf.
@@ -67,8 +67,8 @@ class RollingSettings:
         sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.
         statistics_period: time between two log messages with statistics [s]; 0 disables them.
-        input_reliability: `best_effort` receives from every publisher; `reliable` requests lost
-            clouds again, but needs a reliable publisher.
+        input_reliability: `best_effort` works with every publisher; `reliable` recovers lost
+            clouds, but needs a reliable publisher.
     """
 
     input_topic: str = "/points"
@@ -144,8 +144,8 @@ class PointCloudToGridMapNode(ConfiguredNode):
             kind, topic = POSE_TYPES[source], settings.pose_topic
             subscribe_to_poses(self, kind, topic, poses, inputs.work, log, POSE_QUEUE)
 
-        def fuse(scan: Cloud, placement: Placement) -> None:
-            rolling_map.fuse(
+        def fuse(scan: Cloud, placement: Placement) -> dict[str, int]:
+            return rolling_map.fuse(
                 scan.points,
                 scan.columns,
                 transform=placement.transform,

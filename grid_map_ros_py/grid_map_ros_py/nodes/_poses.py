@@ -102,6 +102,9 @@ class PoseHistory(Poses):
         limit: maximum number of stored poses.
         track_point: (3,) point that the map follows [m], robot frame.
         with_covariances: add the covariances of the poses to placements.
+
+    Attributes:
+        topic: returns a description of the topic of the poses; empty if there is none.
     """
 
     def __init__(
@@ -120,12 +123,14 @@ class PoseHistory(Poses):
         self._stamps: list[int] = []
         self._poses: list[Matrix] = []
         self._covariances: list[Covariance | None] = []
+        self.topic: Callable[[], str] = str
 
     @property
     def waits_for(self) -> str:  # type: ignore[override]
-        if not self._stamps:
-            return "poses"
-        return f"a later pose than that of {_seconds(self._stamps[-1])}"
+        topic, what = self.topic(), "poses"
+        if self._stamps:
+            what = f"a later pose than that of {_seconds(self._stamps[-1])}"
+        return f"{what} on {topic}" if topic else what
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
         """Return a source for another sensor, with the same current and future robot poses."""
@@ -185,7 +190,9 @@ class PoseHistory(Poses):
             return None
         if stamp and stamp < self._stamps[0]:
             first = _seconds(self._stamps[0])
-            raise GridMapError(f"no pose at {_seconds(stamp)}: the first one is of {first}")
+            text = f"no pose at {_seconds(stamp)}: the first one is of {first}"
+            is_far = self._stamps[0] - stamp > 10 * NANOSECONDS
+            raise GridMapError(text + "; do scans and poses have the same clock?" * is_far)
         before, after, share = self._around(stamp)
         begin, end = self._poses[before], self._poses[after]
         return end if before == after else between(begin, end, share)
@@ -230,6 +237,21 @@ def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance |
         return 0.5 * (result + result.T)
 
 
+def check_optical_frame(frame_id: str, placement: Placement) -> None:
+    """Raise a `GridMapError` if an optical frame (z forward) has the axes of the robot (z up)."""
+    if placement.robot is None or not frame_id.endswith("_optical_frame"):
+        return
+    rotation = placement.transform[:3, :3]
+    turn = placement.robot[:3, :3].T @ rotation
+    # This trace is that of a rotation by 18 degrees.
+    if np.trace(turn) > 2.9 and rotation[2, 2] > 0.9:
+        raise GridMapError(
+            f"header.frame_id: expected an optical frame with z forward, got {frame_id!r} with z "
+            "up. Publish its transform with roll -1.5708, pitch 0 and yaw -1.5708 to the body of "
+            "the camera; without tf, turn sensor_rpy likewise"
+        )
+
+
 def from_xyz_rpy(xyz: npt.ArrayLike, rpy: npt.ArrayLike) -> Matrix:
     """Return the transform for x, y, z [m] and roll, pitch, yaw [rad], as in URDF (fixed axes)."""
     return as_matrix(Rotation.from_euler("xyz", np.asarray(rpy, np.float64)), xyz)
@@ -272,7 +294,9 @@ def subscribe_to_poses(
         history.add(message)
         then()
 
-    listen(node, message_type, topic, add, log, "a pose", depth)
+    describe = listen(node, message_type, topic, add, log, "a pose", depth)
+    remedy = "" if has_tf() else "; without tf2_ros_py, pose_source 'auto' means this topic"
+    history.topic = lambda: describe() + remedy
 
 
 class TfPoses(Poses):

@@ -3,18 +3,20 @@
 
 import math
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
+from grid_map_core_py.elevation._points import distances_of
 from grid_map_core_py.plugins import check
 
 from ..errors import DROPPED, reason
@@ -22,9 +24,9 @@ from ..messages._cdr import view
 from ..messages._fields import NANOSECONDS, from_stamp
 from ..messages._point_cloud import read_columns
 from ._health import LogThrottle, health_of
-from ._poses import LONGEST_JITTER, Placement, Poses
+from ._poses import LONGEST_JITTER, Placement, Poses, check_optical_frame
 from ._spin import steady_timer
-from ._topics import warn_of_gaps
+from ._topics import describe_topic, warn_of_gaps
 
 WAIT_PERIOD = 0.05
 """Time between two attempts to find the poses of waiting scans [s]."""
@@ -50,6 +52,22 @@ class Statistics:
         )
 
 
+FEW = 0.01
+"""Share of used points below which a node warns."""
+
+FARTHEST = 200.0
+"""Median range above which points are probably in millimeters [m]."""
+
+REMEDIES = {
+    "outside the map": "Check the pose of the sensor and the size of the map",
+    "in cells more uncertain than max_variance": "Check sensor_processor and the pose covariance",
+    "not measured by the sensor": "Check sensor_processor; cameras need a frame with z forward",
+    "in contradiction to the map": "Check the pose of the sensor",
+    "without a depth": "Check the camera",
+}
+"""Remedies by the reason of most unused points; other reasons name a parameter."""
+
+
 @dataclass(frozen=True)
 class Cloud:
     """Point cloud of one scan.
@@ -59,15 +77,37 @@ class Cloud:
         stamp: time of the scan [ns].
         points: (N, 3) x, y, z [m].
         columns: (N,) additional values of the points, by layer.
+        missing: number of pixels without a depth.
     """
 
     frame_id: str
     stamp: int
     points: npt.NDArray[Any]
     columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+    missing: int = 0
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def usage(self, unused: Mapping[str, int]) -> str:
+        """Return why fewer than `FEW` of the points are used, with a remedy; else "".
+
+        `unused` is the number of unused points by reason.
+        """
+        total = len(self) + self.missing
+        counts = Counter({**unused, "without a depth": self.missing}).most_common()
+        used = total - sum(count for _, count in counts)
+        if used >= max(FEW * total, 1):
+            return ""
+        causes = ", ".join(f"{count} are {reason}" for reason, count in counts if count)
+        ranges = distances_of(self.points[:, :3].T.astype(np.float64))
+        ranges = ranges[np.isfinite(ranges)]
+        remedy = REMEDIES.get(counts[0][0], "")
+        if len(ranges) and np.median(ranges) > FARTHEST:
+            remedy = f"The median range is {np.median(ranges):.0f} m: convert millimeters to meters"
+        elif not total:
+            causes, remedy = "the message is empty", "Check the sensor"
+        return f"few points: used {used} of {total} points because {causes}. {remedy}".rstrip(". ")
 
 
 @dataclass
@@ -81,24 +121,27 @@ class ScanQueue:
         poses: source of the poses.
         read: converts a message to a scan, such as a `Cloud`: any object with `frame_id`, `stamp`
             and a length; raises `GridMapError` if the message is invalid.
-        fuse: called with a scan and its placement; raises `GridMapError` if the scan is invalid.
+        fuse: called with a scan and its placement; returns the number of unused points by reason,
+            or None; raises `GridMapError` if the scan is invalid.
         report: called with a text when a scan is dropped.
         what: noun for a message in the texts passed to `report`.
         timeout: maximum time a scan waits for its pose [s].
         queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
         clock: returns the time [s]; the default clock continues while a simulation is paused.
         statistics: counts of scans.
+        problem: `Cloud.usage` of the last fused scan.
     """
 
     poses: Poses
     read: Callable[[Any], Any]
-    fuse: Callable[[Any, Placement], object]
+    fuse: Callable[[Any, Placement], Mapping[str, int] | None]
     report: Callable[[str], object] = lambda _text: None
     what: str = "a cloud"
     timeout: float = 1.0
     queue_size: int = 10
     clock: Callable[[], float] = time.monotonic
     statistics: Statistics = field(default_factory=Statistics)
+    problem: str = field(default="", init=False)
     _waiting: deque[tuple[Any, float]] = field(default_factory=deque, init=False)
     _latest: int = field(default=0, init=False)
 
@@ -143,7 +186,9 @@ class ScanQueue:
         try:
             placement = self.poses.place(scan.frame_id, scan.stamp)
             if placement is not None:
-                self.fuse(scan, placement)
+                check_optical_frame(scan.frame_id, placement)
+                unused = self.fuse(scan, placement)
+                self.problem = "" if unused is None else scan.usage(unused)
                 self.statistics.fused += 1
                 self.statistics.points += len(scan)
                 self.statistics.seconds += time.perf_counter() - begin
@@ -204,7 +249,7 @@ class ScanInputs:
         Returns the full name of the topic. `name` identifies the sensor in the log.
         """
         queue.report = self._drop
-        sensor = _Sensor(name, topic, queue, on_fused, time.monotonic())
+        sensor = _Sensor(name, topic, message_type, queue, on_fused, time.monotonic())
         self._sensors.append(sensor)
         policy = ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT
         subscription = self._node.create_subscription(
@@ -217,7 +262,8 @@ class ScanInputs:
             ),
             raw=True,
         )
-        return str(subscription.topic_name)
+        sensor.topic = str(subscription.topic_name)
+        return sensor.topic
 
     def work(self) -> None:
         """Fuse the scans whose poses are known, and warn about silent sensors."""
@@ -228,9 +274,12 @@ class ScanInputs:
             self._count(sensor, sensor.queue.work())
             if now - sensor.heard > SILENCE:
                 sensor.heard = math.inf
-                self._log.warning(f"no messages of {sensor.name} on {sensor.topic}")
+                topic = describe_topic(self._node, sensor.topic, sensor.message_type)
+                self._note(sensor, f"no messages of {sensor.name} on {topic}")
 
     def _receive(self, sensor: "_Sensor", data: bytes) -> None:
+        if sensor.heard == math.inf:
+            self._note(sensor, "")
         sensor.heard = time.monotonic()
         if self.is_enabled:
             self._health.receive()
@@ -239,11 +288,19 @@ class ScanInputs:
     def _count(self, sensor: "_Sensor", fused: int) -> None:
         if fused:
             self._health.use(fused)
+            problem = sensor.queue.problem
+            self._note(sensor, f"{sensor.topic}: {problem}" if problem else "")
             sensor.on_fused()
+
+    def _note(self, sensor: "_Sensor", problem: str) -> None:
+        sensor.problem = problem
+        self._health.problem = "; ".join(each.problem for each in self._sensors if each.problem)
+        if problem:
+            self._log.warning(problem)
 
     def _drop(self, text: str) -> None:
         self._health.drop(text)
-        self._log.error(text)
+        self._log.warning(text)
 
 
 @dataclass
@@ -252,6 +309,8 @@ class _Sensor:
 
     name: str
     topic: str
+    message_type: type
     queue: ScanQueue
     on_fused: Callable[[], object]
     heard: float
+    problem: str = ""

@@ -23,6 +23,7 @@ from rclpy.timer import Timer
 from rclpy.utilities import ok, try_shutdown
 
 from grid_map_core_py._commands import on_end
+from grid_map_core_py._loops import logger as loops
 from grid_map_core_py.errors import GridMapError, cut
 from grid_map_core_py.plugins import check
 
@@ -153,11 +154,14 @@ class _Life:
     def start(self, create_node: Callable[[], Node]) -> None:
         """Create the node; an error that the user can fix becomes a `NodeFailedError`."""
         use_profile()
+        loops.addFilter(lambda record: self._logger().info(record.getMessage()) and False)
         try:
             rclpy.init(args=self._args, signal_handler_options=SignalHandlerOptions.NO)
         except _ARGUMENT_ERRORS as error:
             has_file = "--params-file" in self._args
             hint = f". Parameter files of ROS 1 need another form: {_MIGRATION}" if has_file else ""
+            if "Sequence should be of same type" in str(error):
+                hint = f". Name the items of a list of mappings: filter1, filter2, ...{hint}"
             raise NodeFailedError(f"{error}{hint}") from error
         try:
             if isinstance(create_node, type):
@@ -202,9 +206,7 @@ class _Life:
         """Publish an error on `/diagnostics`; log a `NodeFailedError`, raise any other error."""
         on_end(signal.SIG_IGN)
         if isinstance(error, NodeFailedError):
-            name = Path(sys.argv[0]).stem or "grid_map"
-            logger = self._node.get_logger() if self._is_made() else get_logger(name)
-            logger.fatal(str(error))
+            self._logger().fatal(str(error))
         if self._is_made():
             health_of(self._node).report_failure(self._node, str(error) or repr(error))
         if not isinstance(error, NodeFailedError):
@@ -218,6 +220,11 @@ class _Life:
         try_shutdown()
         # Skip the final garbage collection of Python, which takes half a second with numba.
         gc.freeze()
+
+    def _logger(self) -> Any:
+        """Return the logger of the node, or of the program until the node has one."""
+        program = Path(sys.argv[0]).stem or "grid_map"
+        return self._node.get_logger() if self._is_made() else get_logger(program)
 
     def _is_made(self) -> bool:
         """Return whether the base class of the node has been initialized."""

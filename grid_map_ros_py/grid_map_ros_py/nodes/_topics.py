@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
 from grid_map_core_py._arrays import LARGEST_BLOCK, keep_memory
+from grid_map_core_py.errors import hint
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..messages._grid_map import ReceivedMap
@@ -46,6 +47,24 @@ def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
     return lambda _event: log.warning(text)
 
 
+def describe_topic(node: Node, topic: str, message_type: type) -> str:
+    """Return the full name of a topic with its publishers, or with topics to use instead."""
+    name, package = node.resolve_topic_name(topic), message_type.__module__.partition(".")[0]
+    kind = f"{package}/msg/{message_type.__name__}"
+    types = [info.topic_type for info in node.get_publishers_info_by_topic(name)]
+    if kind in types:
+        return f"{name} (publishers: {types.count(kind)})"
+    text = f"type {types[0]}, but the parameters ask for {kind}" if types else "no publisher"
+    known = {
+        other: found
+        for other, found in node.get_topic_names_and_types()
+        if other != name and node.count_publishers(other)
+    }
+    if similar := [other for other, found in known.items() if kind in found]:
+        return f"{name} ({text}; topics of type {kind}: {', '.join(similar[:3])})"
+    return f"{name} ({text}{hint(name, known)})"
+
+
 def listen(
     node: Node,
     message_type: type,
@@ -54,8 +73,10 @@ def listen(
     log: LogThrottle,
     what: str,
     depth: int = 1,
-) -> None:
+) -> Callable[[], str]:
     """Subscribe to a topic (best effort); drop and log messages that the callback rejects.
+
+    Returns a function that describes the topic, for texts about missing messages.
 
     Unlike in `LatchedSubscription`, the messages do not count in the `Health` of the node.
     """
@@ -66,6 +87,7 @@ def listen(
 
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     node.create_subscription(message_type, topic, receive, qos)
+    return partial(describe_topic, node, topic, message_type)
 
 
 class LatchedSubscription:

@@ -30,10 +30,9 @@ class ContoursVisualization(LineMarker):
 
     Attributes:
         layer: layer to draw, usually heights [m].
-        interval: value step between lines, which lie at multiples of the step.
-        levels: values of the lines, in any order, instead of `interval`.
-        flat: draw the lines at height zero, for layers that are not heights. Otherwise, the
-            height of a line is its value.
+        interval: value difference between adjacent lines; each value is a multiple of it.
+        levels: values of the lines, in any order; replaces `interval`.
+        flat: draw the lines at height zero, not at their values; for layers that are not heights.
 
     Raises:
         ConfigError: the interval is not positive, or a level is not finite.

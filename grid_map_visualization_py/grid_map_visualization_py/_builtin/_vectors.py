@@ -20,7 +20,7 @@ class VectorsVisualization(LineMarker):
     Attributes:
         layer_prefix: prefix of the component layers, which end in `x`, `y` and `z`.
         position_layer: heights [m] at which the lines start.
-        scale: line length for a vector of length 1 [m].
+        scale: line length [m] of a vector with length 1.
 
     Raises:
         ConfigError: the scale is not finite.

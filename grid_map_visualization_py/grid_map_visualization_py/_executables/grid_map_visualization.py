@@ -43,7 +43,7 @@ class GridMapVisualizationNode(ConfiguredNode):
         self._qos = map_qos(transient_local=latched)
         self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
-        about = "rate at which the node checks for subscribers [Hz], in case an event is lost"
+        about = "rate of an extra check for subscribers [Hz], in case a DDS event is lost"
         rate = self.read_positive("activity_check_rate", 2.0, about)
         self._log = LogThrottle(self.get_logger())
         self._outputs = self._read_outputs()
@@ -60,7 +60,7 @@ class GridMapVisualizationNode(ConfiguredNode):
 
     def _read_outputs(self) -> list["Output"]:
         parameter = "grid_map_visualizations"
-        about = "names of the visualizations, which are also their topics"
+        about = "names of the visualizations; each publishes on a topic of the same name"
         names = read_parameter(self, parameter, list[str], description=about)
         check(len(set(names)) == len(names), parameter, "every name once", names)
         about = "log a misconfigured visualization and continue with the others instead of ending"

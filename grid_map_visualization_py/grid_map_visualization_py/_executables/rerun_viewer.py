@@ -45,7 +45,10 @@ class RerunViewerNode(ConfiguredNode):
         }
         about = "height layer; empty means `elevation`, or else the first layer of the map"
         height_layer = self.read("height_layer", "", about)
-        about = "initial color layer, with packed colors if named `*color`; empty means the heights"
+        about = (
+            "initial color layer; a layer whose name ends in `color` is read as packed colors. "
+            "If empty, the surface is colored by height"
+        )
         color_layer = self.read("color_layer", "", about)
         about = "Matplotlib color map of `color_layer`; other layers use the default"
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
@@ -85,8 +88,8 @@ class RerunViewerNode(ConfiguredNode):
         about = "memory for the messages on the timeline, such as `512MB` or `10%`"
         memory_limit = self.read("memory_limit", "512MB", about)
         about = (
-            "host names under which browsers may open the page, besides IP addresses, `localhost`, "
-            "`host` and the machine name, with or without `.local`"
+            "additional host names under which browsers may open the page. Always allowed: IP "
+            "addresses, `localhost`, the value of `host`, and the machine name (also with `.local`)"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         remedy = "pip install 'grid_map_visualization_py[rerun]', or use web_viewer"

@@ -33,13 +33,12 @@ class WebViewerNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        about = "initial map topic; the page offers all other map topics"
+        about = "initial map topic; any other can be selected on the page"
         topic = self.resolve_topic_name(self.read_topic("grid_map_topic", "/grid_map", about))
         about = "maximum number of cells; larger maps are thinned out. 0 means no limit"
         max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
         check_max_drawn_cells(max_drawn_cells)
-        about = "maximum update rate of the page [Hz]"
-        period = 1 / self.read_positive("update_rate", 20.0, about)
+        period = 1 / self.read_positive("update_rate", 20.0, "maximum update rate of the page [Hz]")
         self._robot_frame = self.read("robot_frame", "", "tf frame of the robot; empty means none")
         if self._robot_frame and not has_tf():
             remedy = "install tf2_ros_py of your ROS distribution, or leave it empty"
@@ -48,13 +47,15 @@ class WebViewerNode(ConfiguredNode):
         host = self.read("host", "127.0.0.1", about)
         port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 means any free port")
         height_layer = self.read("height_layer", "elevation", "initial height layer")
-        about = "initial color layer, with packed colors if named `*color`; empty means the heights"
-        color_layer = self.read("color_layer", "", about)
-        about = "initial Matplotlib color map"
-        color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
         about = (
-            "host names under which browsers may open the page, besides IP addresses, `localhost`, "
-            "`host` and the machine name, with or without `.local`"
+            "initial color layer; a layer whose name ends in `color` is read as packed colors. "
+            "If empty, the surface is colored by height"
+        )
+        color_layer = self.read("color_layer", "", about)
+        color_map = self.read("color_map", DEFAULT_COLOR_MAP, "initial Matplotlib color map")
+        about = (
+            "additional host names under which browsers may open the page. Always allowed: IP "
+            "addresses, `localhost`, the value of `host`, and the machine name (also with `.local`)"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         self._page = Page(host, port, height_layer, color_layer, color_map, names, topic)
