@@ -235,7 +235,7 @@ def test_an_ellipse_without_area_has_no_cells():
 lattice_points = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
 
 
-@given(grid_maps(), st.lists(fractions | lattice_points, max_size=9))
+@given(grid_maps(), st.lists(fractions | lattice_points, min_size=3, max_size=9))
 def test_polygon_cells_have_their_center_inside(grid_map, corners):
     """Vertices and edges often are exactly on centers of cells."""
     x, y = (axis[len(axis) // 2] for axis in grid_map.axes())
