@@ -149,7 +149,11 @@ def test_second_criterion_is_lethal_also_where_the_first_is_unknown():
     ("type_name", "params", "message"),
     [
         ("Cost", {"lethal_value": 0.0}, "'lethal_value': expected another number than free_value"),
-        ("Cost", {"lethal_value": math.inf}, "'lethal_value': expected a finite number, got inf"),
+        (
+            "Cost",
+            {"lethal_value": math.inf},
+            "'lethal_value': expected a finite number in the unit of",
+        ),
         ("Cost", {"lethal_value": 1.0, "lethal_above": 1.0}, "both or none of 'lethal_layer'"),
         ("Cost", {"lethal_value": 1.0, "unknown": "nan"}, "'unknown': expected one of 'unknown', "),
         ("Inflation", {}, "exactly one of 'inscribed_radius' and 'footprint'"),

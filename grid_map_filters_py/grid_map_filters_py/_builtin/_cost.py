@@ -49,8 +49,8 @@ class Cost(CellFilter):
 
     def __post_init__(self) -> None:
         for name in ("free_value", "lethal_value", "lethal_above"):
-            value = getattr(self, name)
-            check(value is None or math.isfinite(value), name, "a finite number", value)
+            value, expected = getattr(self, name), "a finite number in the unit of its layer"
+            check(value is None or math.isfinite(value), name, expected, value)
         differ = self.lethal_value != self.free_value
         check(differ, "lethal_value", "another number than free_value", self.lethal_value)
         if (self.lethal_layer is None) != (self.lethal_above is None):
