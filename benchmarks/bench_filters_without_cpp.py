@@ -8,8 +8,10 @@ from terrain import terrain
 
 from grid_map_filters_py._builtin import (
     Bilateral,
+    Cost,
     Dilation,
     GaussianBlur,
+    Inflation,
     Inpaint,
     Roughness,
     Slope,
@@ -71,6 +73,27 @@ def test_traversability(measure, cells):
     result = measure("Traversability of 2 layers", cells, lambda: assess(grid_map))["out"]
     expected = 0.5 * (1 - np.maximum(grid_map["elevation"], 0)) + 0.5 * 0.75
     np.testing.assert_allclose(result, expected, atol=1e-6)
+
+
+def test_costs_and_inflation(measure, cells):
+    grid_map = terrain(cells)
+    high = float(np.nanquantile(grid_map["elevation"], 0.95))
+    judge = Cost(**IN_OUT, free_value=0.0, lethal_value=high)
+    inflate = Inflation(
+        input_layer="out",
+        output_layer="inflated",
+        inscribed_radius=0.3,
+        inflation_radius=1.0,
+        cost_scaling_factor=3.0,
+    )
+    result = measure("Cost, Inflation r=1.0", cells, lambda: inflate(judge(grid_map)))
+    costs, lethal = result["out"], np.argwhere(result["out"] == 254)
+    assert 0 < len(lethal) < costs.size / 2
+    for cell in finite_probes(grid_map):
+        distance = np.hypot(*(lethal - cell).T).min() * grid_map.resolution
+        within = [(0.0, 254), (0.3, 253), (1.0, np.floor(252 * np.exp(-3 * (distance - 0.3))))]
+        cost = next((cost for limit, cost in within if distance <= limit), 0)
+        assert result["inflated"][cell] == max(cost, costs[cell])
 
 
 def test_gaussian_blur(measure, cells):

@@ -70,7 +70,7 @@ def _write(folder: Path) -> None:
         save_geotiff(numbered_map(1), folder / f"{compress}.tif", compress=compress)
     values = np.linspace(0, 1, 20, dtype=np.float32).reshape(4, 5)
     grid_map = GridMap((0.4, 0.5), 0.1, layers={"elevation": values})
-    save_map_server(grid_map, folder / "nav2.yaml")
+    save_map_server(grid_map, folder / "nav2.yaml", data_min=0.0, data_max=1.0)
     save_height_image(grid_map, folder / "height.tiff")
     for ending in ("bmp", "pgm"):
         cv2.imwrite(str(folder / f"height.{ending}"), (255 * values).astype(np.uint8))

@@ -32,6 +32,7 @@ IMAGES = ROOT / "docs" / "images"
         ("make_xarray_picture.py", "xarray", "docs/xarray.md", 200_000, 200_000),
         ("make_elevation_picture.py", "elevation", "docs/elevation_model.md", 50_000, 50_000),
         ("make_tutorial_picture.py", "tutorial", "docs/tutorial.md", 300_000, 300_000),
+        ("make_nav2_picture.py", "nav2", "docs/nav2.md", 150_000, 150_000),
         ("make_hero_picture.py", "", "README.md", 300_000, 300_000),
     ],
 )

@@ -187,6 +187,13 @@ PREPARATION = [
     step(
         "gridMapFilters/MeanInRadiusFilter", input_layer="filled", output_layer="mean", radius=0.2
     ),
+    step(
+        "gridMapFilters/CostFilter",
+        input_layer="step_height",
+        output_layer="costs",
+        free_value=0.05,
+        lethal_value=0.4,
+    ),
 ]
 
 
@@ -205,7 +212,7 @@ class Picture:
 
 FILLED = shaded("filled")
 RED = (0.85, 0.2, 0.15)
-DERIVED = ("filled", "mean", "normal_x", "normal_y", "normal_z", "roughness", "slope")
+DERIVED = ("costs", "filled", "mean", "normal_x", "normal_y", "normal_z", "roughness", "slope")
 DERIVED += ("step_height", "tint")
 
 PICTURES: dict[str, Picture] = {
@@ -217,6 +224,9 @@ PICTURES: dict[str, Picture] = {
     "gridMapFilters/ColorBlendingFilter": Picture(rgb("color"), rgb("result")),
     "gridMapFilters/ColorFillFilter": Picture(after=rgb("result")),
     "gridMapFilters/ColorMapFilter": Picture(after=rgb("result")),
+    "gridMapFilters/CostFilter": Picture(
+        values("slope", (0, 1.2), unit="rad"), values("result", (0, 254), "inferno")
+    ),
     "gridMapFilters/CurvatureFilter": Picture(
         shaded("mean"), values("result", (-12, 12), "coolwarm", "1/m")
     ),
@@ -225,6 +235,9 @@ PICTURES: dict[str, Picture] = {
     "gridMapFilters/DuplicationFilter": Picture(),
     "gridMapFilters/ErosionFilter": Picture(),
     "gridMapFilters/GaussianBlurFilter": Picture(),
+    "gridMapFilters/InflationFilter": Picture(
+        values("costs", (0, 254), "inferno"), values("result", (0, 254), "inferno")
+    ),
     "gridMapFilters/LightIntensityFilter": Picture(rgb("tint"), rgb("result")),
     "gridMapFilters/MathExpressionFilter": Picture(FILLED, values("result", (0, 0.2), unit="m")),
     "gridMapFilters/MeanInRadiusFilter": Picture(),

@@ -141,6 +141,8 @@ def test_options_of_formats_reach_reader_and_writer(command):
     assert (back.layers, back.frame_id, back.size) == (("elevation",), "odom", expected.size)
     np.testing.assert_allclose(back["elevation"], expected["elevation"], atol=8 / 65535)
     line = "convert site.npz nav/map.yaml --layer variance --mode raw"
+    assert "Pass the values of free and of occupied cells as" in command(line)[2]
+    line += " --data-min 0 --data-max 1"
     assert command(line)[0] == 1
     Path("nav").mkdir()
     assert command(line)[0] == 0

@@ -2,6 +2,7 @@
 """Maps of nav2's map_server, compared with a slow reader written after its documentation."""
 
 import itertools
+import math
 from pathlib import Path
 
 import cv2
@@ -51,7 +52,14 @@ def occupancy(pixel: list[int], mode: str, negate: int, occupied: float, free: f
         return 100
     if occ < free:
         return 0
-    return round((occ - free) / (occupied - free) * 100) if mode == "scale" else -1
+    if mode == "trinary":
+        return -1
+    # Nav2 computes in single precision and rounds halves up: of 0.65 and 0.25, 37.5 and 87.5.
+    single = np.float32
+    shade = single(sum(colors) / len(colors)) / single(255)
+    occ = shade if negate else single(1) - shade
+    scaled = (occ - single(free)) / single(occupied - free) * single(100)
+    return math.floor(float(scaled) + 0.5)
 
 
 @pytest.mark.parametrize("channels", [1, 3, 4])
@@ -78,18 +86,29 @@ def test_every_pixel_has_the_occupancy_of_map_server(tmp_path, mode, negate, cha
 @pytest.mark.parametrize("negate", [False, True])
 @pytest.mark.parametrize("mode", MODES)
 def test_values_round_trip_within_limits_of_the_mode(tmp_path, mode, negate, thresholds):
-    values = np.concatenate([np.arange(101), [np.nan, -1, 101, 49.6]]).reshape(15, 7)
-    grid_map = moved_in_buffer(GridMap((1.5, 0.7), 0.1, layers={"cost": values}), (4, 2))
-    save_map_server(grid_map, tmp_path / "a.yaml", mode=mode, negate=negate, **thresholds)
-    (tmp_path / "a.yaml").rename(tmp_path / "map.yaml")
-    found = load(tmp_path)["occupancy"]
-    expected = np.where((values >= 0) & (values <= 100), np.rint(values), np.nan)
+    values = np.concatenate([np.arange(101), [np.nan, -1, 100, 0]]).reshape(15, 7)
+    layers = {"cost": values, "share": 1.0 - 0.005 * values}
+    grid_map = moved_in_buffer(GridMap((1.5, 0.7), 0.1, layers=layers), (4, 2))
+    bounds = {"data_min": 1.0, "data_max": 0.5}
+    found = []
+    for options in ({"layer": "cost"}, {"layer": "share"} | bounds):
+        path = tmp_path / options["layer"] / "map.yaml"
+        path.parent.mkdir()
+        save_map_server(grid_map, path, mode=mode, negate=negate, **thresholds, **options)
+        found.append(load(path.parent)["occupancy"])
+    # Only NaN is unknown in a scaled layer; values beyond the bounds are clamped.
+    assert (found[0][values == -1], found[1][values == -1]) == (
+        pytest.approx(np.nan, nan_ok=True),
+        0,
+    )
+    np.testing.assert_array_equal(found[0][values != -1], found[1][values != -1])
+    expected = np.where(values == -1, np.nan, values)
     if mode == "trinary":
         free, occupied = (30, 90) if thresholds else (20, 65)
         is_between = (expected > free) & (expected < occupied)
         expected = np.where(is_between, np.nan, np.where(expected <= free, 0, expected))
         expected = np.where(expected >= occupied, 100, expected)
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(found[0], expected)
 
 
 def test_a_pgm_file_may_name_another_white(tmp_path):
@@ -161,6 +180,18 @@ def test_missing_or_damaged_files_are_one_error(tmp_path):
     path.write_text("- a list")
     with pytest.raises(GridMapError, match="expected keys and values"):
         load_map_server(path)
+
+
+@pytest.mark.parametrize("values", [[0.0, 0.4, 1.0], [0, 254, 0], [0, 49.6, 100], [0, np.inf, 1]])
+def test_values_that_are_no_occupancies_are_refused(tmp_path, values):
+    grid_map = GridMap((0.5, 1.5), 0.5, layers={"traversability": [values]})
+    message = r"layer 'traversability': expected occupancies .* got {:g}\. Pass .* data_max=0\.0"
+    with pytest.raises(GridMapError, match=message.format(values[1])):
+        save(grid_map, tmp_path / "hall.yaml", layer="traversability")
+    for bounds in ({"data_min": 1.0}, {"data_min": 1.0, "data_max": 1.0}, {"data_max": np.inf}):
+        with pytest.raises(GridMapError, match="data_min, data_max: expected two different finite"):
+            save(grid_map, tmp_path / "hall.yaml", **bounds)
+    assert [*tmp_path.iterdir()] == []
 
 
 def test_invalid_options_write_nothing(tmp_path):

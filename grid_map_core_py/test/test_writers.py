@@ -26,8 +26,8 @@ OPTIONS = {
     "packed.tif": {"compress": True},
     "height.tif": {"bits": 32},
     "height.png": {},
-    "occupancy.yaml": {"mode": "raw"},
-    "scaled.yaml": {"mode": "scale"},
+    "occupancy.yaml": {"mode": "raw", "data_min": 0, "data_max": 100},
+    "scaled.yaml": {"mode": "scale", "data_min": 0, "data_max": 100},
 }
 """Files of all writers, with options of `save`."""
 

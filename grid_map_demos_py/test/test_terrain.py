@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The demo terrain."""
 
+import cv2
 import numpy as np
 import pytest
 
 from conftest import MODEL
 from grid_map_core_py.errors import GridMapError
 from grid_map_demos_py.terrain import EXAGGERATION, METRES_PER_POST, load_terrain
+from grid_map_filters_py import FilterChain
 
 
 def test_the_terrain_is_large_not_square_and_has_holes(terrain):
@@ -44,3 +46,24 @@ def test_missing_or_damaged_file_is_named(tmp_path):
         np.savez(path, **{name: np.zeros(shape)})
         with pytest.raises(GridMapError, match=found):
             load_terrain(path)
+
+
+def test_costs_for_nav2_follow_traversability_and_steps(terrain):
+    chain = FilterChain.from_yaml(MODEL.parents[1] / "config" / "nav2_costs_filter_chain.yaml")
+    result = chain(terrain)
+    traversability, cost, inflated = (
+        result[name] for name in ("traversability", "cost", "inflated_cost")
+    )
+    lethal = (traversability <= 0.25) | (result["step_height"] > 0.07)
+    np.testing.assert_array_equal(cost == 254, lethal)
+    np.testing.assert_array_equal(cost == 0, (traversability >= 0.8) & ~lethal)
+    np.testing.assert_array_equal(np.isnan(cost), np.isnan(traversability))
+    for cells in (lethal, cost == 0, np.isnan(cost)):
+        assert 0.002 < cells.mean() < 0.5
+    # The inscribed radius is two cells, and the inflation radius ten.
+    known, mask = ~np.isnan(cost), lethal.astype(np.uint8)
+    near = cv2.dilate(mask, np.uint8([[0, 1, 0], [1, 1, 1], [0, 1, 0]]), iterations=2)
+    assert (inflated[near > 0] >= 253).all()
+    far = cv2.dilate(mask, np.ones((21, 21), np.uint8)) == 0
+    np.testing.assert_array_equal(inflated[known & far], cost[known & far])
+    assert (inflated[known] >= cost[known]).all()

@@ -94,6 +94,7 @@ FILLING = {
     "debug_infill_mask_layer": "opened",
 }
 MEAN = {"expression": "meanOfFinites(elevation)", "edge_handling": "crop"}
+COSTS = {"free_value": 0.0, "lethal_value": 1.0, "lethal_layer": "other", "lethal_above": 0.5}
 SCORES = {"input_layers": ["elevation", "other"], "critical_values": [1.0, 2.0]}
 
 OF_THEIR_LAYERS = [
@@ -103,6 +104,7 @@ OF_THEIR_LAYERS = [
         for mode in ("normal", "hard_light", "soft_light")
     ),
     ("ColorMap", TO_OUT | RAMP),
+    ("Cost", TO_OUT | COSTS),
     ("Curvature", ONTO_ITSELF),
     (
         "LightIntensity",
@@ -110,6 +112,7 @@ OF_THEIR_LAYERS = [
     ),
     ("MedianFill", ONTO_ITSELF | FILLING),
     ("MedianFill", TO_OUT | {"fill_hole_radius": 0.3, "fill_mask_layer": "other"}),
+    ("Inflation", ONTO_ITSELF | {"inscribed_radius": 0.1, "inflation_radius": 0.3}),
     ("MinInRadius", ONTO_ITSELF | {"radius": 0.3}),
     ("Traversability", SCORES | {"output_layer": "out"}),
     ("Duplication", TO_OUT),

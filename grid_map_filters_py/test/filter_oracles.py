@@ -55,6 +55,27 @@ def mean_in_radius(layer, resolution, radius) -> np.ndarray:
     return loop(mean, layer)
 
 
+def inflation(costs, resolution, inscribed, radius, scaling, *, unknown, around) -> np.ndarray:
+    """Return costs inflated as in Nav2; `costs` holds 0 to 254, or NaN for unknown."""
+    sources = [cell for cell in np.ndindex(costs.shape) if costs[cell] == 254]
+    if around:
+        sources += [cell for cell in np.ndindex(costs.shape) if not finite(costs, cell)]
+
+    def inflated(*cell):
+        cells = min((math.dist(cell, source) for source in sources), default=math.inf)
+        distance, cost = cells * resolution, 0
+        if cells == 0:
+            cost = 254
+        elif cells <= math.ceil(radius / resolution):
+            fraction = math.exp(-scaling * (distance - inscribed)) if distance > inscribed else 1.0
+            cost = 253 if distance <= inscribed else int(252 * fraction)
+        if finite(costs, cell):
+            return max(cost, costs[cell])
+        return cost if cost >= (1 if unknown else 253) else np.nan
+
+    return loop(inflated, costs)
+
+
 def finite(layer, cell) -> bool:
     return math.isfinite(layer[cell])
 

@@ -74,6 +74,13 @@ PARAMETERS = {
     "ColorMap": layer_to_layer(
         min_value=st.just(-3.0), max_value=POSITIVE, min_color=COLOR, max_color=COLOR
     ),
+    "Cost": layer_to_layer(
+        free_value=NUMBER,
+        lethal_value=st.just(-3.0),
+        unknown=st.sampled_from(["unknown", "lethal", "free"]),
+        lethal_layer=st.just("other"),
+        lethal_above=NUMBER,
+    ),
     "Curvature": layer_to_layer(),
     "Deletion": parameters(layers=st.lists(st.just("other"), max_size=1)),
     "Dilation": FILLING_DISC,
@@ -81,6 +88,13 @@ PARAMETERS = {
     "Erosion": FILLING_DISC,
     "GaussianBlur": layer_to_layer(
         sigma=POSITIVE, radius=st.none() | LENGTH, compute_empty_cells=st.booleans()
+    ),
+    "Inflation": layer_to_layer(
+        inscribed_radius=st.just(0.04),
+        inflation_radius=LENGTH,
+        cost_scaling_factor=POSITIVE,
+        inflate_unknown=st.booleans(),
+        inflate_around_unknown=st.booleans(),
     ),
     "Inpaint": DISC,
     "LightIntensity": parameters(

@@ -35,7 +35,7 @@ _READING = (
 )
 _WRITING = (
     *("compress", "bits", "mode", "crs", "storage", "output_topic", "chunks"),
-    *("black", "white"),
+    *("black", "white", "data_min", "data_max"),
 )
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
 """Maps command-line options to format options, where their names differ."""

@@ -7,7 +7,8 @@ channels, from 0 (black) to 1 (white), and `occ` be `1 - shade`, or `shade` if `
 - `trinary`: 100 if `occ` is above `occupied_thresh`, 0 if it is below `free_thresh`, otherwise
   unknown. An alpha channel counts as a fourth color channel.
 - `scale`: as `trinary`, but from `free_thresh` to `occupied_thresh`, the occupancy rises linearly
-  from 0 to 100 and is rounded (ties to even). Pixels that are not opaque are unknown.
+  from 0 to 100, computed in float32 and rounded (ties up), as in Nav2. Pixels that are not opaque
+  are unknown.
 - `raw`: the 8-bit pixel value if it is at most 100, otherwise unknown. `negate` has no effect.
 
 In the map, occupancies range from 0 to 100; unknown cells are NaN.
@@ -98,6 +99,8 @@ def save_map_server(
     negate: bool = False,
     occupied_thresh: float | None = None,
     free_thresh: float | None = None,
+    data_min: float | None = None,
+    data_max: float | None = None,
 ) -> None:
     """Write a layer as an occupancy map of nav2's `map_server`.
 
@@ -107,14 +110,21 @@ def save_map_server(
     Args:
         grid_map: the map; it is stored in map order.
         path: the YAML file.
-        layer: layer with values from 0 (free) to 100 (occupied), which are rounded to integers.
-            Other values and NaN are unknown. None means `occupancy`, or the only layer.
+        layer: layer with whole numbers from 0 (free) to 100 (occupied), and NaN or -1 for unknown;
+            other layers need `data_min` and `data_max`. None means `occupancy`, or the only layer.
         mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw`
-            keep the rounded values.
+            keep the occupancies.
         negate: if True, white means occupied; without effect in `raw` mode.
         occupied_thresh, free_thresh: thresholds for occupied and free cells, 0 to 1. None means
-            0.65 and 0.196, or 1 and 0 in `scale` mode. To keep the rounded values, that mode
-            needs thresholds at least 0.4 apart.
+            0.65 and 0.196, or 1 and 0 in `scale` mode. Loading restores scaled values exactly if
+            the thresholds are at least 0.4 apart.
+        data_min, data_max: layer values of occupancy 0 and 100; `data_max` may be less. Values
+            between them are rounded to whole occupancies, values beyond are clamped. Only NaN is
+            unknown.
+
+    Raises:
+        GridMapError: a value is no occupancy, and `data_min` and `data_max` are missing; or an
+            option is invalid, or a file cannot be written.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")
@@ -130,7 +140,7 @@ def save_map_server(
         )
     say_crs_is_lost(grid_map, "an image")
     name = chosen_layer(grid_map, layer, LAYER)
-    values = to_north_up(grid_map.unwrapped(name))
+    values = _as_occupancies(to_north_up(grid_map.unwrapped(name)), name, data_min, data_max)
     image = _pixels(values, mode, occupied, free, negate=negate)
     with storage_errors(file, "written"):
         old = _old_image(file)
@@ -194,27 +204,51 @@ def _occupancy(pixels: Image, settings: _Settings) -> Layer:
     channels = pixels.reshape(*pixels.shape[:2], -1)
     alpha = channels[..., 3] if channels.shape[2] == 4 else None
     colors = channels if alpha is not None and settings.mode == "trinary" else channels[..., :3]
-    shade = colors.mean(axis=2, dtype=np.float64) / largest
+    number = np.float32 if settings.mode == "scale" else np.float64
+    shade = colors.mean(axis=2, dtype=number) / number(largest)
     if settings.mode == "raw":
         values = np.floor(shade * 255 + 0.5)
         return np.where(values <= 100, values, np.nan).astype(np.float32)
-    occupied, free = settings.occupied_thresh, settings.free_thresh
-    occ = shade if settings.negate else 1.0 - shade
+    occupied, free = number(settings.occupied_thresh), number(settings.free_thresh)
+    occ = shade if settings.negate else number(1) - shade
     if settings.mode == "scale" and occupied != free:
-        between = np.rint((occ - free) / (occupied - free) * 100.0)
+        extent = number(settings.occupied_thresh - settings.free_thresh)
+        # In float32, adding 0.5 would round up a value just below a tie.
+        between = np.floor(((occ - free) / extent * number(100)).astype(np.float64) + 0.5)
     else:
-        between = np.full_like(occ, np.nan)
+        between = np.full(occ.shape, np.nan)
     values = np.where(occ > occupied, 100.0, np.where(occ < free, 0.0, between))
     if settings.mode == "scale" and alpha is not None:
         values[alpha < largest] = np.nan
     return values.astype(np.float32)
 
 
+def _as_occupancies(
+    values: Layer, name: str, data_min: float | None, data_max: float | None
+) -> Layer:
+    """Return occupancies from 0 to 100, or NaN; see `save_map_server`."""
+    if data_min is None and data_max is None:
+        known = (values >= 0) & (values <= 100) & (values == np.rint(values))
+        wrong = ~(known | (values == -1) | np.isnan(values))
+        if wrong.any():
+            raise GridMapError(
+                f"layer {name!r}: expected occupancies (whole numbers from 0 to 100, -1 or NaN), "
+                f"got {values[wrong][0]:g}. Pass the values of free and of occupied cells as "
+                "data_min and data_max, such as data_min=1.0, data_max=0.0 for traversability"
+            )
+        return np.where(known, values, np.float32(np.nan))
+    low, high = (math.nan if bound is None else float(bound) for bound in (data_min, data_max))
+    if not math.isfinite(high - low) or low == high:
+        expected = "two different finite numbers"
+        raise GridMapError(f"data_min, data_max: expected {expected}, got {data_min}, {data_max}")
+    occupancies = (values.astype(np.float64) - low) * (100 / (high - low))
+    return np.clip(occupancies, 0, 100).astype(np.float32)
+
+
 def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
     """Return the image that `_occupancy` converts back to the values."""
-    rounded = np.rint(values.astype(np.float64))
-    known = (rounded >= 0) & (rounded <= 100)
-    rounded = np.where(known, rounded, 0.0)
+    known = ~np.isnan(values)
+    rounded = np.where(known, np.rint(values.astype(np.float64)), 0.0)
     if mode == "raw":
         return np.where(known, rounded, 255).astype(np.uint8)
     if mode == "scale":

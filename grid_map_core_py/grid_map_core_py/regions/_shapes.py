@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ from .._arrays._checks import (
 )
 from .._arrays._pieces import slices
 from ..errors import GeometryError, OutOfMapError, short
+from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
@@ -154,12 +156,33 @@ def ellipse_cells(
     return _cells_of_mask(grid_map, rows, columns, mask)
 
 
-def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
+@overload
+def polygon_cells(
+    grid_map: GridMap, polygon: Polygon | ArrayLike, *, count_outside: Literal[False] = ...
+) -> Cells: ...
+@overload
+def polygon_cells(
+    grid_map: GridMap, polygon: Polygon | ArrayLike, *, count_outside: Literal[True]
+) -> tuple[Cells, int]: ...
+
+
+def polygon_cells(
+    grid_map: GridMap, polygon: Polygon | ArrayLike, *, count_outside: bool = False
+) -> Cells | tuple[Cells, int]:
     """Return the cells (rows, cols) whose centers are inside a polygon, row by row.
 
     Args:
-        polygon: a `Polygon`, or (V, 2) vertices [m]; for the exact rule, see `Polygon.is_inside`.
-            With fewer than three vertices, the function warns and returns no cells.
+        polygon: a `Polygon`, or (V, 2) vertices [m]; `Polygon.is_inside` defines the inside. With
+            fewer than three vertices, the function warns and returns no cells.
+        count_outside: also return the number of cells inside the polygon, but outside the map, on
+            the grid continued beyond the map. A footprint check needs it: cells outside are
+            unknown, not free.
+
+    Returns:
+        The cells; with `count_outside`, a pair of cells and number.
+
+    Raises:
+        LimitError: `count_outside` for a polygon that spans more cells than a map may have.
     """
     polygon = Polygon.of(polygon)
     if len(polygon) < 3:
@@ -167,25 +190,54 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
             f"polygon: expected at least 3 vertices [m], got {len(polygon)}, without a cell inside"
         )
         warnings.warn(f"{text}. Use line_cells or Polygon.thicken_line for a line", stacklevel=2)
-        return empty_cells(0)
+        return (empty_cells(0), 0) if count_outside else empty_cells(0)
     rows, columns = grid_map.geometry.box(*polygon._ends)
-    # All coordinates are negated, so that cell coordinates ascend, as `searchsorted` requires.
     x, y = grid_map.geometry.negated_axes
-    x, y, vertices = x[rows], y[columns], -polygon._closed.T
-    # Scan conversion: an edge that crosses a column flips all cells on the -x side of the crossing.
-    # As in `Polygon.is_inside`, an edge crosses if only one of its ends has a y above the column's.
+    x, y = x[rows], y[columns]
+    first_below, crossed = _crossings(polygon, x, y)
+    # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
+    flips = np.zeros((x.size + 1, y.size), dtype=np.uint8)
+    np.add.at(flips.reshape(-1), first_below * y.size + crossed, _FLIP)
+    np.add.accumulate(flips, axis=0, dtype=np.uint8, out=flips)
+    flips &= _FLIP
+    cells = _cells_of_mask(grid_map, rows, columns, flips[:-1].view(np.bool_))
+    if count_outside:
+        return cells, _count_cells(grid_map.geometry, polygon) - cells[0].size
+    return cells
+
+
+def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, Integers]:
+    """Return where the edges of a polygon cross the columns of a grid.
+
+    Args:
+        x, y: (rows,) and (columns,) negated coordinates of the cells [m], ascending as
+            `searchsorted` requires.
+
+    Returns:
+        first_below: (N,) first row beyond each crossing.
+        crossed: (N,) column of each crossing. As in `Polygon.is_inside`, an edge crosses a column
+            if only one end is above the column, so every column has an even number of crossings.
+    """
+    vertices = -polygon._closed.T
     below = y.searchsorted(vertices[1], side="right")
     before, after = below[:-1], below[1:]
     counts, crossed = _runs(np.minimum(before, after), np.maximum(before, after))
     start, end = vertices[:, 1:].repeat(counts, axis=1), vertices[:, :-1].repeat(counts, axis=1)
-    first_below = x.searchsorted(edge_x(start, end, y.take(crossed)), side="right")
-    flips = np.zeros((x.size + 1, y.size), dtype=np.uint8)
-    first_below *= y.size
-    first_below += crossed
-    np.add.at(flips.reshape(-1), first_below, _FLIP)
-    np.add.accumulate(flips, axis=0, dtype=np.uint8, out=flips)
-    flips &= _FLIP
-    return _cells_of_mask(grid_map, rows, columns, flips[:-1].view(np.bool_))
+    return x.searchsorted(edge_x(start, end, y.take(crossed)), side="right"), crossed
+
+
+def _count_cells(geometry: GridGeometry, polygon: Polygon) -> int:
+    """Count the cells inside a polygon on a grid that is continued beyond the map."""
+    spans = []
+    for axis, low, high in zip((geometry._x, geometry._y), *polygon._ends, strict=True):
+        spans.append((axis, axis.steps(high) - 1.0, axis.steps(low) + 2.0))
+    rows, columns = (stop - first for _, first, stop in spans)
+    check_cells("polygon", (rows, columns))
+    x, y = (-axis.centers(math.floor(first), math.ceil(stop)) for axis, first, stop in spans)
+    first_below, crossed = _crossings(polygon, x, y)
+    # The cells between an odd and the next even crossing of a column are inside.
+    ends = first_below[np.lexsort((first_below, crossed))]
+    return int((ends[1::2] - ends[::2]).sum())
 
 
 def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:

@@ -16,12 +16,14 @@ from ._buffer_normalizer import BufferNormalizer as BufferNormalizer
 from ._color_blending import ColorBlending as ColorBlending
 from ._color_fill import ColorFill as ColorFill
 from ._color_map import ColorMap as ColorMap
+from ._cost import Cost as Cost
 from ._curvature import Curvature as Curvature
 from ._deletion import Deletion as Deletion
 from ._dilation import Dilation as Dilation
 from ._duplication import Duplication as Duplication
 from ._erosion import Erosion as Erosion
 from ._gaussian_blur import GaussianBlur as GaussianBlur
+from ._inflation import Inflation as Inflation
 from ._inpaint import Inpaint as Inpaint
 from ._light_intensity import LightIntensity as LightIntensity
 from ._math_expression import MathExpression as MathExpression

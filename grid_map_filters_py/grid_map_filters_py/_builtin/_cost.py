@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/CostFilter`"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py._arrays import Layer
+from grid_map_core_py.conversions._costmap import FREE, LETHAL
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.plugins import check
+
+from .._filter import CellFilter
+from ..parts._blocks import blockwise
+
+_GRADED = 252
+"""Number of costs between free and inscribed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost(CellFilter):
+    """Convert a layer such as traversability or slope to costs of Nav2.
+
+    With u = (value - free_value) / (lethal_value - free_value), the cost is 0 (free) if u <= 0, 254
+    (lethal) if u >= 1, else 1 + floor(252 u). Cost 253 is left to `InflationFilter`.
+
+    Attributes:
+        input_layer: layer to convert; cells that are not finite are unknown.
+        output_layer: layer for the costs; NaN is unknown.
+        free_value: value of cost 0, in the unit of `input_layer`.
+        lethal_value: value of cost 254; may be less than `free_value`.
+        unknown: cost of unknown cells: `unknown` is NaN, `lethal` 254, `free` 0.
+        lethal_layer: layer with a second criterion, such as step height.
+        lethal_above: cells of `lethal_layer` above this value are lethal, even if unknown; NaN has
+            no effect.
+    """
+
+    input_layer: str
+    output_layer: str
+    free_value: float
+    lethal_value: float
+    unknown: Literal["unknown", "lethal", "free"] = "unknown"
+    lethal_layer: str | None = None
+    lethal_above: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("free_value", "lethal_value", "lethal_above"):
+            value, expected = getattr(self, name), "a finite number in the unit of its layer"
+            check(value is None or math.isfinite(value), name, expected, value)
+        differ = self.lethal_value != self.free_value
+        check(differ, "lethal_value", "another number than free_value", self.lethal_value)
+        if (self.lethal_layer is None) != (self.lethal_above is None):
+            raise ConfigError("expected both or none of 'lethal_layer', 'lethal_above'")
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        names = [self.input_layer, *([] if self.lethal_layer is None else [self.lethal_layer])]
+        costs = blockwise(self._costs, *(grid_map[name] for name in names))
+        return grid_map.with_layers({self.output_layer: costs})
+
+    def _costs(self, values: Layer, second: Layer | None = None) -> npt.NDArray[np.float64]:
+        share = values.astype(np.float64)
+        share -= self.free_value
+        share /= self.lethal_value - self.free_value
+        costs = np.floor(_GRADED * share)
+        costs += 1
+        costs[share <= 0] = FREE
+        costs[share >= 1] = LETHAL
+        missing = {"unknown": np.nan, "lethal": LETHAL, "free": FREE}[self.unknown]
+        costs[~np.isfinite(values)] = missing
+        if second is not None and self.lethal_above is not None:
+            costs[second.astype(np.float64) > self.lethal_above] = LETHAL
+        return costs
