@@ -39,13 +39,13 @@ __all__ = [
 ]
 
 DOMAINS = 100
-"""Largest ROS domain to use; domains from 1 to this number are safe on every system."""
+"""Largest ROS domain ID to use; the ports of larger IDs have other uses on some systems."""
 
 LOCK_PORTS = 32768
 """Base port; a socket bound to TCP port `LOCK_PORTS + domain` reserves a ROS domain."""
 
 OTHER_WAS_FASTER = "open_and_lock_file failed"
-"""Harmless Fast DDS log text: two processes chose the same port, and one uses the next port."""
+"""Harmless Fast DDS error text: two processes chose the same port, so that one takes the next."""
 
 TIMEOUT = 100.0
 """Default time to wait before a test fails [s]."""
@@ -61,11 +61,11 @@ for main, words in starts:
     sys.argv[1:] = words
     print("exit code", resolve_name(main)(), flush=True)
 """
-"""Program that calls the `main` functions of several nodes in one process."""
+"""Program that calls the `main` functions of several nodes in turn; see `refusals`."""
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
-    """Reserve a ROS domain other than `ROS_DOMAIN_ID`; return it and the reserving socket."""
+    """Reserve a ROS domain other than `ROS_DOMAIN_ID`; return the domain and its lock socket."""
     for k in range(DOMAINS):
         # The number depends on the process id, so that a domain is not reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS
@@ -83,16 +83,16 @@ def reserve_domain() -> tuple[int, socket.socket]:
 
 
 reserved_domain = cache(reserve_domain)
-"""Return the ROS domain that this process has reserved for its tests, and the reserving socket."""
+"""Return the ROS domain of the tests in this process, and its lock socket."""
 
 
 def environment(domain: int | None = None) -> dict[str, str]:
-    """Return the environment variables of processes that discover only each other.
+    """Return environment variables with which processes discover only each other.
 
     Other ROS settings of the caller's shell, such as a discovery server, are removed.
 
     Args:
-        domain: a ROS domain; None means `reserved_domain`.
+        domain: a ROS domain; None means that of `reserved_domain`.
     """
     settings = {name for name in os.environ if name.startswith(("ROS_", "RCUTILS_"))}
     settings -= {"ROS_DISTRO", "ROS_HOME", "ROS_LOG_DIR", "ROS_PYTHON_VERSION", "ROS_VERSION"}
@@ -111,7 +111,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Call `step` until `condition()` is true; fail and name `what` after `timeout` [s]."""
+    """Call `step` until `condition()` holds; fail after `timeout` [s] with `what` in the error."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -185,10 +185,10 @@ def running_node(module: str, *arguments: str) -> AbstractContextManager[Process
 
 @contextmanager
 def running(process: Process) -> Iterator[Process]:
-    """Run a node as a context manager, and check how it ends.
+    """Return a context manager that stops a started node and checks how it ends.
 
-    On exit, the node must still be alive, and SIGINT must end it with exit code 0 and without a
-    traceback.
+    At the end of the context, the node must still be running, and SIGINT must end it with exit
+    code 0 and without a traceback.
     """
     try:
         yield process
@@ -234,12 +234,12 @@ class Peer:
     def listen(
         self, topic: str, message_type: type, qos: QoSProfile | int | None = None
     ) -> Subscription:
-        """Collect the messages of a topic in `received`; `qos` None means `map_qos()`."""
+        """Collect the messages of a topic in `received`; `qos` is `map_qos()` by default."""
         messages = self.received.setdefault(topic, [])
         return self.node.create_subscription(message_type, topic, messages.append, qos or map_qos())
 
     def publish(self, topic: str, message: Any, qos: QoSProfile | int | None = None) -> None:
-        """Wait for a subscriber, then publish a message; `qos` None means `map_qos()`."""
+        """Wait for a subscriber, then publish a message; `qos` is `map_qos()` by default."""
         if topic not in self._publishers:
             self._publishers[topic] = self.node.create_publisher(
                 type(message), topic, qos or map_qos()
@@ -249,7 +249,7 @@ class Peer:
         publisher.publish(message)
 
     def wait_until(self, condition: Callable[[], object], what: str) -> None:
-        """Spin until `condition()` is true, or fail after `TIMEOUT` and name `what`."""
+        """Spin until `condition()` holds; fail after `TIMEOUT` with `what` in the error."""
         wait_until(condition, what, step=lambda: self._executor.spin_once(timeout_sec=0.05))
 
     def spin(self, seconds: float) -> None:

@@ -81,11 +81,11 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
 def to_serialized_message(
     grid_map: GridMap, layers: Iterable[str] | None = None, *, start_index: Size | None = None
 ) -> bytes:
-    """Version of `to_message` that returns the serialized message (CDR) for a publisher.
+    """Convert a map to a serialized message (CDR), which publishers accept in place of a message.
 
     Args:
         grid_map, layers: as for `to_message`.
-        start_index: row and column of the message buffer that store cell (0, 0) of the map; None
+        start_index: row and column in the message at which cell (0, 0) of the map is stored; None
             keeps the start index of the map.
     """
     if start_index is None:
@@ -101,9 +101,9 @@ def to_info(geometry: GridGeometry) -> "GridMapInfo":
 
 
 def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> SimpleNamespace:
-    """Return an object with the attributes of the map message.
+    """Return the content of the map message as a plain object with the same attributes.
 
-    Layers are stored with the start index `start`, or in map order if `start` exceeds uint16.
+    The start index is `start`; if `start` exceeds uint16, the layers are in map order.
     """
     names = select_layers(grid_map.layers, layers)
     say_crs_is_lost(grid_map, "a message", stacklevel=4)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and `sensor_msgs/Image`.
 
-Pixel (row, column) of an image is cell (row, column) of a map in map order: up in the image is +x,
-left is +y.
+Pixel (row, column) of an image is cell (row, column) of a map in map order: +x points up in the
+image, and +y points left.
 """
 
 import array
@@ -82,7 +82,7 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
     Args:
         grid_map: the map.
         layer: layer of packed colors, see `color_vector_to_value`.
-        encoding: encoding with three color channels and optionally alpha, which is 0 for NaN.
+        encoding: encoding with three color channels. An alpha channel, if present, is 0 for NaN.
     """
     kind = _encoding_of(encoding)
     if kind.channels < 3:
@@ -169,8 +169,8 @@ def _encoding_of(name: str) -> Encoding:
 def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[Any], Order]:
     """Return the pixels (rows, cols, channels) of an image and the color order.
 
-    The pixels are a view of the message data in the byte order of the sender, unless padding makes
-    the values unaligned. `size` is the required size (rows, cols); None accepts any size.
+    The pixels keep the byte order of the sender. They are a view of the message data, or a copy if
+    the values are not aligned. `size` is the required size (rows, cols); None accepts any size.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

@@ -25,7 +25,7 @@ PIECE = 1 << 15
 
 _VALUES = np.arange(256).astype(np.int8).astype(np.float32)
 _VALUES[UNKNOWN] = np.nan
-"""Layer value of each int8 occupancy, indexed by its byte as uint8; -1 becomes NaN."""
+"""Layer values of all occupancies; the index is an int8 occupancy viewed as uint8. -1 is NaN."""
 
 
 def to_occupancy_grid(
@@ -36,7 +36,7 @@ def to_occupancy_grid(
     Args:
         grid_map: the map.
         layer: name of the layer to convert.
-        data_min, data_max: layer values of occupancy 0 (free) and 100 (occupied); must differ.
+        data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
             Values outside this range are clamped; NaN becomes -1 (unknown).
     """
     stored = occupancies(grid_map[layer], data_min, data_max)
@@ -57,8 +57,8 @@ def to_occupancy_grid(
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Create a map with one layer from an occupancy grid.
 
-    -1 becomes NaN; all other values are kept. The resolution of the map is the float64 with the
-    shortest decimal form of the float32 in the message.
+    -1 becomes NaN; all other values are kept. The float32 resolution of the message is converted
+    through its shortest decimal form, so that 0.1 in the message is exactly 0.1 in the map.
     """
     check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))

@@ -73,15 +73,15 @@ def from_octomap(
     """Create an elevation map from the highest occupied voxel of each column of an octree.
 
     Each cell is a column of voxels. Its height is the center of the highest occupied voxel within
-    the bounds, or NaN if there is none. The map covers the whole tree, including free space; along
-    an axis with bounds, it extends from the lower to the upper bound.
+    the bounds, or NaN if there is none. The map covers the whole tree, including free space; on
+    a side with a bound, it ends at that bound instead.
 
     Args:
         message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or
             full, of class OcTree, OcTreeStamped or ColorOcTree.
         layer: name of the layer.
-        resolution: cell size [m], at least the voxel size, which is the default. A larger cell gets
-            the height of the highest column whose center is in the cell.
+        resolution: cell size [m]; must not be smaller than a voxel. None means the voxel size. A
+            larger cell gets the maximum height of the columns whose centers are in the cell.
         min_bound, max_bound: bounds (3,) x, y, z [m] of the voxel centers; NaN means no bound.
     """
     leaves = _leaves(message)
@@ -117,7 +117,7 @@ def from_octomap(
 def octomap_to_points(
     message: "Octomap", *, min_bound: npt.ArrayLike = ANYWHERE, max_bound: npt.ArrayLike = ANYWHERE
 ) -> Points:
-    """Return the centers (N, 3) x, y, z [m] of all occupied voxels; bounds: see `from_octomap`."""
+    """Return the centers (N, 3) x, y, z [m] of the occupied voxels; bounds: see `from_octomap`."""
     leaves = _leaves(message)
     if not leaves:
         return np.empty((0, 3))
@@ -139,7 +139,7 @@ def load_octomap(
     """Load an elevation map from an OctoMap file (`.bt` or `.ot`).
 
     Args:
-        layers: None, or the value of `height_layer`, which is the only layer.
+        layers: names of the layers to load; `height_layer` is the only one. None means all.
         height_layer: name of the layer with the heights [m].
         resolution, min_bound, max_bound: as in `from_octomap`.
     """
@@ -181,7 +181,7 @@ def _leaves(message: "Octomap") -> Leaves:
 def _box(
     leaves: Leaves, resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
 ) -> tuple[Voxel, Voxel]:
-    """Return the first and last voxel (3,) within the bounds; NaN means no bound."""
+    """Return the first and last voxel (3,) within the bounds; NaN means the extent of the tree."""
     bounds = np.empty((2, 3))
     for row, name, bound in ((0, "min_bound", min_bound), (1, "max_bound", max_bound)):
         values = as_array(bound, np.float64, name)

@@ -2,11 +2,11 @@
 """Reader of the octrees in OctoMap messages and files.
 
 Nodes are stored in preorder: each node precedes its children. In the binary form, a node has 16
-bits, two per child: 0 unknown, 1 free, 2 occupied, 3 inner node; leaves are not stored. In the full
-form, a node stores the log-odds as a float32, three color bytes (in trees with colors), and a byte
-with one bit per child. Both forms are little-endian. The root is a cube around the origin with
-65536 voxels per side, and a voxel is a node of depth 16. Bits 0, 1 and 2 of a child number are set
-if the child is in the half with larger x, y and z.
+bits, two per child: 0 unknown, 1 free, 2 occupied, 3 inner node; only inner nodes are stored. In
+the full form, a node stores the log-odds as a float32, three color bytes (in trees with colors),
+and a byte with one bit per child. Both forms are little-endian. The root is a cube around the
+origin with 65536 voxels per side, and a voxel is a node of depth 16. Bit 0, 1 or 2 of a child
+number is set if the child is in the half of its parent with the larger x, y or z, respectively.
 
 The reader first checks the whole tree, then reads all nodes of one depth at a time.
 """
@@ -92,9 +92,9 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield depth, node numbers (M,) and keys (3, M) for each depth.
+    """Yield each depth with the numbers (M,) and the keys (3, M) of its nodes.
 
-    `children` (N, 8) is True for the children that are stored as nodes.
+    `children` (N, 8) tells for each node which of its children are stored as nodes.
     """
     if not len(children):
         return
@@ -161,7 +161,8 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
     """Return z of the highest occupied voxel of each column in a box, -1 if there is none.
 
-    The array (x, y) is indexed from `first`; `first` and `last` (3,) are opposite corners.
+    `first` and `last` (3,) are opposite corner voxels of the box; element (0, 0) of the result
+    (x, y) is the column of `first`.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):
@@ -186,7 +187,7 @@ def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.
 
 
 def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
-    """Return the occupied voxels (3, N) in a box; raise an error for more than `max_cells / 2`."""
+    """Return the occupied voxels (3, N) in a box; raise `LimitError` if N > `max_cells / 2`."""
     count = 0
     for depth, (keys, occupied) in leaves.items():
         side = np.int32(side_of(depth))

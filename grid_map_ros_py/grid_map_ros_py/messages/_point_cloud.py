@@ -55,9 +55,9 @@ def to_point_cloud(
     """Convert a map to a point cloud with one point per valid cell.
 
     A cell is valid if the point layer and all basic layers are finite. Points are in column-major
-    order of the map buffer. All fields are float32, in the order of the layers: x, y, z [m] replace
-    the point layer; `color` is sent as `rgb` for viewers, unless a layer `rgb` exists; all other
-    fields are named after their layers.
+    order of the map buffer. Each layer becomes a float32 field of the same name, in the order of
+    the layers, with two exceptions: the fields x, y, z [m] replace the point layer, and `color` is
+    called `rgb`, which viewers expect, unless a layer `rgb` is also sent.
 
     Args:
         grid_map: the map.
@@ -105,8 +105,8 @@ def _interleaved(
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
-    # Process a few columns of cells at a time, which fit in the cache. A mask selects the valid
-    # cells, because it is faster than indices.
+    # Process only as many columns of cells at a time as fit in the cache. Select the valid cells
+    # with a mask, because it is faster than indices.
     block = np.empty((max(1, min(BLOCK // rows, columns)), rows, len(names) + 2), FLOAT)
     block[:, :, field_of_x] = x
     cells = block.reshape(-1, len(names) + 2)
@@ -174,8 +174,8 @@ def from_point_cloud(
         resolution: cell size [m].
         reduction: statistic of the heights in a cell: `max`, `min`, `mean`, `median`, `first`,
             `last`, `variance` or `count`.
-        onto: geometry of the result, or a map in the cloud frame; the result then keeps the
-            geometry and other layers of this map. Replaces `resolution`, `length`, `position`.
+        onto: geometry of the result, or a map in the cloud frame whose geometry and other layers
+            the result keeps; use it instead of `resolution`, `length` and `position`.
         more_layers: reductions of the heights for additional layers, by layer name.
         fields: names of the fields that become layers, besides the heights; None means all fields
             with one number per point. The packed colors `rgb` or `rgba` become the layer `color`
@@ -218,7 +218,7 @@ def from_point_cloud(
 
 
 def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
-    """Return the fields of a cloud as arrays over the points, in row-major order.
+    """Return each field of a cloud as an array with one element per point, in row-major order.
 
     The arrays are views of the message data, unless rows are padded. For an organized cloud,
     reshape the arrays to `(message.height, message.width)`.
@@ -271,7 +271,7 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return the layer name of each field, by field name; `rgb` and `rgba` become `color`."""
+    """Return layer names by field name; `rgb` or else `rgba` becomes `color` if that is unused."""
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():
@@ -308,7 +308,7 @@ def check_layout(message: "PointCloud2") -> None:
 def _view(
     message: "PointCloud2", first: "PointField", count: int | None = None
 ) -> npt.NDArray[Any]:
-    """Return (N,) or (N, count) values: `count` adjacent numbers of each point, from `first` on."""
+    """Return `count` adjacent numbers of each point from field `first` on: (N,) or (N, count)."""
     count = first.count if count is None else count
     shape = (count,) if count > 1 else ()
     rows, dtype = (message.height, message.width), TYPES[first.datatype]

@@ -93,8 +93,8 @@ def to_triangle_list_marker(
 ) -> "Marker":
     """Convert the area of a polygon to a `visualization_msgs/Marker` with a triangle list.
 
-    The marker has the triangles of `Polygon.triangulate`, with one color per triangle. Arguments:
-    see `to_line_marker`.
+    The triangles are those of `Polygon.triangulate`, and all have the same color. Arguments: see
+    `to_line_marker`.
     """
     # Triangle fan as in `Polygon.triangulate`, without creating an object per triangle.
     count = max(len(polygon) - 2, 0)

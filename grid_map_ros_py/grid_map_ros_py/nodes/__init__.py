@@ -64,8 +64,8 @@ __all__ = sorted(["quiet_start", *_LAZY])
 def quiet_start() -> None:
     """Let Ctrl-C end an executable at once and without a traceback, until `run` handles signals.
 
-    Call this at the top of a package of executables, before importing rclpy, which takes most of
-    the startup time. The call has no effect if another program imports the package.
+    Call this in the `__init__.py` of a package of executables, before any import of rclpy, which
+    takes most of the startup time. The call has no effect if another program imports the package.
     """
     # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])

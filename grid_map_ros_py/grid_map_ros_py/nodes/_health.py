@@ -22,7 +22,7 @@ PERIOD = 1.0
 """Time between two reports of a node [s]."""
 
 PATIENCE = 1.0
-"""Maximum time to discover subscribers, and to wait for their acknowledgments [s]."""
+"""Maximum wait for the discovery of subscribers, and then for their acknowledgments [s]."""
 
 
 @dataclass
@@ -34,7 +34,7 @@ class Health:
         received, used, dropped: number of received, processed and unusable inputs.
         last_error: reason for the last dropped input; empty if there is none.
         problem: the last problem that did not cause a drop; empty if there is none.
-        details: returns additional report values, by name.
+        details: function that returns additional values for the report, by name.
     """
 
     inputs: str = "maps"

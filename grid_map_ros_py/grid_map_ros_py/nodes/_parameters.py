@@ -81,7 +81,7 @@ def read_fields(
     defaults: Mapping[str, object] | None = None,
     read_only: bool = True,
 ) -> T:
-    """Read a dataclass from one parameter per field, described in its `Attributes:` section.
+    """Create a dataclass from one parameter per field; its `Attributes:` describe the parameters.
 
     Args:
         node: the node.
@@ -157,7 +157,8 @@ def read_parameter_tree(
         read_only: False allows setting the parameters later, to values of any type; for example,
             the integer of `radius: 1` may become 1.5.
         description: text that `ros2 param describe` shows for each parameter.
-        describe: called with the result; returns overriding descriptions by name (without prefix).
+        describe: function that takes the result and returns descriptions by name (without prefix),
+            which replace `description`.
 
     Raises:
         ConfigError: a name has both a value and parameters below it.
@@ -187,8 +188,8 @@ def check_topic(node: "Node", name: str, topic: str) -> str:
 
 
 def _given(node: "Node") -> dict[str, Any]:
-    # The public way to find unknown names is to declare all overrides automatically, but such a
-    # node fails to start if its file contains an empty list.
+    # rclpy has no public list of the overrides, unless it declares all of them automatically; but
+    # then, the node fails to start if its parameter file contains an empty list.
     given = {**node._parameter_overrides, **node.get_parameters_by_prefix("")}
     return {
         name: list(entry.value) if isinstance(entry.value, array.array) else entry.value
@@ -205,14 +206,14 @@ def _declare(
             read_only=read_only,
             dynamic_typing=value is None or not read_only,
         )
-        # The value is the converted override; the file may contain an int for a float.
+        # `value` is the override, already converted, such as an int in the file to a float.
         node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 
 def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
     """Return a warning about parameter files that have no section for a node, or ""."""
     name, texts = node.get_fully_qualified_name(), []
-    # In sections, `*` stands for one name and `**` for any number of names.
+    # In section names, `*` stands for one name and `**` for any number of names.
     wildcards = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
     for file, sections in _files(arguments):
         patterns = [

@@ -85,7 +85,7 @@ class Poses:
         return Placement(np.eye(4))
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the transform from a robot frame to the map frame; arguments as for `place`."""
+        """Return the transform from a robot or other frame to the map frame; see `place`."""
         placement = self.place(frame_id, stamp)
         return None if placement is None else placement.transform
 
@@ -133,7 +133,7 @@ class PoseHistory(Poses):
         return f"{what} on {topic}" if topic else what
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
-        """Return a source for another sensor, with the same current and future robot poses."""
+        """Return a source for another sensor of the same robot; both sources share their poses."""
         other = copy.copy(self)
         other._sensor = sensor
         return other
@@ -185,7 +185,11 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the robot pose at a time [ns] (0: the latest); None if no later pose is known."""
+        """Return the robot pose at a time [ns] (0: the latest); None if no pose is that recent.
+
+        Raises:
+            GridMapError: all poses are later.
+        """
         if not self._stamps or stamp > self._stamps[-1]:
             return None
         if stamp and stamp < self._stamps[0]:
@@ -223,8 +227,8 @@ class PoseHistory(Poses):
 def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance | None:
     """Propagate the covariance of the robot pose to the pose of a sensor.
 
-    `lever` (3,) is the vector from the robot to the sensor [m], map frame. The sensor position also
-    varies with the rotation of the robot: `d = dp + dtheta x lever`.
+    `lever` (3,) is the vector from the robot to the sensor [m], map frame. An error `dtheta` of the
+    robot rotation adds `dtheta x lever` to the error of the sensor position.
     """
     if covariance is None:
         return None

@@ -119,8 +119,8 @@ class ScanQueue:
 
     Attributes:
         poses: source of the poses.
-        read: converts a message to a scan, such as a `Cloud`: any object with `frame_id`, `stamp`
-            and a length; raises `GridMapError` if the message is invalid.
+        read: converts a message to a scan (a `Cloud`, or another object with `frame_id`, `stamp`
+            and a length); raises `GridMapError` if the message is invalid.
         fuse: called with a scan and its placement; returns the number of unused points by reason,
             or None; raises `GridMapError` if the scan is invalid.
         report: called with a text when a scan is dropped.

@@ -25,7 +25,7 @@ WEAKER: dict[QoSPolicyKind, Any] = {
 
 
 def map_qos(*, transient_local: bool = True) -> QoSProfile:
-    """Return the quality of service of map topics: reliable, latched, depth 1.
+    """Return the quality of service of map topics: reliable, depth 1, and latched by default.
 
     Args:
         transient_local: True for a latched topic: publishers keep the last map for late-joining
@@ -37,7 +37,7 @@ def map_qos(*, transient_local: bool = True) -> QoSProfile:
 
 
 def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
-    """Return a callback that logs a warning when a subscription loses its first message."""
+    """Return an event callback that logs a warning the first time a message is lost."""
     log = LogThrottle(node.get_logger(), period=math.inf)
     text = (
         f"messages of {node.resolve_topic_name(topic)} get lost: they come faster than this node "
@@ -93,9 +93,9 @@ def listen(
 class LatchedSubscription:
     """Subscription that receives the last message of a latched topic and all later messages.
 
-    A transient-local subscription receives the last earlier message, but does not connect to
-    volatile publishers. The subscription starts as transient local, unless all known publishers are
-    volatile, and becomes volatile when a volatile publisher appears.
+    A transient-local subscription also receives the last message sent before it subscribed, but
+    nothing from volatile publishers. Therefore, this subscription starts as transient local, unless
+    all known publishers are volatile, and becomes volatile when a volatile publisher appears.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged; a `NodeFailedError` ends the node.
@@ -254,7 +254,7 @@ class MapPublisher:
                 self.count += 1
 
     def publish_version(self, version: int) -> None:
-        """Publish the current map if `version` differs from the last published version."""
+        """Publish the current map if `version` differs from the version in the previous call."""
         if version != self._version:
             self._version = version
             self.publish()
@@ -273,8 +273,8 @@ def offer_service(
         node: the node.
         kind: class of the service.
         name: name of the service, relative to the node.
-        action: fills the empty response for a request. If it raises a
-            `GridMapError`, the error is logged and an empty response is sent.
+        action: function that takes the request and an empty response to fill. If it raises a
+            `GridMapError` or a `MemoryError`, the error is logged and an empty response is sent.
         log: logs the errors.
     """
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Built-in visualizations, one per module; each module is named after its YAML type.
 
-The YAML parameters of a visualization are its keyword arguments. A visualization is called with a
-map and returns a message.
+The YAML parameters of a visualization are the keyword arguments of its class. Calling a
+visualization with a map returns a message.
 """
 
 from ._contours import ContoursVisualization as ContoursVisualization

@@ -22,8 +22,8 @@ class ImageVisualization:
         layer: layer to show.
         color_mode: "intensity" colors the values with a color map, "color" reads packed colors.
         color_map: name of a Matplotlib color map.
-        lower: lower end of the color map; the smallest value by default.
-        upper: upper end of the color map; the largest value by default.
+        lower: value at the lower end of the color map (default: the smallest).
+        upper: value at the upper end of the color map (default: the largest).
         invert: swap the ends of the color map.
         encoding: channel order. Cells without a value are transparent if the encoding has an alpha
             channel, and gray otherwise.

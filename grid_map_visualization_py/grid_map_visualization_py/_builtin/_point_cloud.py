@@ -14,10 +14,10 @@ from ._flat_point_cloud import FlatPointCloudVisualization
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudVisualization:
-    """Draw cells as points at the height of a layer.
+    """Draw cells as points at the heights in a layer.
 
     Attributes:
-        layer: heights [m]; cells without a finite height are left out.
+        layer: layer with the heights [m]; cells without a finite height are left out.
         flat: draw all cells at height zero.
     """
 

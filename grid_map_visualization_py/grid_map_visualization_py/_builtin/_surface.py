@@ -23,18 +23,19 @@ class SurfaceVisualization:
     """Draw the map as a colored surface of triangles, with holes where heights are missing.
 
     Attributes:
-        height_layer: heights [m].
+        height_layer: layer with the heights [m].
         flat: draw the surface at height zero.
         color_mode: "intensity" colors the values of `color_layer` with the color map, "color" reads
             packed colors from `color_layer`, and "flat" draws the surface in `color`.
-        color_layer: layer for the colors; empty means the heights.
+        color_layer: layer that determines the colors; empty means `height_layer`.
         color_map: name of a Matplotlib color map.
-        lower: lower end of the color map; the smallest value by default.
-        upper: upper end of the color map; the largest value by default.
+        lower: value at the lower end of the color map (default: the smallest).
+        upper: value at the upper end of the color map (default: the largest).
         invert: swap the ends of the color map.
         color: color as 0xRRGGBB.
         opacity: from 0 (invisible) to 1 (opaque).
-        max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
+        max_drawn_cells: maximum number of cells (at least 9; 0: no limit); larger maps are thinned
+            out.
 
     Raises:
         ConfigError: the color map is unknown, or a number is out of range.

@@ -19,7 +19,7 @@ class VectorsVisualization(LineMarker):
 
     Attributes:
         layer_prefix: prefix of the component layers, which end in `x`, `y` and `z`.
-        position_layer: heights [m] at which the lines start.
+        position_layer: layer with the heights [m] at which the lines start.
         scale: line length [m] of a vector with length 1.
 
     Raises:

@@ -37,7 +37,7 @@ _STYLES_OF = {
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
     "max_drawn_cells": (("flat", "surface"), "without --relief"),
 }
-"""Options that only some picture styles support: these styles, and the condition as text."""
+"""Options that only some picture styles support, each with these styles and a text for errors."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -128,7 +128,7 @@ def _animate(options: argparse.Namespace) -> None:
     from ..pictures import save_animation
 
     with ExitStack() as stack, open_recording(options) as records, _telling(options.picture):
-        # The progress bar starts with the first map, so that error messages do not follow a bar.
+        # Show the bar from the first map on, so that earlier errors do not follow an empty bar.
         start = cache(lambda: stack.enter_context(ProgressBar()))
         progress = lambda done, total: start()(done, total)  # noqa: E731
         if not len(records):

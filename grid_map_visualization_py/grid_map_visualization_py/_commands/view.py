@@ -155,7 +155,7 @@ def _read(options: argparse.Namespace) -> "GridMap":
 
 
 def _thinned(tiled_map: "TiledMap", options: argparse.Namespace) -> "GridMap":
-    """Return every n-th cell of a map that is too large for memory."""
+    """Return every n-th row and column of a map that is too large for memory."""
     layers = {options.layer or usual_layer(tiled_map), options.color_layer} - {""}
     rows, columns = tiled_map.size
     step = -(-max(rows, columns) // _SIDE)
