@@ -2,7 +2,7 @@
 """Registry of visualizations by YAML type name.
 
 Other packages add types through the entry-point group `grid_map_visualization_py.visualizations`.
-The name of an entry point is the type name; its object is a class that implements `Visualization`.
+The name of an entry point is the type name, and its value refers to a `Visualization` class.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ class Visualization(Protocol):
     message_type: ClassVar[type]
 
     def __call__(self, grid_map: GridMap) -> Any:
-        """Convert a map to a message of `message_type`, or to its CDR bytes for a publisher.
+        """Convert a map to a message of `message_type`, or to its CDR bytes, ready to publish.
 
         Raises:
             LayerNotFoundError: the map lacks a layer.
@@ -37,16 +37,16 @@ BUILT_IN: Mapping[str, type[Visualization]] = {
     cls.__module__.rpartition("._")[2]: cls
     for cls in (getattr(_builtin, name) for name in _builtin.__all__)
 }
-"""Built-in visualization classes, by module name, which is the YAML type name."""
+"""Built-in visualization classes. The keys are YAML type names, which equal the module names."""
 
 VISUALIZATIONS: Registry[Visualization] = Registry(
     BUILT_IN, "grid_map_visualization_py.visualizations"
 )
-"""All visualizations, by type name: `VISUALIZATIONS["vectors"]`, `VISUALIZATIONS.types`."""
+"""All types: `VISUALIZATIONS["vectors"]` is a class, and `VISUALIZATIONS.types` lists the names."""
 
 
 def describe_parameters(config: Mapping[str, object]) -> dict[str, str]:
-    """Return a description of each YAML parameter (`type`, `params.layer`, ...), by name."""
+    """Return the descriptions of YAML parameters; the keys are names such as `params.layer`."""
     try:
         meanings = descriptions(VISUALIZATIONS[str(config.get("type"))])
     except ConfigError:
@@ -60,7 +60,7 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
 
     Args:
         name: name of the visualization in the parameter file, for error messages.
-        config: `type`, a type name in the registry, and `params`, the parameters by name.
+        config: mapping with `type` (name of the type) and `params` (values by parameter name).
 
     Raises:
         ConfigError: the type is missing or unknown; a parameter is unknown, missing or invalid; or

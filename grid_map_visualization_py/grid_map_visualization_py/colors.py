@@ -4,8 +4,8 @@
 A color map is a named sequence of colors, such as viridis. All outputs (RViz, browser, pictures)
 use Matplotlib color maps (see
 https://matplotlib.org/stable/gallery/color/colormap_reference.html). Matplotlib is imported on
-first use. Colors are red, green, blue in [0, 255]. `grid_map_core_py.conversions` packs colors into
-layers, one float32 per cell, and unpacks such layers.
+first use. Colors are red, green, blue in [0, 255]. A layer can also contain colors, each packed
+into one float32; see `grid_map_core_py.conversions`.
 """
 
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ def is_empty(coloring: "Coloring", values: npt.NDArray[np.float32]) -> bool:
 
 @dataclass(frozen=True)
 class Coloring:
-    """Cell coloring with a color map, with packed colors, or with one color.
+    """Rule for coloring cells: with a color map, with packed colors, or in one color.
 
     Attributes:
         mode: "intensity" maps the values of `layer` to colors of `color_map`, "color" unpacks the
@@ -76,7 +76,7 @@ class Coloring:
         color: color for the mode "flat", 0xRRGGBB.
 
     Raises:
-        ConfigError: the color map is unknown, or the bounds are not finite with lower < upper.
+        ConfigError: the color map is unknown, a bound is not finite, or lower >= upper.
         MissingPackageError: Matplotlib is not installed.
     """
 
@@ -97,10 +97,10 @@ class Coloring:
             check(self.lower < self.upper, "upper", expected, self.upper)
 
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
-        """Return the lower and upper end of the color map for an array of layer values.
+        """Return the values at the lower and upper end of the color map for an array of values.
 
-        A bound that is None is the smallest or the largest finite value, limited by the other bound
-        so that lower <= upper. Both bounds are 0 if neither is set and no value is finite.
+        If `lower` is None, the lower end is the smallest finite value, but at most `upper`; the
+        upper end is found likewise. If no value is finite, an end equals the other bound, or 0.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper
@@ -113,9 +113,10 @@ class Coloring:
         return lower, max(lower, upper)
 
     def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
-        """Return the colors (..., 3) for an array (...) of layer values; NaN is gray.
+        """Return the colors (..., 3) for an array (...) of layer values.
 
-        The range of a color map is divided into 256 equal steps with one color each.
+        NaN is gray, except in the mode "flat". The range of a color map is divided into 256 equal
+        steps, with one color each.
         """
         if self.mode == "flat":
             one = np.stack(color_value_to_bytes(np.array(self.color)))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show maps and bags in Rerun: in notebooks, in files, and in existing recordings.
+"""Show maps and bags in a notebook with Rerun, or write them to Rerun recordings.
 
 - `show` shows a map or a bag in a notebook.
-- `recorded` writes several maps to a file (`.rrd`); `grid_map_core_py.save` writes one map.
+- `recorded` opens a file (`.rrd`) for any number of maps; `grid_map_core_py.save` writes one map.
 - `Scene` writes maps and messages to any recording, with a `Style` of your choice.
 - `log_bag` writes the messages of a bag to a scene.
 """

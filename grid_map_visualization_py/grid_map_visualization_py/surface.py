@@ -34,7 +34,7 @@ __all__ = [
 
 def check_max_drawn_cells(max_drawn_cells: int) -> None:
     """Raise `ConfigError` unless `max_drawn_cells` is 0 (no limit) or at least 9."""
-    # Thinned-out maps contain at least the first, one inner, and the last row and column.
+    # Even the smallest thinned-out map has three rows and columns: first, inner, and last.
     is_limit = max_drawn_cells == 0 or max_drawn_cells >= 9
     check(is_limit, "max_drawn_cells", "0 (never thin out) or at least 9", max_drawn_cells)
 
@@ -60,8 +60,8 @@ class Mesh:
 class Surface:
     """Surface of a map: the shown cells and the triangles between cell centers.
 
-    Arrays are transposed layers in map order, which are contiguous. Cells are numbered in
-    column-major order.
+    Layers in map order are transposed to arrays (columns, rows), which are contiguous in memory. A
+    cell number is an index into the flattened array.
 
     Args:
         grid_map: the map.
@@ -195,7 +195,7 @@ class Surface:
 
 
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
-    """Yield a mask of the squares and the corner offsets for each of the four triangle types."""
+    """Yield a mask of squares, and the corner offsets, for each of the four types of triangle."""
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)
     is_first[:, -1] = False
@@ -218,7 +218,7 @@ def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, i
     kept = inside & row & column & ~turned
     yield kept & first, (0, 1, rows)
     yield kept & both, (1, rows + 1, rows)
-    # Triangles along the other diagonal; it is needed if a corner of the usual one is missing.
+    # Triangles along the other diagonal, if it is better or a corner of the usual one is missing.
     crossed = inside & first & both
     yield crossed & column & (turned | ~row), (0, rows + 1, rows)
     yield crossed & row & (turned | ~column), (0, 1, rows + 1)

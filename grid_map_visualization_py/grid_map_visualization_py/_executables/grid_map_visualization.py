@@ -81,8 +81,9 @@ class GridMapVisualizationNode(ConfiguredNode):
         return outputs
 
     def _match(self, output: "Output", status: Any) -> None:
-        # A simultaneous join and leave keeps the count unchanged. Latched publishers do not serve
-        # late-joining subscribers with volatile durability, which is the default of RViz.
+        # A new subscriber needs the last map even if another one has just left, so that the number
+        # of subscribers is unchanged. Latching alone does not help subscribers with volatile
+        # durability, which is the default of RViz.
         output.is_due |= status.total_count_change > 0
         self._follow_subscribers()
 

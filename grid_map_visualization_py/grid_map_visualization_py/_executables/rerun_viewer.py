@@ -26,7 +26,7 @@ TF = frozenset({"/tf", "/tf_static"})
 """Topics that are always shown, because the poses of other messages depend on them."""
 
 PERIOD = 0.5
-"""Period at which the node checks for new topics and whether Rerun has ended [s]."""
+"""Time between checks for new topics and for the end of the Rerun process [s]."""
 
 
 class RerunViewerNode(ConfiguredNode):
@@ -77,7 +77,7 @@ class RerunViewerNode(ConfiguredNode):
         health.inputs, health.details = "messages", self._details
         steady_timer(self, 1 / max_rate, self._write)
         steady_timer(self, PERIOD, self._look)
-        # The address is on its own line, so that it is easy to find and to copy.
+        # Log the address on a line of its own, where it is easy to find and copy.
         self.get_logger().info(f"shows messages in the browser at\n{self._server.page_url}")
 
     def _serve(self) -> Server:

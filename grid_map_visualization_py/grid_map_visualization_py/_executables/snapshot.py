@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Executable `snapshot`: draws the next map on a topic to a picture file.
+"""Executable `snapshot`: saves a picture of the next map on a topic.
 
-The picture options are the same as in `grid-map plot`, which draws maps from files. The file is
+The picture options are those of `grid-map plot`, which draws maps from files. The picture file is
 written completely or not at all. The exit code is 0 only if the file was written.
 """
 
@@ -31,7 +31,7 @@ class SnapshotNode(Node):
     """Waits for a map (the last published map if the topic is latched), draws it, and exits.
 
     Args:
-        options: result of `parsed`.
+        options: command-line options, as returned by `parsed`.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:

@@ -74,7 +74,7 @@ class WebViewerNode(ConfiguredNode):
     def _subscribe(self, topic: str) -> None:
         self._topic, self._has_map = topic, False
         self._maps = MapSubscription(self, topic, self._receive)
-        # The address is on its own line, so that it is easy to find and to copy.
+        # Log the address on a line of its own, where it is easy to find and copy.
         text = f"shows {self._maps.topic_name} in the browser at\n{self._page.url}"
         self.get_logger().info(text)
 

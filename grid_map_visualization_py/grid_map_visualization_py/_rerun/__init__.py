@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show maps and messages in Rerun: recording files, scenes, and the viewer page."""
+"""Write maps and messages to Rerun recordings, and serve these to browsers."""

@@ -19,14 +19,14 @@ Origin: TypeAlias = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placed:
-    """Archetypes to log for a message, with their entity path, frame and time.
+    """Archetypes to log for a message or for a part of it, with entity path, frame and time.
 
     Attributes:
         time: time in the message header [ns]; 0 if there is none.
         path: parts of the entity path below the topic, or from the root if `is_global`.
-        frame: ROS frame; None for a message without a pose.
-        archetypes: function that returns the archetypes relative to an origin (3,) in the frame
-            [m], or raises `MessageError`.
+        frame: ROS frame; None if the archetypes are not drawn in a frame.
+        archetypes: function that receives an origin (3,) in the frame [m], and returns the
+            archetypes relative to it or raises `MessageError`.
         is_global: True if the path starts at the root, not at the topic.
     """
 
@@ -195,7 +195,7 @@ def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
 def _diagnostics(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     for status in message.status:
         for entry in status.values:
-            # Show the last durations, "ms" and "ms FILTER"; the means, "mean ms", are redundant.
+            # Plot the latest durations ("ms", "ms FILTER"); their means ("mean ms") are redundant.
             unit, _, part = entry.key.partition(" ")
             if unit != "ms":
                 continue
@@ -220,7 +220,7 @@ SHOWN: dict[str, Callable[[Any, Any, int], Iterator[Placed]]] = {
     "visualization_msgs/msg/Marker": _markers,
     "visualization_msgs/msg/MarkerArray": _markers,
 }
-"""Function that converts messages to `Placed` items, for each supported message type."""
+"""Functions that convert a message to `Placed` items. The keys are the supported message types."""
 
 POSES = frozenset(kind for kind, function in SHOWN.items() if function is _pose)
 """Message types with a single pose, which are shown with a trail."""

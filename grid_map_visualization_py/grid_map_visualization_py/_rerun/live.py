@@ -15,13 +15,14 @@ QUEUES = {
     "visualization_msgs/msg/Marker": 100,
     "visualization_msgs/msg/MarkerArray": 100,
 }
-"""Queue size per topic, by message type; for other types, a new message replaces the previous one.
+"""Queue size of a topic, by message type; topics of other types keep only the newest message.
 
-Transforms and diagnostics come from many nodes, and markers are cumulative.
+Transforms and diagnostics come from many nodes, and a marker usually adds to earlier markers, so no
+message may replace the previous one.
 """
 
 FLUSH_TIME = 0.2
-"""Maximum time for which `LiveScene.write` waits for Rerun [s]."""
+"""Maximum time that `LiveScene` waits for Rerun in each flush [s]."""
 
 STALL = 30.0
 """Time after which `LiveScene.problem` reports that Rerun accepts no data [s].
@@ -40,7 +41,7 @@ class LiveScene:
     """Queues the newest messages of each topic until they are written to Rerun.
 
     Args:
-        recording: an `rr.RecordingStream`.
+        recording: a `rerun.RecordingStream`.
         style: style of the maps.
 
     Attributes:
@@ -63,7 +64,7 @@ class LiveScene:
         queue.append(_Arrival(kind, data, time.time_ns()))
 
     def write(self) -> list[str]:
-        """Write the queued messages, unless Rerun has not accepted the previous messages yet.
+        """Write the queued messages; do nothing while Rerun is busy with earlier messages.
 
         Returns:
             One error text for each message that could not be shown.

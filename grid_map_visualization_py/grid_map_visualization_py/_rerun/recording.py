@@ -90,22 +90,22 @@ def log_bag(
 ) -> int:
     """Write the messages of a bag to a scene, in time order.
 
-    Messages that cannot be shown, such as a pose with NaN, are skipped with a warning per topic, as
-    in RViz. A damaged map raises an error, unless `recover` is true.
+    Messages that cannot be shown, such as a pose with NaN, are skipped, as in RViz, and warnings
+    name their topics. A damaged map raises an error instead, unless `recover` is true.
 
     Args:
         scene: scene to write to.
         path: path of the bag.
-        topic: the only map topic to write; None means all. Other message types are always written.
-        recover: read the undamaged part of a bag, and skip damaged maps.
-        goes_on: called after each message with its time [ns]; returns False to stop.
+        topic: the map topic to write; None means all of them. Other messages are always written.
+        recover: read the undamaged part of the bag, and skip maps that cause errors.
+        goes_on: called with the time [ns] of each written message; returns False to stop.
 
     Returns:
         Number of messages written.
 
     Raises:
         BagError: the bag or a map is damaged.
-        LimitError: a map has too many cells.
+        LimitError: a map has too many cells, and `recover` is false.
     """
     count, left_out = 0, Counter[str]()
     for message in bag_messages(path, SHOWN_TYPES, recover=recover):

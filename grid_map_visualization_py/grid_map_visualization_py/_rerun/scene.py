@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Write maps and messages to a Rerun recording, and create a viewer layout that shows them.
 
-Each topic becomes an entity path, `grid_map/...` for `/grid_map`. A map has these child entities:
+Each topic becomes an entity path, such as `grid_map` for `/grid_map`. Below it, a map consists of:
 
 - `surface`: a mesh with the colors of each layer.
-- `layers/NAME`: values of a layer as an invisible image (x right, y up) above the visible image
-  `layers/NAME/color`. Cells without a value are transparent.
-- `legend/NAME`: color bar of a layer, with the bounds of the colors.
-- `range/NAME` and `missing/NAME`: curves of the smallest, mean and largest value, and of the
-  percentage of missing values.
+- `layers/NAME/color`: image of a layer (x right, y up); cells without a value are transparent.
+- `layers/NAME`: invisible image above `color`, with the values that the viewer shows on hovering.
+- `legend/NAME`: color bar of a layer, labeled with the values at its ends.
+- `range/NAME`: curves of the smallest, mean and largest value.
+- `missing/NAME`: curve of the percentage of missing values.
 
-ROS frames are Rerun frames. The 3-D view uses its own frame `view`. The origin of `view` is near
-the first map, because the graphics use float32. Only `view` scales heights by `exaggeration`; all
-logged data is true to scale.
+Each ROS frame becomes a Rerun frame. The 3-D view has a frame of its own, `view`, whose origin is
+near the first map, because graphics hardware computes in float32. Heights are scaled by
+`exaggeration` only in `view`; all logged data is true to scale.
 """
 
 import math
@@ -47,10 +47,10 @@ SHOWN_TYPES = frozenset({GRID_MAP_TYPE, *SHOWN})
 """Message types that `Scene.log_message` can show."""
 
 _FAR = 1000.0
-"""Grid spacing of the local origins near distant maps [m]; multiples are exact in float32."""
+"""Local origins near distant maps are multiples of this length [m], which are exact in float32."""
 
 _LARGEST_IMAGE = 4096
-"""Maximum number of rows or columns of an image that all graphics hardware supports."""
+"""Largest image width and height that all graphics hardware supports [pixels]."""
 
 _VIEW, _NO_FRAME = "view", "(no frame)"
 
@@ -71,14 +71,14 @@ class Style:
     """Style in which maps are drawn.
 
     Attributes:
-        height_layer: surface heights [m]; empty means `elevation`, or else the first layer.
-        color_layer: layer that initially colors the surface; empty means the heights.
+        height_layer: layer of the heights [m]; empty means `elevation`, or else the first layer.
+        color_layer: initial color layer; if empty, the surface is colored by height.
         color_map: Matplotlib color map of `color_layer`; other layers use the default color map.
         lower, upper: values at the ends of `color_map`; None means the smallest and the largest
             value of each map.
         exaggeration: factor by which the 3-D view scales heights.
-        max_drawn_cells: maximum number of surface cells; larger maps are thinned out. 0 means no
-            limit.
+        max_drawn_cells: maximum number of cells in a surface, and of points in a point cloud; both
+            are thinned out if they are larger. 0 means no limit.
         max_image_cells: maximum number of cells in the image of each layer; 0 means no limit.
     """
 
@@ -98,12 +98,12 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return the height layer name for a map with `layers`; empty if there are none."""
+        """Return the height layer of a map with `layers`; empty if none is set or available."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
     def coloring(self, layer: str, *, is_chosen: bool = True) -> Coloring:
-        """Return the coloring of a layer; names that end in `color` mean packed colors."""
+        """Return the coloring of a layer; one whose name ends in `color` contains packed colors."""
         if layer.endswith("color"):
             return Coloring(mode="color", layer=layer)
         if not is_chosen:
@@ -118,7 +118,7 @@ class Scene:
     timelines: `ros_time` is the time in the message header, `log_time` the time of arrival.
 
     Args:
-        recording: an `rr.RecordingStream`.
+        recording: a `rerun.RecordingStream`.
         style: style of the maps.
 
     Attributes:
@@ -138,7 +138,7 @@ class Scene:
         self._first: tuple[npt.NDArray[np.float64], float] | None = None
         self._is_repeated = False
         self._laid_out: object = None
-        # Write errors of the recording file; the next log call raises the first error.
+        # Errors from writing the recording file; the next log call raises the first of them.
         self._errors: list[OSError] = []
         # Rerun must not add the times of the log calls.
         self._rr.set_log_time_enabled(False, recording=recording)
@@ -147,7 +147,7 @@ class Scene:
     def log_map(self, name: str, grid_map: GridMap, *, log_time: int | None = None) -> None:
         """Write a map to the recording.
 
-        `ros_time` is the timestamp of the map, or `log_time` if the map has no timestamp.
+        A map without a timestamp is placed at `log_time` on both timelines.
 
         Args:
             name: topic or file name of the map.
@@ -387,7 +387,7 @@ class Scene:
     def _place(
         self, frame: str, position: npt.NDArray[np.float64] | None = None
     ) -> tuple[str, npt.NDArray[np.float64]]:
-        """Return a Rerun frame near the maps of a ROS frame, and its ROS coordinates (3,) [m]."""
+        """Return a Rerun frame near the maps, and its origin (3,) in the ROS frame `frame` [m]."""
         name = frame or _NO_FRAME
         is_new = frame not in self._origins
         if is_new and position is None:
@@ -410,7 +410,7 @@ class Scene:
         return maps, {**self._messages}, flags
 
     def _surface_views(self) -> Any:
-        """Return one 3-D view per layer that colors surfaces, with the legends below the views."""
+        """Return one 3-D view per layer, colored by that layer, with its legends below the view."""
         rrb = self._rrb
         chosen = [
             self._style.color_layer or self._style.heights_of(layers)
@@ -491,7 +491,7 @@ def _path(name: str, *parts: str) -> str:
 
 
 def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:
-    """Return vertex normals (N, 3), each the mean normal of the adjacent faces."""
+    """Return unit normals (N, 3) of the vertices, averaged over the adjacent faces by area."""
     # Differences of large heights would overflow float32.
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Serves a Rerun recording to browsers.
 
-The program `rerun` accepts requests from rerun.io and from the pages of all local programs, under
-any host name. The server therefore starts `rerun` at a random local address and forwards only
-requests from its own page, through a relay.
+The program `rerun` accepts requests under any host name from rerun.io and from the pages of all
+local programs. The server therefore runs `rerun` at a random local address, behind a relay that
+accepts requests from browsers only if they come from its own page.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from .scene import rerun
 
 SETTINGS = Path(__file__).with_name("settings")
-"""Read-only settings folder for the program `rerun`, with usage statistics disabled."""
+"""Read-only settings folder for the program `rerun`, in which usage statistics are disabled."""
 
 START_TIME = 30.0
 """Maximum startup time of the program `rerun` [s]."""
@@ -36,10 +36,13 @@ FAREWELL = 0.3
 """Maximum time to send the last data to the program when the server closes [s]."""
 
 BUFFER, STEP = 8_000_000, 250_000
-"""Maximum data queued for a slow page, and data that the page must accept per `STALL` [bytes]."""
+"""Maximum size of the queue of a connection, and size of a step (see `STALL`) [bytes]."""
 
 STALL = 10.0
-"""Time [s] to accept `STEP` bytes; slower connections, which block all pages, are closed."""
+"""Time in which a full queue must shrink by `STEP` bytes [s].
+
+Slower connections are closed, because they block all pages.
+"""
 
 Address = tuple[str, int]
 
@@ -53,7 +56,7 @@ class Server:
     Args:
         host: host name or IP address at which the page is served.
         port: port of the page; 0 means any free port.
-        memory_limit: maximum size of the stored messages, such as `512MB`, or `20%` of the memory.
+        memory_limit: maximum size of the stored messages, such as `512MB` or `20%` (of the memory).
         allowed_hosts: additional host names under which browsers may open the page.
 
     Attributes:
@@ -141,7 +144,7 @@ class Server:
 
 
 class _Relay:
-    """Forwards requests to the data address or the page address, in a background thread."""
+    """Forwards requests to the data port or the page port of `rerun`, in its own thread."""
 
     def __init__(
         self, listener: socket.socket, names: Container[str], data: Address, page: Address
@@ -174,7 +177,7 @@ class _Relay:
     async def _answer(self, reader: Reader, writer: Writer) -> None:
         head = await reader.readuntil(b"\r\n\r\n")
         if head.startswith(b"PRI * HTTP/2.0\r\n"):
-            # A native program, such as the Rerun viewer: web pages cannot send this preface.
+            # Only native programs, such as the Rerun viewer, can send this preface; pages cannot.
             await _pass_on(head, reader, writer, self._data)
             return
         line, _, rest = head.partition(b"\r\n")

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from grid_map_core_py._arrays import Positions
 
 TICKS, HEIGHT_TICKS = 8, 3
-"""Maximum number of tick steps along the longer side of a map, and along the heights."""
+"""Maximum number of tick distances in the longer side of a map, and in its height range."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,6 @@ def axes_around(low: Positions, high: Positions, exaggeration: float) -> Axes:
 
 
 def round_step(least: float) -> float:
-    """Return the smallest of 1, 2 and 5 times a power of ten that is not below `least`."""
+    """Return the smallest number >= `least` that is 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(least))
     return next(step for k in (1, 2, 5, 10) if (step := k * power) >= 0.999999 * least)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Convert surfaces and colors for browsers: binary glTF (GLB), linear light, tone mapping.
+"""Convert surfaces to binary glTF (GLB), and colors to linear light and to screen colors.
 
-Browsers can load GLB without parsing numbers. Format:
+Browsers load the arrays of a GLB file without parsing them. The format is specified at
 https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
 
@@ -84,10 +84,10 @@ def linear(colors: Colors) -> npt.NDArray[np.float64]:
 
 
 def on_screen(colors: Colors) -> Colors:
-    """Return the colors with which the browser shows a fully lit surface of these colors.
+    """Convert the colors of a fully lit surface to the colors that appear on the screen.
 
-    viser uses filmic tone mapping, which saturates strong light. The curve is Stephen Hill's fit of
-    the Academy Color Encoding System, `ACESFilmicToneMapping` in three.js.
+    The colors differ, because viser applies filmic tone mapping: Stephen Hill's fit of the
+    Academy Color Encoding System, which is called `ACESFilmicToneMapping` in three.js.
     """
     film = EXPOSURE * linear(colors) @ TO_FILM.T
     film = (film * (film + 0.0245786) - 0.000090537) / (

@@ -28,7 +28,7 @@ from .scene import SurfaceScene, View, ViewSettings
 from .texts import as_note, legend
 
 LARGEST_MESSAGE = 16_000_000
-"""Maximum size of browser messages (screenshots) [bytes]; larger ones end the connection."""
+"""Maximum size of a browser message, such as a screenshot [bytes]; a larger one disconnects."""
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
 """Color maps at the top of the drop-down list."""
@@ -37,7 +37,7 @@ MODES: dict[str, Any] = {"layer": "intensity", "packed color layer": "color", "o
 """Modes of `Coloring`, by label on the page."""
 
 LARGEST_VALUE, LARGEST_SCALE = 3e38, 1e9
-"""Maximum magnitudes of the color bounds (within float32) and of the vector scale."""
+"""Maximum magnitudes that users can enter for color bounds (must fit float32) and vector scale."""
 
 MOST_EXAGGERATED = 20.0
 """Maximum factor by which drawn heights are scaled."""
@@ -51,13 +51,13 @@ AXES_COLOR = (128, 128, 128)
 """Gray, visible on white and on black backgrounds."""
 
 FRAME_SIZE = 0.08
-"""Axis length of a drawn coordinate frame, as a fraction of the distance to the camera."""
+"""Axis length of a drawn coordinate frame, as a fraction of the initial distance to the camera."""
 
 AMBIENT = 0.3
-"""Fraction of ambient light on level ground."""
+"""Fraction of the light on level ground that is ambient; the rest is sunlight."""
 
 TO_SUN = (-1.0, 0.6, 1.2)
-"""Direction towards the directional light."""
+"""Direction to the sun, as x, y and z."""
 
 SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
@@ -109,7 +109,7 @@ class Page:
         scene = self._server.scene
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
-        # The lights on level ground sum to pi, because viser divides light by pi.
+        # Both lights add up to pi on level ground, because viser divides intensities by pi.
         scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
         sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
         scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
@@ -151,10 +151,10 @@ class Page:
         _offer(self._style["vectors"], (NO_VECTORS, *vector_prefixes(layers)), NO_VECTORS)
 
     def load(self, scene: SurfaceScene, settings: ViewSettings, *, replaces: bool) -> None:
-        """Load a scene without showing it; the next `turn` shows the scene.
+        """Load a scene into the browsers, but leave it hidden until the next `turn`.
 
-        Browsers need time to load a surface; the previous scene stays visible meanwhile. `replaces`
-        is True if the scene shows the same map as the previous scene.
+        The previous scene stays visible while the browsers load the new surface. If `replaces` is
+        true, the scene shows the same map as the previous scene, and takes its place.
         """
         # A scene that was loaded but never shown is also replaced.
         self._replaces = replaces and (self._loading is None or self._replaces)
@@ -170,7 +170,7 @@ class Page:
         self._look(scene.view)
 
     def turn(self, history: int) -> None:
-        """Show the loaded scene and its axes, and keep at most `history` maps; 0 removes all."""
+        """Show the loaded scene and its axes; remove all but the last `history` maps."""
         with self._server.atomic():
             self._exaggerate(self._base)
             if self._loading is not None:
@@ -290,7 +290,7 @@ class Page:
         return frame
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
-        """Return points (..., 3) with heights above the base scaled by the exaggeration."""
+        """Multiply the heights of points (..., 3) above the base by the exaggeration."""
         lifted = np.array(points, np.float64)
         lifted[..., 2] = self._base + self._exaggeration * (lifted[..., 2] - self._base)
         return lifted
@@ -310,7 +310,8 @@ class Page:
     def _look(self, view: View) -> None:
         """Set the view for new browsers and for the button that resets the view.
 
-        If the map would be out of sight, all browsers move to the view but keep their angle.
+        If the map would be out of sight, or has become much larger or smaller, the cameras of all
+        browsers move to the map, but keep their viewing direction.
         """
         is_lost = self._aim is None or self._aim.loses(view)
         if is_lost:
@@ -418,8 +419,8 @@ class Page:
             }
 
             def use_bounds(_: Any) -> None:
-                # A browser sends only the last change within 50 ms. The change that disables
-                # automatic bounds is lost if the user types a bound immediately afterwards.
+                # Browsers send only the last of all changes within 50 ms. If the user clears the
+                # checkbox and immediately types a bound, the change of the checkbox is lost.
                 self._automatic.value = False
 
             for name in ("lower", "upper"):
@@ -483,7 +484,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Set the options of a drop-down; keep the selection, else select `preferred` or the first."""
+    """Set options; keep the selection if possible, or select `preferred` or the first option."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

@@ -22,15 +22,14 @@ class ViewSettings:
     """User settings: layers to show and their style.
 
     Attributes:
-        height_layer: heights [m] of the surface.
+        height_layer: layer of the surface heights [m].
         flat: draw the surface at height zero.
         coloring: source of the surface colors.
         shaded: light the surface; if False, surface and legend have exactly the same colors.
         opacity: from 0 (invisible) to 1 (opaque).
         grid_lines: draw lines between neighboring cells.
         points: draw a point at each cell.
-        vectors: common prefix of three vector component layers with the suffixes x, y and z; empty
-            means no vectors.
+        vectors: common prefix of the vector layers, which end in x, y and z; empty means none.
         vector_scale: drawn length of a unit vector [m].
         history: maximum number of maps in the scene.
     """
@@ -81,7 +80,7 @@ class View:
         return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
     def loses(self, other: "View") -> bool:
-        """Return True if this view misses the map of view `other`, or map sizes differ greatly."""
+        """Return True if the map of `other` is out of sight, or its size differs 3-fold or more."""
         # Heights are ignored, because outliers would make the camera jump.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / 3 < other.reach / self.reach < 3
@@ -89,19 +88,19 @@ class View:
 
 @dataclass(frozen=True)
 class SurfaceScene:
-    """Arrays that the page draws for a map; positions are relative to `mesh.origin` [m].
+    """Data that the page draws for a map; lines and vectors are relative to `mesh.origin` [m].
 
     Attributes:
         mesh: the surface, possibly without faces.
         glb: content of a GLB file with the surface; None if the surface has no faces.
-        grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
-        vectors: (N, 2, 3) ends of the vectors; empty unless requested.
-        bounds: values at the ends of the color map for the whole map, NaN if no value is finite;
-            None without a color map.
-        box: lowest and highest corner (3,) of the map [m], map frame.
+        grid_lines: (N, 2, 3) lines between neighboring cells; empty unless requested.
+        vectors: (N, 2, 3) start and end points of the vectors; empty unless requested.
+        bounds: values at the ends of the color map, from all cells; NaN if no value is finite, None
+            without a color map.
+        box: lowest and highest corner (3,) of the bounding box [m], map frame.
         size: number of shown rows and columns.
         spacing: mean distance between neighboring shown cells [m].
-        view: camera pose that shows the whole map from behind and above.
+        view: camera pose that shows the whole map from above, looking towards +x and +y.
     """
 
     mesh: Mesh
@@ -190,7 +189,7 @@ def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
     volume = np.einsum("ij,ij->i", side, normal)
     across = np.cross(offset, side)
     area = np.einsum("ij,ij->i", side, side)
-    # Triangles parallel to the ray divide by zero; the mask below excludes these triangles.
+    # Triangles parallel to the ray cause divisions by zero; the mask below excludes them.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         u = np.einsum("ij,ij->i", offset, normal) / volume
         v = across @ direction / volume

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""HTML texts of the page. All texts are escaped, because names come from messages."""
+"""HTML texts of the page, escaped because names in messages may contain markup."""
 
 import math
 from collections.abc import Iterable

@@ -29,8 +29,8 @@ def rate_of(arrivals: Iterable[float], now: float) -> float:
 class Viewer:
     """Shows maps on a page.
 
-    Maps are decoded only while a browser is connected, and only the shown layers. `clock` returns
-    the ROS time [ns].
+    Layers are decoded only while a browser is connected, and only if the page needs them. `clock`
+    returns the ROS time [ns].
     """
 
     def __init__(
@@ -80,9 +80,9 @@ class Viewer:
         self._arrivals.append(time.monotonic())
 
     def update(self) -> str:
-        """Update the page; return an error message about the map or the settings, or an empty text.
+        """Update the page; return an error message about the map or settings, empty if none.
 
-        The page also shows the error message, and the last map remains visible.
+        The page also shows the message, and the last map remains visible.
         """
         page = self._page
         if page.is_watched:

@@ -6,8 +6,8 @@
 accept a `GridMap`, a `TiledMap`, or an xarray dataset or array. Large tiled maps are read at the
 resolution of the picture.
 
-The light for the hillshading of `plot` and `plot_3d` comes from the upper left, at an elevation of
-45 degrees. Level ground keeps its color; slopes facing the light are lighter, other slopes darker.
+In `plot` and `plot_3d`, the light for hillshading comes from the upper left, 45 degrees above the
+horizon. Level ground keeps its color; slopes facing the light are lighter, other slopes darker.
 """
 
 import math
@@ -197,7 +197,7 @@ def _animate(
         writer = FFMpegWriter(rate / every, codec="h264")
     figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
     axes = figure.add_subplot()
-    # All frames use the layout and the legend of a map with a hole.
+    # Draw a map with a hole first, if there is one; all frames keep its layout and legend.
     plot(records[with_hole].grid_map(layers), layer, axes, **options, title=title or " ")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")

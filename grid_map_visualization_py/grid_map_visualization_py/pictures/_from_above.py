@@ -27,7 +27,7 @@ from .._layers import titled
 from ..colors import Coloring, is_empty
 
 LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
-"""Direction to the light."""
+"""Unit vector towards the light (x, y, z)."""
 
 NO_VALUE: dict[str, Any] = {
     "facecolor": "0.9",
@@ -38,7 +38,7 @@ NO_VALUE: dict[str, Any] = {
 """Style of cells without a value."""
 
 _LEAST, _MOST = 1 / 3, 2 / 3
-"""Opacity of a block in which few cells, or nearly all cells, have a value."""
+"""Minimum and maximum opacity of blocks in which only some cells have a value."""
 
 _STRIP = 1 << 18
 """Number of cells reduced at once."""
@@ -51,7 +51,7 @@ class Blocks(NamedTuple):
 
     Attributes:
         means: (height, width, channels) mean of the finite values; NaN in empty blocks.
-        opacity: (height, width) opacity: 1 for full blocks, 0 for empty blocks.
+        opacity: (height, width); 1 if all cells of a block have a value, 0 if none do.
     """
 
     means: npt.NDArray[np.float32]
@@ -59,7 +59,7 @@ class Blocks(NamedTuple):
 
 
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
-    """Return the side of the blocks that are drawn as one pixel [cells].
+    """Return the side length [cells] of the blocks that are each drawn as one pixel.
 
     Args:
         axes: axes on which the map is drawn.
@@ -84,7 +84,7 @@ def paint(
         axes: axes on which the map is drawn.
         grid_map: the map.
         coloring: colors of the cells.
-        side: side of the blocks that are drawn as one pixel [cells].
+        side: side length [cells] of the blocks that are each drawn as one pixel.
         heights: height layer for hillshading; empty means no hillshading.
         exaggeration: factor by which the heights are scaled.
 
@@ -170,12 +170,12 @@ def extent_of(grid_map: GridMap) -> tuple[float, float, float, float]:
 
 
 def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
-    """Reduce a layer in map order to an image of block means, x to the right and y upwards.
+    """Return an image of a layer, with x to the right, y upwards, and one pixel per block of cells.
 
     Args:
-        layer: (rows, columns) values.
+        layer: (rows, columns) values in map order.
         side: block side [cells]; blocks start at the largest x and y.
-        is_color: True if the layer contains packed colors; channels are red, green and blue.
+        is_color: True if the layer contains packed colors, which become red, green and blue.
     """
     turned = layer.T
     columns, rows = turned.shape
@@ -229,7 +229,7 @@ def add_scale_bar(axes: Any, *, has_north: bool) -> None:
     x0, x1 = axes.get_xlim()
     most = (x1 - x0) / 4
     power = 10.0 ** math.floor(math.log10(most))
-    # If the logarithm was rounded up, no multiple fits, and `power` is used instead.
+    # The default applies if no multiple fits, and may exceed `most` by a rounding error.
     length = max((n * power for n in (2, 5) if n * power <= most), default=power)
     units = {1000.0: "km", 1.0: "m", 0.01: "cm", 0.001: "mm"}
     unit = next((unit for unit in units if length >= unit), 0.001)

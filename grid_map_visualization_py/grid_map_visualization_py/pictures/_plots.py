@@ -61,7 +61,7 @@ def plot(
     Cells without a finite value are hatched in gray. If a side of the map has more than twice as
     many cells as the axes have pixels, blocks of cells are averaged: each block shows the mean of
     the finite values (or colors) and is half transparent if values are missing. A tiled map is
-    first thinned out to at most four cells per pixel, see `TiledMap.thinned`.
+    first thinned out to at most four cells per pixel; see `TiledMap.thinned`.
 
     Args:
         grid_map: the map: in memory, tiled, or an xarray dataset or array.
@@ -71,10 +71,10 @@ def plot(
         color_map: name of a Matplotlib color map.
         lower, upper: values at the ends of the color map; None means smallest and largest value.
         invert: swap the ends of the color map.
-        hillshade: name of the height layer [m] used for hillshading. None uses `layer` if its
-            name indicates heights: it starts with elevation, height, altitude, DEM, DSM or DTM and
-            contains no word such as variance, slope or color. True also shades other layers, with
-            the heights of `elevation` or the first height layer. False disables hillshading.
+        hillshade: name of the height layer [m] used for hillshading. If None, `layer` is shaded
+            only if it is itself a height layer: its name starts with elevation, height, altitude,
+            DEM, DSM or DTM and contains no word such as variance, slope or color. If True, other
+            layers are shaded too, by `elevation` or the first height layer. False means no shading.
         exaggeration: factor by which the heights are scaled for hillshading.
         max_drawn_cells: maximum number of blocks; None means one per pixel, 0 means no limit.
         scale_bar: draw a scale bar, and a north arrow if the map has a reference system.
@@ -133,13 +133,13 @@ def plot_3d(
     title: str = "",
     color_bar: bool = True,
 ) -> Any:
-    """Draw a map as a shaded surface of triangles in three dimensions.
+    """Draw a map as a shaded, triangulated surface in three dimensions.
 
     Args:
         grid_map: as for `plot`.
         height_layer: height layer [m]; empty means `elevation`, or else the first layer.
         ax: Matplotlib axes with projection "3d"; None creates new axes.
-        color_layer: layer with the colors; empty means the heights.
+        color_layer: layer with the colors; if empty, the surface is colored by height.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
         exaggeration: factor by which drawn heights are scaled; the z axis shows true heights.
         max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
@@ -217,7 +217,7 @@ def plot_relief(
         height_layer: height layer [m]; empty means `elevation`, or else the first layer. Holes
             are drawn at the height of the nearest cell.
         ax: Matplotlib axes to draw on; None means the current axes.
-        color_layer: layer with the colors; empty means the heights. Cells without a value are gray.
+        color_layer: as for `plot_3d`. Cells without a value are gray.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
         exaggeration: factor by which heights are scaled. The drawn height is limited to 20 times
             the longer side of the map.
@@ -294,7 +294,7 @@ def _opened(grid_map: AnyMap) -> "GridMap | TiledMap":
 
 
 def _loaded(site: "GridMap | TiledMap", layers: set[str], cells: float) -> "GridMap":
-    """Return a `GridMap` unchanged; load a tiled map, thinned out, into memory.
+    """Return a `GridMap` unchanged, or load a tiled map, thinned out if it is large.
 
     Args:
         site: the map.

@@ -2,8 +2,8 @@
 """Perspective picture of a height field, with cast shadows and ambient occlusion.
 
 The floating horizon algorithm traces one ray per picture column over the ground, from near to far,
-and draws the parts that rise above all nearer parts. Vertical lines stay vertical, as in a camera
-with a horizontal viewing direction and a shifted lens.
+and draws the parts that rise above all nearer parts. Vertical lines stay vertical, as in a photo
+from a level camera with a shift lens.
 
 The unit of length is one cell. Ground coordinates (x, y) start at the center of the first cell.
 """
@@ -50,7 +50,7 @@ def draw_relief(
         size: width and height of the picture [pixels].
         azimuth: direction from the map to the camera, from +x towards +y [rad].
         elevation: elevation angle of the camera [rad].
-        scale: number of cells per unit of height.
+        scale: factor that converts the heights to cells, including exaggeration.
     """
     width, height = (_SUPERSAMPLING * side for side in size)
     picture = np.ones((height, width, 3))
