@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose
+from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Header
 
 
@@ -28,8 +29,42 @@ class Costmap:
     data: "array.array[int]" = field(default_factory=lambda: array.array("B"))
 
 
+@dataclass
+class CostmapUpdate:
+    header: Header = field(default_factory=Header)
+    x: int = 0
+    y: int = 0
+    size_x: int = 0
+    size_y: int = 0
+    data: "array.array[int]" = field(default_factory=lambda: array.array("B"))
+
+
+@dataclass
+class OccupancyGridUpdate:
+    header: Header = field(default_factory=Header)
+    x: int = 0
+    y: int = 0
+    width: int = 0
+    height: int = 0
+    data: "array.array[int]" = field(default_factory=lambda: array.array("b"))
+
+
 class PyCostmap2D:
-    """Stand-in for `nav2_simple_commander.costmap_2d.PyCostmap2D`."""
+    """Stand-in for `nav2_simple_commander.costmap_2d.PyCostmap2D` of Jazzy."""
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self.size_x = grid.info.width
+        self.size_y = grid.info.height
+        self.resolution = grid.info.resolution
+        self.origin_x = grid.info.origin.position.x
+        self.origin_y = grid.info.origin.position.y
+        self.global_frame_id = grid.header.frame_id
+        self.costmap_timestamp = grid.header.stamp
+        self.costmap = np.array(grid.data, dtype=np.uint8)
+
+
+class LaterPyCostmap2D:
+    """Stand-in for the `PyCostmap2D` of Kilted and later."""
 
     def __init__(self, message: Costmap) -> None:
         self.size_x = message.metadata.size_x

@@ -6,19 +6,21 @@ A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. A codec fro
 """
 
 import array
-import math
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py import GridMap, conversions as costs
-from grid_map_core_py.conversions import (
-    CostRange,
-    CostTable,
-)
-from grid_map_core_py.conversions._costmap import FREE, LETHAL, CostCodec
+from grid_map_core_py._arrays import Layer
+from grid_map_core_py._arrays._checks import as_numbers
+from grid_map_core_py._arrays._pieces import elementwise
+from grid_map_core_py.conversions import CostRange
+from grid_map_core_py.conversions._costmap import FREE, LETHAL, CostCodec, Costs
 
+from ..errors import MessageError
 from ._fields import (
     as_float32,
     as_written,
@@ -28,6 +30,7 @@ from ._fields import (
     from_stamp,
     to_header,
 )
+from ._occupancy_grid import OCCUPANCY_OF_COST, OCCUPIED, UNKNOWN
 from ._packages import messages_of
 
 if TYPE_CHECKING:
@@ -36,8 +39,49 @@ if TYPE_CHECKING:
 COSTS = CostRange(FREE, LETHAL)
 """Codec that keeps the costs 0 to 254 as layer values; unknown is NaN."""
 
-OCCUPANCIES = CostTable(free=0, inscribed=99, lethal=100, unknown=math.nan)
-"""Codec for occupancies 0 to 100, as nav2 publishes them and `from_occupancy_grid` returns them."""
+
+@dataclass(frozen=True, eq=False)
+class _Occupancies:
+    """Codec of layers with occupancies 0 to 100; negative values and NaN are unknown.
+
+    Attributes:
+        costs: (102,) uint8 cost of each occupancy, then of unknown.
+    """
+
+    costs: Costs
+
+    def to_costs(self, values: npt.ArrayLike) -> Costs:
+        """Convert occupancies (...), rounded to whole numbers, to costs (...) uint8."""
+
+        def convert(values: npt.NDArray[Any]) -> Costs:
+            known = np.where(values >= 0, np.fmin(values, OCCUPIED), UNKNOWN)
+            return self.costs[np.rint(known).astype(np.int8)]
+
+        return elementwise(convert, np.uint8, as_numbers(values, "values"))
+
+    def to_values(self, costs: npt.ArrayLike) -> Layer:
+        """Convert costs (...) to the occupancies (...) float32 that Nav2 publishes; 255 to NaN."""
+        table = np.where(OCCUPANCY_OF_COST == UNKNOWN, np.nan, OCCUPANCY_OF_COST)
+        return table.astype(np.float32)[np.asarray(costs)]
+
+
+def _published(occupancy: int) -> Any:
+    """Return the cost nearest to a linear scale among those that Nav2 publishes so."""
+    same = np.flatnonzero(OCCUPANCY_OF_COST == occupancy)
+    return same[np.abs(99 * same - 253 * occupancy).argmin()]
+
+
+OCCUPANCIES = _Occupancies(np.array([_published(o) for o in (*range(101), UNKNOWN)], np.uint8))
+"""Codec for occupancies 0 to 100, as a costmap of Nav2 publishes them: 99 becomes 253 and back.
+
+All occupancies survive the way to costs and back. `from_occupancy_grid` returns such layers.
+"""
+
+STATIC_LAYER = _Occupancies(np.append(LETHAL * np.arange(101) // OCCUPIED, 255).astype(np.uint8))
+"""Codec with the costs that Nav2's `StaticLayer` computes from occupancies: 99 becomes 251.
+
+Holds for `trinary_costmap: false`, `lethal_cost_threshold: 100` and `track_unknown_space: true`.
+"""
 
 
 def to_costmap(
@@ -50,7 +94,8 @@ def to_costmap(
 ) -> "Costmap":
     """Convert a layer to a `nav2_msgs/Costmap` message.
 
-    `nav2_simple_commander.costmap_2d.PyCostmap2D` accepts the message.
+    From Kilted on, `nav2_simple_commander.costmap_2d.PyCostmap2D` accepts the message. On Jazzy,
+    pass it the result of `to_occupancy_grid` with the same codec.
 
     Args:
         grid_map: the map.
@@ -86,7 +131,9 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     message.
 
     Args:
-        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander.
+        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander. Up to Jazzy, a
+            `PyCostmap2D` holds the occupancies of an `OccupancyGrid`; they become the costs of
+            `OCCUPANCIES`.
         layer: name of the layer.
         codec: converts costs to layer values; the default keeps the costs, with NaN for unknown.
     """
@@ -99,6 +146,11 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     else:
         check_fields(costmap, "nav2_msgs/Costmap or a PyCostmap2D", "costmap", "size_x")
         grid, data, frame_id = costmap, costmap.costmap, costmap.global_frame_id
+        if _holds_occupancies(costmap):
+            data = np.asarray(data)
+            if ((data < UNKNOWN) | ((data > OCCUPIED) & (data != 255))).any():
+                raise MessageError("costmap", "occupancies from 0 to 100, or 255", data)
+            data = OCCUPANCIES.to_costs(data.astype(np.int8))
         resolution = as_written(check_positive("resolution", costmap.resolution))
         place = SimpleNamespace(x=costmap.origin_x, y=costmap.origin_y)
         timestamp = from_stamp(costmap.costmap_timestamp, "costmap_timestamp")
@@ -112,3 +164,10 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
         global_frame_id=frame_id,
     )
     return costs.from_costs(plain, layer, codec, timestamp=timestamp)
+
+
+def _holds_occupancies(costmap: Any) -> bool:
+    """Return whether a `PyCostmap2D` reads an `OccupancyGrid`, which has `info`, into bytes."""
+    makers = (vars(cls).get("__init__") for cls in type(costmap).__mro__)
+    codes = (getattr(maker, "__code__", None) for maker in makers)
+    return any("info" in code.co_names for code in codes if code)

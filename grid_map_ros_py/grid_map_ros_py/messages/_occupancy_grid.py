@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import as_number, slices
+from grid_map_core_py.conversions._costmap import INSCRIBED, LETHAL, CostCodec
 
 from ..errors import MessageError
 from ._fields import as_float32, check_fields, check_grid, from_stamp, to_header
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 UNKNOWN = -1
 OCCUPIED = 100
 
+OCCUPANCY_OF_COST = 1 + 97 * (np.arange(256) - 1) // 251
+OCCUPANCY_OF_COST[[0, INSCRIBED, LETHAL, 255]] = 0, OCCUPIED - 1, OCCUPIED, UNKNOWN
+"""(256,) occupancy that Nav2 publishes for each cost; several costs share an occupancy."""
+
 PIECE = 1 << 15
 """Number of cells processed at once."""
 
@@ -29,7 +34,12 @@ _VALUES[UNKNOWN] = np.nan
 
 
 def to_occupancy_grid(
-    grid_map: GridMap, layer: str, data_min: float, data_max: float
+    grid_map: GridMap,
+    layer: str,
+    data_min: float | None = None,
+    data_max: float | None = None,
+    *,
+    codec: CostCodec | None = None,
 ) -> "OccupancyGrid":
     """Convert a layer to a `nav_msgs/OccupancyGrid` message.
 
@@ -37,9 +47,16 @@ def to_occupancy_grid(
         grid_map: the map.
         layer: name of the layer to convert.
         data_min, data_max: layer values of occupancy 0 (free) and 100 (occupied); must differ.
-            Values outside this range are clamped; NaN becomes -1 (unknown).
+            Values outside this range are clamped; NaN becomes -1 (unknown). Required without
+            `codec`.
+        codec: used instead of `data_min` and `data_max`: converts values to costs, which become
+            the occupancies that Nav2 publishes (253 becomes 99, 254 becomes 100). For a layer of
+            costs, pass `CostRange()`.
     """
-    stored = occupancies(grid_map[layer], data_min, data_max)
+    if codec is None:
+        stored = occupancies(grid_map[layer], data_min, data_max)
+    else:
+        stored = OCCUPANCY_OF_COST.astype(np.int8)[codec.to_costs(grid_map[layer])]
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
     data = array.array("b")
     # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
@@ -70,7 +87,9 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     ).with_layers({layer: values.reshape(geometry.size, order="F")})
 
 
-def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
+def occupancies(
+    values: npt.ArrayLike, data_min: float | None, data_max: float | None
+) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
 
     The computation uses float32, so that results equal those of the C++ library.
