@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversions with the optional messages of nav2 and OctoMap, which are built here."""
+"""Conversions and nodes with the optional messages of nav2 and OctoMap, which are built here."""
 
 import gzip
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,13 +22,25 @@ from grid_map_ros_py import from_message, from_octomap
 from grid_map_ros_py.testing import Process, environment, peer, running, wait_until
 from scratch import ROOT, run
 
+pytestmark = pytest.mark.timeout(600)  # builds messages
+
 NODE = "grid_map_ros_py._executables.octomap_to_grid_map"
 DEMO = "grid_map_demos_py.octomap_to_gridmap_demo_node"
 OCTOMAPS = ROOT / "grid_map_ros_py" / "test" / "data" / "octomaps.json.gz"
 OCTOMAP = json.loads(gzip.decompress(OCTOMAPS.read_bytes()))["cases"][0]
 
 INTERFACES = {
+    "map_msgs": {
+        "msg/OccupancyGridUpdate.msg": (
+            "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data\n"
+        ),
+    },
     "nav2_msgs": {
+        "msg/CostmapUpdate.msg": (
+            "std_msgs/Header header\nuint32 x\nuint32 y\nuint32 size_x\nuint32 size_y\n"
+            "uint8[] data\n"
+        ),
+        "srv/GetCostmap.srv": "nav2_msgs/CostmapMetaData specs\n---\nnav2_msgs/Costmap map\n",
         "msg/Costmap.msg": "std_msgs/Header header\nCostmapMetaData metadata\nuint8[] data\n",
         "msg/CostmapMetaData.msg": (
             "builtin_interfaces/Time map_load_time\nbuiltin_interfaces/Time update_time\n"
@@ -41,6 +54,7 @@ INTERFACES = {
         ),
         "srv/GetOctomap.srv": "---\noctomap_msgs/Octomap map\n",
     },
+    "tf2_msgs": {"msg/TFMessage.msg": "geometry_msgs/TransformStamped[] transforms\n"},
 }
 
 # Only the Python generators: all generators would take twice as long.
@@ -90,6 +104,36 @@ assert received == message == deserialize_message(serialize(message), Costmap)
 assert_maps_equal(from_costmap(received, "cost"), sent)
 print(sorted(received.data) == list(range(256)), received.data[0], received.metadata.layer)
 """
+
+COSTMAP_TESTS = re.findall(r"^def (test_\w+)", (ROOT / "test" / "costmaps.py").read_text(), re.M)
+
+TF2 = """
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from tf2_msgs.msg import TFMessage
+
+class TransformException(Exception):
+    pass
+
+class Buffer:
+    def __init__(self):
+        self.known = {}
+
+    def lookup_transform(self, target, source, time):
+        found = self.known.get((target, source))
+        if found is None or time.nanoseconds > 1e9 * found.header.stamp.sec:
+            raise TransformException(f"{source!r} passed to lookupTransform does not exist")
+        return found
+
+    def clear(self):
+        pass
+
+class TransformListener:
+    def __init__(self, buffer, node):
+        qos = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        add = lambda m: buffer.known.update({(t.header.frame_id, t.child_frame_id): t for t in m.transforms})
+        self.subscription = node.create_subscription(TFMessage, "/tf_static", add, qos)
+"""
+"""Stand-in for tf2, which knows neither chains of frames nor times between poses."""
 
 OCTOMAP_SERVER = """
 import array, sys, time
@@ -188,6 +232,15 @@ def node(environ: dict[str, str], module: str = NODE, **parameters: object) -> P
 def test_costmaps_of_nav2_are_written_and_read(with_messages):
     done = run(sys.executable, "-c", CONVERT_COSTMAPS, environ=with_messages)
     assert (done.stdout, done.stderr) == ("True 255 cost\n", "")
+
+
+@pytest.mark.parametrize("test", COSTMAP_TESTS)
+def test_node_costmap_works_with_messages_of_nav2(with_messages, tmp_path, test):
+    (tmp_path / "tf2_ros.py").write_text(TF2)
+    path = os.pathsep.join([str(tmp_path), with_messages["PYTHONPATH"]])
+    command = sys.executable, "-m", "pytest", "-q", f"test/costmaps.py::{test}"
+    done = run(*command, environ={**with_messages, "PYTHONPATH": path})
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("durability", ["latched", "volatile"])

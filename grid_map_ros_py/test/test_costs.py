@@ -1,13 +1,133 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Costs of the node `costmap`: checks, windows and the transform to another frame."""
 
+import itertools
 import math
 
+import cv2
 import numpy as np
 import pytest
-from nav2_stand_in import PyCostmap2D  # noqa: F401
 
 from grid_map_core_py import GridMap, GridMapError
-from grid_map_core_py.regions import Polygon
 from grid_map_ros_py._costs import Planar, aligned, check_costs, planar, resampled
 from grid_map_ros_py.nodes._poses import from_xyz_rpy
+
+
+def costs(shape: tuple[int, int], resolution: float = 0.1, shift: float = 0.3) -> GridMap:
+    """Return a moved map with random costs, some of them unknown."""
+    grid_map = GridMap(np.multiply(shape, resolution), resolution, layers={"cost": 0.0})
+    grid_map.move((shift, -0.2))
+    random = np.random.default_rng(sum(shape))
+    grid_map["cost"] = random.integers(0, 255, shape)
+    grid_map["cost"][random.random(shape) < 0.2] = np.nan
+    return grid_map
+
+
+@pytest.mark.parametrize("value", [-1.0, 255.0, 0.5, 253.5, 1e9, math.inf, -math.inf])
+def test_values_that_are_no_costs_are_refused(value: float) -> None:
+    grid_map = costs((3, 2))
+    check_costs(grid_map, "cost")
+    grid_map["cost"][1, 1] = value
+    text = f"layer 'cost': expected whole costs from 0 to 254 or NaN, got {value:g}. Compute"
+    with pytest.raises(GridMapError) as error:
+        check_costs(grid_map, "cost")
+    assert str(error.value).startswith(text)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (23, 12), (24, 13)])
+@pytest.mark.parametrize("step", [1, 5, 8])
+def test_window_is_the_largest_aligned_one(shape: tuple[int, int], step: int) -> None:
+    windows = set()
+    for shift in np.arange(-4, 5) * 0.1:
+        grid_map = costs(shape, shift=shift)
+        lower = np.rint((grid_map.position - 0.5 * grid_map.length) / 0.1 - 0.01).astype(int)
+        begins, ends = (
+            [cell for cell in range(first, first + count + 1) if cell % step == 0]
+            for first, count in zip(lower.tolist(), shape, strict=True)
+        )
+        if len(begins) < 2 or len(ends) < 2:
+            with pytest.raises(GridMapError, match="^origin_grid: expected a window of"):
+                aligned(grid_map, step)
+            continue
+        window = aligned(grid_map, step)
+        assert window.size == (begins[-1] - begins[0], ends[-1] - ends[0])
+        expected = grid_map.get_submap(window.position, window.length)
+        np.testing.assert_allclose(window.position, expected.position)
+        np.testing.assert_array_equal(window.unwrapped("cost"), expected["cost"])
+        windows.add((begins[0], begins[-1]))
+    assert len(windows) <= 2 * math.ceil(9 / step) + 1
+
+
+def test_planar_transform_refuses_tilted_frames() -> None:
+    found = planar(from_xyz_rpy((1, 2, 3), np.radians([4.9, -4.9, 120])), "odom", "map")
+    np.testing.assert_allclose(found, (1, 2, math.radians(120)), atol=0.01)
+    for tilt in ((5.1, 0, 0), (0, -5.1, 0), (180, 0, 0)):
+        text = "frame 'odom': expected roll and pitch of at most 5 deg in 'map', got .* deg. Choose"
+        with pytest.raises(GridMapError, match=text):
+            planar(from_xyz_rpy((0, 0, 0), np.radians(tilt)), "odom", "map")
+
+
+def corners(center: np.ndarray, side: float, yaw: float) -> np.ndarray:
+    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    square = 0.5 * side * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return (np.asarray(center) + square @ turn.T).astype(np.float32)
+
+
+@pytest.mark.parametrize("unknown_is_worst", [True, False])
+@pytest.mark.parametrize(
+    ("shape", "resolution", "yaw"),
+    [((9, 5), 0.1, 0.7), ((4, 6), 0.1, -2.1), ((6, 3), 0.25, 3.0), ((1, 1), 0.1, 0.3)],
+)
+@pytest.mark.parametrize("source", [0.1, 0.2])
+def test_target_cells_get_the_worst_cost_they_touch(
+    unknown_is_worst: bool, shape: tuple[int, int], resolution: float, yaw: float, source: float
+) -> None:
+    """OpenCV intersects each pair of cells; overlaps below 1e-3 of a cell may count or not."""
+    grid_map, transform = costs(shape, source), Planar(1.03, -0.4, yaw)
+    result = resampled(
+        grid_map, "cost", transform, "map", resolution, unknown_is_worst=unknown_is_worst
+    )
+    assert (result.frame_id, result.timestamp) == ("map", grid_map.timestamp)
+    lower = (result.position - 0.5 * result.length) / resolution
+    np.testing.assert_allclose(lower, np.rint(lower), atol=1e-9)
+
+    def rank(cost: float) -> float:
+        return (300.0 if unknown_is_worst else 0.5) if math.isnan(cost) else cost
+
+    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    known = 0
+    for row, column in itertools.product(*map(range, result.size)):
+        center = result.get_position((row, column))
+        least = most = -1.0
+        for cell in itertools.product(*map(range, grid_map.size)):
+            place = turn @ grid_map.get_position(cell) + transform[:2]
+            area, _ = cv2.intersectConvexConvex(
+                corners(place - center, source, yaw) / source,
+                corners(np.zeros(2), resolution, 0.0) / source,
+            )
+            found = rank(grid_map["cost"][cell])
+            most = max(most, found if area > 0 else -1)
+            least = max(least, found if area > 1e-3 else -1)
+        cost = result["cost"][row, column]
+        if math.isnan(cost) and least < 0:
+            continue
+        assert least <= rank(cost) <= most, (row, column)
+        known += 1
+    assert known >= grid_map["cost"].size * (source / resolution) ** 2
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_quarter_turns_keep_all_costs(turns: int) -> None:
+    grid_map = costs((6, 4))
+    transform = Planar(0.5, 0.2, 0.5 * math.pi * turns)
+    result = resampled(grid_map, "cost", transform, "map", 0.1)
+    values = np.rot90(grid_map.unwrapped("cost"), turns)
+    np.testing.assert_array_equal(result["cost"], values)
+
+
+def test_unknown_maps_and_far_frames_are_transformed() -> None:
+    grid_map = GridMap((0.3, 0.2), 0.1, layers={"cost": np.nan})
+    result = resampled(grid_map, "cost", Planar(1e5, -1e5, 0.4), "map", 0.1)
+    assert np.isnan(result["cost"]).all()
+    with pytest.raises(GridMapError, match="resolution: expected at most 16000000 cells"):
+        resampled(grid_map, "cost", Planar(), "map", 1e-5)

@@ -180,7 +180,7 @@ class CostmapNode(ConfiguredNode):
         self._grid_updates = self._find("map_msgs", "sends full grids only")
         self._nav2 = self._find("nav2_msgs", "sends no nav2_msgs/Costmap")
         self._nav2_services = messages_of("nav2_msgs", NAME, "srv") if self._nav2 else None
-        self._poses: TfPoses | None = None
+        self._poses = self._listen_to_tf()
         self._waiting: deque[tuple[ReceivedMap, float]] = deque(maxlen=UPDATES)
         self._used, self._is_stale = time.monotonic(), False
         self._open()
@@ -199,6 +199,10 @@ class CostmapNode(ConfiguredNode):
         except MissingPackageError as error:
             self.get_logger().info(f"{error}. Without it, the node {consequence}")
             return None
+
+    def _listen_to_tf(self) -> TfPoses | None:
+        frame_id = self._settings.frame_id
+        return TfPoses(self, frame_id) if frame_id and has_tf() else None
 
     def _subscribe(self) -> MapSubscription:
         return MapSubscription(self, self._settings.grid_map_topic, self._on_map)
@@ -256,7 +260,7 @@ class CostmapNode(ConfiguredNode):
             self._close()
             self._open()
         if before.frame_id != self._settings.frame_id:
-            self._poses = None
+            self._poses = self._listen_to_tf()
         self._waiting.clear()
         self._subscription.destroy()
         self._subscription = self._subscribe()
@@ -276,12 +280,10 @@ class CostmapNode(ConfiguredNode):
         source, target = received.frame_id, self._settings.frame_id
         if target in ("", source):
             return Planar()
-        if not has_tf():
+        if self._poses is None:
             need = f"the costmap in frame {target!r} of a map in frame {source!r}"
             remedy = "install ros-jazzy-tf2-ros-py and source ROS, or leave frame_id empty"
             raise MissingPackageError(TF, need, remedy)
-        if self._poses is None:
-            self._poses = TfPoses(self, target)
         matrix = self._poses.frame_at(source, received.timestamp)
         return None if matrix is None else planar(matrix, source, target)
 

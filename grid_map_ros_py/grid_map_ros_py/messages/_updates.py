@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import MessageError
-from ._fields import check_fields, check_grid
+from ._fields import check_fields, check_grid, check_position
 from ._packages import messages_of
 
 if TYPE_CHECKING:
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 GRID, COSTMAP = ("info", "width", "height"), ("metadata", "size_x", "size_y")
 """Field with the grid description, and its fields with the numbers of cells along x and y."""
+
+TOLERANCE = 1e-6
+"""Distance below which two origins are the same [cells]."""
 
 
 def to_occupancy_grid_update(
@@ -75,8 +78,12 @@ def apply_update(grid: Any, update: Any) -> Any:
 
 
 def is_same_grid(before: Any, after: Any) -> bool:
-    """Return whether two messages have the same frame, size, resolution and origin."""
-    return _place(before) == _place(after)
+    """Return whether two messages have the same frame, size, resolution and origin.
+
+    Origins may differ by the rounding errors of a map that has moved.
+    """
+    (*grid, origin), (*other, other_origin) = _place(before), _place(after)
+    return grid == other and np.allclose(origin, other_origin, rtol=0, atol=TOLERANCE * grid[-1])
 
 
 def with_cells(grid: Any, values: npt.NDArray[np.uint8], header: Any) -> Any:
@@ -114,7 +121,8 @@ def _place(grid: Any) -> tuple[Any, ...]:
     field, *sides = _names(grid)
     info = getattr(grid, field)
     size = (getattr(info, side) for side in sides)
-    return grid.header.frame_id, *size, info.resolution, info.origin
+    x, y = check_position(f"{field}.origin.position", info.origin.position)
+    return grid.header.frame_id, *size, info.resolution, (x, y)
 
 
 def _cells(grid: Any) -> npt.NDArray[np.uint8]:
