@@ -53,13 +53,10 @@ class PyCostmap2D:
     """Stand-in for `nav2_simple_commander.costmap_2d.PyCostmap2D` of Jazzy."""
 
     def __init__(self, grid: OccupancyGrid) -> None:
-        self.size_x = grid.info.width
-        self.size_y = grid.info.height
+        self.size_x, self.size_y = grid.info.width, grid.info.height
         self.resolution = grid.info.resolution
-        self.origin_x = grid.info.origin.position.x
-        self.origin_y = grid.info.origin.position.y
-        self.global_frame_id = grid.header.frame_id
-        self.costmap_timestamp = grid.header.stamp
+        self.origin_x, self.origin_y = grid.info.origin.position.x, grid.info.origin.position.y
+        self.global_frame_id, self.costmap_timestamp = grid.header.frame_id, grid.header.stamp
         self.costmap = np.array(grid.data, dtype=np.uint8)
 
 
@@ -67,11 +64,9 @@ class LaterPyCostmap2D:
     """Stand-in for the `PyCostmap2D` of Kilted and later."""
 
     def __init__(self, message: Costmap) -> None:
-        self.size_x = message.metadata.size_x
-        self.size_y = message.metadata.size_y
-        self.resolution = message.metadata.resolution
-        self.origin_x = message.metadata.origin.position.x
-        self.origin_y = message.metadata.origin.position.y
+        grid, place = message.metadata, message.metadata.origin.position
+        self.size_x, self.size_y, self.resolution = grid.size_x, grid.size_y, grid.resolution
+        self.origin_x, self.origin_y = place.x, place.y
         self.global_frame_id = message.header.frame_id
         self.costmap_timestamp = message.header.stamp
         self.costmap = np.array(message.data, dtype=np.uint8)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `costmap` without optional messages; test/costmaps.py has the tests with them."""
 
-import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,19 +15,24 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import CostRange
 from grid_map_ros_py import to_message, to_occupancy_grid
 from grid_map_ros_py.nodes._poses import has_tf
-from grid_map_ros_py.testing import Peer, Process, running_node
+from grid_map_ros_py.testing import Peer, running_node
 
 MODULE = "grid_map_ros_py._executables.costmap"
 
 
-def costs(layer: str = "cost", frame_id: str = "odom") -> GridMap:
+def costs(layer: str = "cost", **fields: Any) -> GridMap:
     """Return a moved map with random costs, some of them unknown."""
-    grid_map = GridMap((3.0, 2.0), 0.1, layers={layer: 0.0}, frame_id=frame_id, timestamp=7)
+    fields = {"frame_id": "odom", "timestamp": 7, **fields}
+    grid_map = GridMap((3.0, 2.0), 0.1, layers={layer: 0.0}, **fields)
     grid_map.move((0.3, -0.2))
     random = np.random.default_rng(1)
     grid_map[layer] = random.integers(0, 255, grid_map.size)
     grid_map[layer][random.random(grid_map.size) < 0.2] = np.nan
     return grid_map
+
+
+def to_grid(grid_map: GridMap) -> OccupancyGrid:
+    return to_occupancy_grid(grid_map, "cost", codec=CostRange())
 
 
 def set_parameters(peer: Peer, **values: object) -> list[str]:
@@ -46,98 +51,70 @@ def wait_for_level(peer: Peer, level: bytes) -> DiagnosticStatus:
     return reports[-1].status[0]
 
 
-def wait_for_text(peer: Peer, node: Process, text: str) -> None:
-    peer.wait_until(lambda: text in node.text, text)
-
-
-def test_every_map_becomes_an_occupancy_grid_of_nav2(other_side: Peer) -> None:
-    other_side.listen("/costmap", OccupancyGrid)
-    with running_node(MODULE, *arguments(always_send_full=True)):
-        corner = GridMap((0.1, 0.1), 0.1, layers={"cost": 253.0}, frame_id="odom")
-        for count, grid_map in enumerate((costs(), corner, costs()), start=1):
-            other_side.publish("/grid_map", to_message(grid_map))
-            grid = other_side.expect("/costmap", count)
-            assert grid == to_occupancy_grid(grid_map, "cost", codec=CostRange())
+FRACTIONS = costs().with_layers({"cost": np.full((30, 20), 0.7)})
 
 
 @pytest.mark.parametrize(
     ("wrong", "text"),
     [
         (costs("height"), "no layer 'cost'; available: height"),
-        (
-            costs().with_layers({"cost": np.full((30, 20), 0.7)}),
-            "layer 'cost': expected whole costs from 0 to 254 or NaN, got 0.7. Compute costs with "
-            "gridMapFilters/CostFilter",
-        ),
+        (FRACTIONS, "layer 'cost': expected whole costs from 0 to 254 or NaN, got 0.7. Compute"),
         pytest.param(
             costs(frame_id="map"),
-            "the costmap in frame 'odom' of a map in frame 'map' needs the package 'tf2_ros', "
-            "which is not installed: install ros-jazzy-tf2-ros-py and source ROS, or leave "
-            "frame_id empty",
+            "the costmap in frame 'odom' of a map in frame 'map' needs the package 'tf2_ros'",
             marks=pytest.mark.skipif(has_tf(), reason="test/costmaps.py has the test with tf2"),
         ),
     ],
 )
-def test_unusable_map_is_named_and_nothing_is_sent(other_side: Peer, wrong, text: str) -> None:
+def test_unusable_map_is_named_and_the_next_is_sent(other_side: Peer, wrong, text: str) -> None:
     other_side.listen("/costmap", OccupancyGrid)
     other_side.listen("/diagnostics", DiagnosticArray, 10)
     with running_node(MODULE, *arguments(frame_id="odom")) as node:
         for _ in range(3):
             other_side.publish("/grid_map", to_message(wrong))
-        wait_for_text(other_side, node, f"dropped a message of /grid_map: {text}")
+        line = f"dropped a message of /grid_map: {text}"
+        other_side.wait_until(lambda: line in node.text, line)
         values = wait_for_level(other_side, DiagnosticStatus.ERROR).values
-        assert text in [value.value for value in values if value.key == "last error"]
+        assert any(value.value.startswith(text) for value in values if value.key == "last error")
         other_side.publish("/grid_map", to_message(costs()))
-        other_side.expect("/costmap")
+        assert other_side.expect("/costmap") == to_grid(costs())
         wait_for_level(other_side, DiagnosticStatus.OK)
         assert len(other_side.received["/costmap"]) == 1
-        assert node.text.count(text) <= 2
 
 
 def test_stale_costs_become_unknown_once(other_side: Peer) -> None:
     other_side.listen("/costmap", OccupancyGrid)
     other_side.listen("/diagnostics", DiagnosticArray, 10)
-    text = "no usable map of /grid_map for 1 s, all cells are unknown; set stale_after to 0"
-    with running_node(MODULE, *arguments(stale_after=1.0)) as node:
-        for count in (1, 3):
-            other_side.publish("/grid_map", to_message(costs()))
-            grid = other_side.expect("/costmap", count)
-            assert grid.data == to_occupancy_grid(costs(), "cost", codec=CostRange()).data
-            # Maps without costs do not keep the costs alive.
-            other_side.publish("/grid_map", to_message(costs("height")))
-            unknown = other_side.expect("/costmap", count + 1)
-            assert (unknown.info.origin, set(unknown.data)) == (grid.info.origin, {-1})
+    text = "no usable map of /grid_map for 2 s, all cells are unknown"
+    with running_node(MODULE, *arguments(stale_after=2.0)) as node:
         other_side.publish("/grid_map", to_message(costs()))
-        other_side.expect("/costmap", 5)
-        other_side.expect("/costmap", 6)
-        assert text in wait_for_level(other_side, DiagnosticStatus.WARN).message
-        assert text in node.text
+        assert other_side.expect("/costmap") == to_grid(costs())
+        # Maps without costs do not keep the costs alive.
+        other_side.publish("/grid_map", to_message(costs("height")))
+        unknown = other_side.expect("/costmap", 2)
+        assert unknown.info.origin == to_grid(costs()).info.origin
+        assert set(unknown.data) == {-1}
+        other_side.publish("/grid_map", to_message(costs()))
+        other_side.expect("/costmap", 4)
+        assert wait_for_level(other_side, DiagnosticStatus.WARN).message.endswith(text)
+        assert f"{text}; set stale_after to 0" in node.text
         other_side.expect("/diagnostics", len(other_side.received["/diagnostics"]) + 1)
-        assert len(other_side.received["/costmap"]) == 6
+        assert len(other_side.received["/costmap"]) == 4
 
 
 def test_parameters_apply_to_the_latched_map_at_once(other_side: Peer) -> None:
-    for topic in ("/costmap", "/other"):
-        other_side.listen(topic, OccupancyGrid)
+    other_side.listen("/costmap", OccupancyGrid)
     grid_map = costs().with_layers({"other": np.full((30, 20), 254.0)})
-    with running_node(MODULE, *arguments(always_send_full=True)) as node:
+    with running_node(MODULE, *arguments(always_send_full=True)):
         other_side.publish("/grid_map", to_message(grid_map))
         other_side.expect("/costmap")
         assert set_parameters(other_side, layer="other") == []
         assert set(other_side.expect("/costmap", 2).data) == {100}
+        wrong = {"origin_grid": 0, "layer": 3, "unknown": "free", "stale_after": -1.0}
+        for name, reason in zip(wrong, set_parameters(other_side, **wrong), strict=True):
+            assert reason.startswith(f"parameter {name!r}: expected ")
         assert set_parameters(other_side, resolution=1) == []
         assert other_side.expect("/costmap", 3).info.width == 4
-        reasons = set_parameters(
-            other_side, origin_grid=0, layer=3, unknown="free", costmap_topic="a b", stale_after=-1.0
-        )
-        for name, reason in zip(
-            ("origin_grid", "layer", "unknown", "costmap_topic", "stale_after"), reasons, strict=True
-        ):
-            assert reason.startswith(f"parameter {name!r}: expected ")
-        assert set_parameters(other_side, costmap_topic="/other", origin_grid=3, resolution=0.1) == []
-        sizes = other_side.received["/other"]
-        other_side.wait_until(
-            lambda: sizes and (sizes[-1].info.width, sizes[-1].info.height) == (30, 18), "the size"
-        )
-        assert "Traceback" not in node.text
-        assert math.isclose(sizes[-1].info.origin.position.x, -1.2)
+        assert set_parameters(other_side, resolution=0.1, origin_grid=3) == []
+        info = other_side.expect("/costmap", 5).info
+        assert (info.width, info.height) == (30, 18)

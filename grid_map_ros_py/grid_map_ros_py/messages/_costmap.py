@@ -7,7 +7,6 @@ A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. A codec fro
 
 import array
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from ._fields import (
     from_stamp,
     to_header,
 )
-from ._occupancy_grid import OCCUPANCY_OF_COST, OCCUPIED, UNKNOWN
+from ._occupancy_grid import OCCUPANCY_OF_COST, OCCUPIED, UNKNOWN, VALUES
 from ._packages import messages_of
 
 if TYPE_CHECKING:
@@ -42,16 +41,12 @@ COSTS = CostRange(FREE, LETHAL)
 
 @dataclass(frozen=True, eq=False)
 class _Occupancies:
-    """Codec of layers with occupancies 0 to 100; negative values and NaN are unknown.
-
-    Attributes:
-        costs: (102,) uint8 cost of each occupancy, then of unknown.
-    """
+    """Codec of occupancies 0 to 100; `costs` (102,) are those of each occupancy and of unknown."""
 
     costs: Costs
 
     def to_costs(self, values: npt.ArrayLike) -> Costs:
-        """Convert occupancies (...), rounded to whole numbers, to costs (...) uint8."""
+        """Convert occupancies (...) to costs (...) uint8; NaN and negative values become 255."""
 
         def convert(values: npt.NDArray[Any]) -> Costs:
             known = np.where(values >= 0, np.fmin(values, OCCUPIED), UNKNOWN)
@@ -61,27 +56,23 @@ class _Occupancies:
 
     def to_values(self, costs: npt.ArrayLike) -> Layer:
         """Convert costs (...) to the occupancies (...) float32 that Nav2 publishes; 255 to NaN."""
-        table = np.where(OCCUPANCY_OF_COST == UNKNOWN, np.nan, OCCUPANCY_OF_COST)
-        return table.astype(np.float32)[np.asarray(costs)]
+        return VALUES.take(OCCUPANCY_OF_COST.take(np.asarray(costs)))
 
 
 def _published(occupancy: int) -> Any:
     """Return the cost nearest to a linear scale among those that Nav2 publishes so."""
-    same = np.flatnonzero(OCCUPANCY_OF_COST == occupancy)
+    same = np.flatnonzero(occupancy == OCCUPANCY_OF_COST)
     return same[np.abs(99 * same - 253 * occupancy).argmin()]
 
 
 OCCUPANCIES = _Occupancies(np.array([_published(o) for o in (*range(101), UNKNOWN)], np.uint8))
-"""Codec for occupancies 0 to 100, as a costmap of Nav2 publishes them: 99 becomes 253 and back.
+"""Codec for occupancies 0 to 100 as a costmap of Nav2 publishes them: 99 becomes 253.
 
-All occupancies survive the way to costs and back. `from_occupancy_grid` returns such layers.
+The costs become the same occupancies again. `from_occupancy_grid` returns such layers.
 """
 
 STATIC_LAYER = _Occupancies(np.append(LETHAL * np.arange(101) // OCCUPIED, 255).astype(np.uint8))
-"""Codec with the costs that Nav2's `StaticLayer` computes from occupancies: 99 becomes 251.
-
-Holds for `trinary_costmap: false`, `lethal_cost_threshold: 100` and `track_unknown_space: true`.
-"""
+"""Codec with the costs that a `StaticLayer` makes with `trinary_costmap: false`: 99 becomes 251."""
 
 
 def to_costmap(
@@ -141,33 +132,19 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
         grid = costmap.metadata
         geometry = check_grid("metadata", grid, ("size_x", "size_y"), len(costmap.data))
         data, frame_id = np.frombuffer(costmap.data, np.uint8), costmap.header.frame_id
-        resolution, place = geometry.resolution, grid.origin.position
+        resolution, x, y = geometry.resolution, grid.origin.position.x, grid.origin.position.y
         timestamp = from_stamp(costmap.header.stamp)
     else:
         check_fields(costmap, "nav2_msgs/Costmap or a PyCostmap2D", "costmap", "size_x")
         grid, data, frame_id = costmap, costmap.costmap, costmap.global_frame_id
-        if _holds_occupancies(costmap):
-            data = np.asarray(data)
-            if ((data < UNKNOWN) | ((data > OCCUPIED) & (data != 255))).any():
+        # Until Jazzy, the constructor reads an OccupancyGrid, which has a field `info`.
+        code = getattr(type(costmap).__init__, "__code__", None)
+        if code and "info" in code.co_names:
+            if np.isin(data, [*range(UNKNOWN, OCCUPIED + 1), 255], invert=True).any():
                 raise MessageError("costmap", "occupancies from 0 to 100, or 255", data)
-            data = OCCUPANCIES.to_costs(data.astype(np.int8))
+            data = OCCUPANCIES.to_costs(np.asarray(data).astype(np.int8))
         resolution = as_written(check_positive("resolution", costmap.resolution))
-        place = SimpleNamespace(x=costmap.origin_x, y=costmap.origin_y)
+        x, y = costmap.origin_x, costmap.origin_y
         timestamp = from_stamp(costmap.costmap_timestamp, "costmap_timestamp")
-    plain = costs.Costmap(
-        costmap=data,
-        size_x=grid.size_x,
-        size_y=grid.size_y,
-        resolution=resolution,
-        origin_x=place.x,
-        origin_y=place.y,
-        global_frame_id=frame_id,
-    )
+    plain = costs.Costmap(data, grid.size_x, grid.size_y, resolution, x, y, frame_id)
     return costs.from_costs(plain, layer, codec, timestamp=timestamp)
-
-
-def _holds_occupancies(costmap: Any) -> bool:
-    """Return whether a `PyCostmap2D` reads an `OccupancyGrid`, which has `info`, into bytes."""
-    makers = (vars(cls).get("__init__") for cls in type(costmap).__mro__)
-    codes = (getattr(maker, "__code__", None) for maker in makers)
-    return any("info" in code.co_names for code in codes if code)

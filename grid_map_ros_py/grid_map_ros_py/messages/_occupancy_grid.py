@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 UNKNOWN = -1
 OCCUPIED = 100
 
-OCCUPANCY_OF_COST = 1 + 97 * (np.arange(256) - 1) // 251
+OCCUPANCY_OF_COST = (1 + 97 * (np.arange(256) - 1) // 251).astype(np.int8)
 OCCUPANCY_OF_COST[[0, INSCRIBED, LETHAL, 255]] = 0, OCCUPIED - 1, OCCUPIED, UNKNOWN
 """(256,) occupancy that Nav2 publishes for each cost; several costs share an occupancy."""
 
 PIECE = 1 << 15
 """Number of cells processed at once."""
 
-_VALUES = np.arange(256).astype(np.int8).astype(np.float32)
-_VALUES[UNKNOWN] = np.nan
+VALUES = np.arange(256).astype(np.int8).astype(np.float32)
+VALUES[UNKNOWN] = np.nan
 """Layer value of each int8 occupancy, indexed by its byte as uint8; -1 becomes NaN."""
 
 
 def to_occupancy_grid(
     grid_map: GridMap,
     layer: str,
-    data_min: float | None = None,
-    data_max: float | None = None,
+    data_min: float = np.nan,
+    data_max: float = np.nan,
     *,
     codec: CostCodec | None = None,
 ) -> "OccupancyGrid":
@@ -47,16 +47,14 @@ def to_occupancy_grid(
         grid_map: the map.
         layer: name of the layer to convert.
         data_min, data_max: layer values of occupancy 0 (free) and 100 (occupied); must differ.
-            Values outside this range are clamped; NaN becomes -1 (unknown). Required without
-            `codec`.
-        codec: used instead of `data_min` and `data_max`: converts values to costs, which become
-            the occupancies that Nav2 publishes (253 becomes 99, 254 becomes 100). For a layer of
-            costs, pass `CostRange()`.
+            Values beyond are clamped; NaN becomes -1 (unknown). Required without `codec`.
+        codec: used instead of `data_min` and `data_max`: converts values to costs, and these to
+            the occupancies that Nav2 publishes. For a layer of costs, pass `CostRange()`.
     """
     if codec is None:
         stored = occupancies(grid_map[layer], data_min, data_max)
     else:
-        stored = OCCUPANCY_OF_COST.astype(np.int8)[codec.to_costs(grid_map[layer])]
+        stored = OCCUPANCY_OF_COST[codec.to_costs(grid_map[layer])]
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
     data = array.array("b")
     # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
@@ -81,15 +79,13 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
     timestamp = from_stamp(message.header.stamp)
     # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
-    values = _VALUES.take(np.frombuffer(message.data, np.uint8)[::-1])
+    values = VALUES.take(np.frombuffer(message.data, np.uint8)[::-1])
     return GridMap.from_geometry(
         geometry, frame_id=message.header.frame_id, timestamp=timestamp
     ).with_layers({layer: values.reshape(geometry.size, order="F")})
 
 
-def occupancies(
-    values: npt.ArrayLike, data_min: float | None, data_max: float | None
-) -> npt.NDArray[np.int8]:
+def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
 
     The computation uses float32, so that results equal those of the C++ library.
