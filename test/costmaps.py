@@ -4,10 +4,12 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
 from map_msgs.msg import OccupancyGridUpdate
 from nav2_msgs.msg import Costmap, CostmapUpdate
@@ -18,13 +20,7 @@ from tf2_msgs.msg import TFMessage
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import CostRange
-from grid_map_ros_py import (
-    apply_update,
-    from_costmap,
-    to_costmap,
-    to_message,
-    to_occupancy_grid,
-)
+from grid_map_ros_py import apply_update, from_costmap, to_costmap, to_message, to_occupancy_grid
 from grid_map_ros_py._costs import resampled
 from grid_map_ros_py.messages import serialize, to_stamp, to_transform
 from grid_map_ros_py.messages._updates import is_same_grid
@@ -33,32 +29,31 @@ from grid_map_ros_py.nodes._poses import from_xyz_rpy
 from grid_map_ros_py.testing import Peer, Process, peer, running_node, wait_until
 
 MODULE = "grid_map_ros_py._executables.costmap"
-KINDS = {"costmap": OccupancyGrid, "costmap_raw": Costmap}
-UPDATES = {"costmap": OccupancyGridUpdate, "costmap_raw": CostmapUpdate}
+KINDS = {
+    "costmap": OccupancyGrid,
+    "costmap_updates": OccupancyGridUpdate,
+    "costmap_raw": Costmap,
+    "costmap_raw_updates": CostmapUpdate,
+}
 
 
 class Replay:
     """Subscribers that apply every update to the last full grid, in the order of arrival."""
 
     def __init__(self, other: Peer) -> None:
-        self.peer = other
-        self.grids: dict[str, Any] = {}
-        self.counts = {f"{topic}{end}": 0 for topic in KINDS for end in ("", "_updates")}
-        qos = map_qos()
+        self.peer, self.grids = other, dict[str, Any]()
+        self.counts, qos = dict.fromkeys(KINDS, 0), map_qos()
         qos.depth = 10
-        for topic, kind in KINDS.items():
+        for name, kind in KINDS.items():
+            other.node.create_subscription(kind, name, partial(self._receive, name), qos)
 
-            def replace(grid: Any, topic: str = topic) -> None:
-                self.counts[topic] += 1
-                self.grids[topic] = grid
-
-            def update(message: Any, topic: str = topic) -> None:
-                self.counts[f"{topic}_updates"] += 1
-                if topic in self.grids:
-                    self.grids[topic] = apply_update(self.grids[topic], message)
-
-            other.node.create_subscription(kind, topic, replace, qos)
-            other.node.create_subscription(UPDATES[topic], f"{topic}_updates", update, qos)
+    def _receive(self, name: str, message: Any) -> None:
+        self.counts[name] += 1
+        topic = name.removesuffix("_updates")
+        if topic == name:
+            self.grids[topic] = message
+        elif topic in self.grids:
+            self.grids[topic] = apply_update(self.grids[topic], message)
 
     def wait_for(self, grid_map: GridMap) -> None:
         """Wait until both grids have exactly the costs of a map."""
@@ -71,7 +66,7 @@ class Replay:
             found, grid = self.grids.get(topic), grids[topic]
             return found is not None and found.data == grid.data and is_same_grid(found, grid)
 
-        self.peer.wait_until(lambda: all(map(has_come, KINDS)), "the costs")
+        self.peer.wait_until(lambda: all(map(has_come, grids)), "the costs")
 
     def send(self, grid_map: GridMap, expected: GridMap | None = None) -> None:
         self.peer.publish("/grid_map", to_message(grid_map))
@@ -153,14 +148,22 @@ def test_late_subscriber_has_the_present_costs_within_full_period() -> None:
 
 
 def test_stale_costs_become_unknown_and_return_in_full() -> None:
-    unknown = costs()
+    unknown, text = costs(), "no usable map of /grid_map for 2 s, all cells are unknown"
     unknown["cost"] = np.nan
-    with costmap(stale_after=2.0) as (_, replay):
+    with costmap(stale_after=2.0) as (node, replay):
+        replay.peer.listen("/diagnostics", DiagnosticArray, 10)
         for count in (1, 3):
             replay.send(costs())
             assert replay.counts["costmap"] == replay.counts["costmap_raw"] == count
             replay.wait_for(unknown)
         assert replay.counts["costmap_updates"] == replay.counts["costmap_raw_updates"] == 0
+        reports = replay.peer.received["/diagnostics"]
+        replay.peer.wait_until(
+            lambda: reports and reports[-1].status[0].level == DiagnosticStatus.WARN, "a warning"
+        )
+        assert reports[-1].status[0].message.endswith(text)
+        assert node.text.count(f"{text}; set stale_after to 0") == 2
+        assert replay.counts["costmap"] == 4
 
 
 def test_rotated_frame_gets_costs_once_its_transform_arrives() -> None:

@@ -3,6 +3,7 @@
 
 import array
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -29,24 +30,11 @@ class Costmap:
     data: "array.array[int]" = field(default_factory=lambda: array.array("B"))
 
 
-@dataclass
-class CostmapUpdate:
-    header: Header = field(default_factory=Header)
-    x: int = 0
-    y: int = 0
-    size_x: int = 0
-    size_y: int = 0
-    data: "array.array[int]" = field(default_factory=lambda: array.array("B"))
+class CostmapUpdate(SimpleNamespace):
+    """Stand-in for the messages of both kinds of updates."""
 
 
-@dataclass
-class OccupancyGridUpdate:
-    header: Header = field(default_factory=Header)
-    x: int = 0
-    y: int = 0
-    width: int = 0
-    height: int = 0
-    data: "array.array[int]" = field(default_factory=lambda: array.array("b"))
+OccupancyGridUpdate = CostmapUpdate
 
 
 class PyCostmap2D:

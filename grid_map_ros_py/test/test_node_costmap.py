@@ -1,38 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `costmap` without optional messages; test/costmaps.py has the tests with them."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from test_costs import costs
 
 from conftest import arguments
-from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import CostRange
 from grid_map_ros_py import to_message, to_occupancy_grid
 from grid_map_ros_py.nodes._poses import has_tf
 from grid_map_ros_py.testing import Peer, running_node
 
 MODULE = "grid_map_ros_py._executables.costmap"
-
-
-def costs(layer: str = "cost", **fields: Any) -> GridMap:
-    """Return a moved map with random costs, some of them unknown."""
-    fields = {"frame_id": "odom", "timestamp": 7, **fields}
-    grid_map = GridMap((3.0, 2.0), 0.1, layers={layer: 0.0}, **fields)
-    grid_map.move((0.3, -0.2))
-    random = np.random.default_rng(1)
-    grid_map[layer] = random.integers(0, 255, grid_map.size)
-    grid_map[layer][random.random(grid_map.size) < 0.2] = np.nan
-    return grid_map
-
-
-def to_grid(grid_map: GridMap) -> OccupancyGrid:
-    return to_occupancy_grid(grid_map, "cost", codec=CostRange())
 
 
 def set_parameters(peer: Peer, **values: object) -> list[str]:
@@ -51,16 +34,18 @@ def wait_for_level(peer: Peer, level: bytes) -> DiagnosticStatus:
     return reports[-1].status[0]
 
 
-FRACTIONS = costs().with_layers({"cost": np.full((30, 20), 0.7)})
+GOOD = costs((30, 20))
+WRONG = GOOD.with_layers({"height": GOOD["cost"]}).without_layers(["cost"])
+FRACTIONS = GOOD.with_layers({"cost": np.full((30, 20), 0.7)})
 
 
 @pytest.mark.parametrize(
     ("wrong", "text"),
     [
-        (costs("height"), "no layer 'cost'; available: height"),
+        (WRONG, "no layer 'cost'; available: height"),
         (FRACTIONS, "layer 'cost': expected whole costs from 0 to 254 or NaN, got 0.7. Compute"),
         pytest.param(
-            costs(frame_id="map"),
+            costs((3, 4), frame_id="map"),
             "the costmap in frame 'odom' of a map in frame 'map' needs the package 'tf2_ros'",
             marks=pytest.mark.skipif(has_tf(), reason="test/costmaps.py has the test with tf2"),
         ),
@@ -76,35 +61,15 @@ def test_unusable_map_is_named_and_the_next_is_sent(other_side: Peer, wrong, tex
         other_side.wait_until(lambda: line in node.text, line)
         values = wait_for_level(other_side, DiagnosticStatus.ERROR).values
         assert any(value.value.startswith(text) for value in values if value.key == "last error")
-        other_side.publish("/grid_map", to_message(costs()))
-        assert other_side.expect("/costmap") == to_grid(costs())
+        other_side.publish("/grid_map", to_message(GOOD))
+        assert other_side.expect("/costmap") == to_occupancy_grid(GOOD, "cost", codec=CostRange())
         wait_for_level(other_side, DiagnosticStatus.OK)
         assert len(other_side.received["/costmap"]) == 1
 
 
-def test_stale_costs_become_unknown_once(other_side: Peer) -> None:
-    other_side.listen("/costmap", OccupancyGrid)
-    other_side.listen("/diagnostics", DiagnosticArray, 10)
-    text = "no usable map of /grid_map for 2 s, all cells are unknown"
-    with running_node(MODULE, *arguments(stale_after=2.0)) as node:
-        other_side.publish("/grid_map", to_message(costs()))
-        assert other_side.expect("/costmap") == to_grid(costs())
-        # Maps without costs do not keep the costs alive.
-        other_side.publish("/grid_map", to_message(costs("height")))
-        unknown = other_side.expect("/costmap", 2)
-        assert unknown.info.origin == to_grid(costs()).info.origin
-        assert set(unknown.data) == {-1}
-        other_side.publish("/grid_map", to_message(costs()))
-        other_side.expect("/costmap", 4)
-        assert wait_for_level(other_side, DiagnosticStatus.WARN).message.endswith(text)
-        assert f"{text}; set stale_after to 0" in node.text
-        other_side.expect("/diagnostics", len(other_side.received["/diagnostics"]) + 1)
-        assert len(other_side.received["/costmap"]) == 4
-
-
 def test_parameters_apply_to_the_latched_map_at_once(other_side: Peer) -> None:
     other_side.listen("/costmap", OccupancyGrid)
-    grid_map = costs().with_layers({"other": np.full((30, 20), 254.0)})
+    grid_map = GOOD.with_layers({"other": np.full((30, 20), 254.0)})
     with running_node(MODULE, *arguments(always_send_full=True)):
         other_side.publish("/grid_map", to_message(grid_map))
         other_side.expect("/costmap")

@@ -3,10 +3,12 @@
 
 import copy
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
+from test_costs import costs
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import CostRange
@@ -22,25 +24,11 @@ from grid_map_ros_py import (
 pytestmark = pytest.mark.usefixtures("nav2")
 
 
-def to_grid(grid_map: GridMap) -> Any:
-    return to_occupancy_grid(grid_map, "cost", codec=CostRange())
-
-
-def to_raw(grid_map: GridMap) -> Any:
-    return to_costmap(grid_map, "cost")
-
-
+to_grid = partial(to_occupancy_grid, layer="cost", codec=CostRange())
+to_raw = partial(to_costmap, layer="cost")
 KINDS = pytest.mark.parametrize(
     ("convert", "to_update"), [(to_grid, to_occupancy_grid_update), (to_raw, to_costmap_update)]
 )
-
-
-def costs(shape: tuple[int, int] = (7, 4), value: float = 9.0, **arguments: Any) -> GridMap:
-    """Return a moved map with one cost."""
-    arguments = {"frame_id": "map", "layers": {"cost": value}, **arguments}
-    grid_map = GridMap(np.multiply(shape, 0.1), 0.1, **arguments)
-    grid_map.move(grid_map.position + (0.3, -0.2))
-    return grid_map
 
 
 @KINDS
@@ -71,16 +59,11 @@ def test_replayed_updates_equal_full_grids(convert, to_update, shape) -> None:
 @KINDS
 @pytest.mark.parametrize(
     "other",
-    [
-        costs(position=(0.1, 0.0)),
-        costs(frame_id="odom"),
-        costs((4, 7)),
-        GridMap((0.7, 0.4), 0.05, (0.3, -0.2), {"cost": 0.0}, frame_id="map"),
-    ],
+    [costs((7, 4), shift=0.4), costs((7, 4), frame_id="map"), costs((4, 7)), costs((7, 4), 0.05)],
 )
 def test_update_between_different_grids_is_refused(convert, to_update, other: GridMap) -> None:
     with pytest.raises(MessageError, match="expected frame and grid of the first message"):
-        to_update(convert(costs()), convert(other))
+        to_update(convert(costs((7, 4))), convert(other))
 
 
 @KINDS
@@ -89,16 +72,16 @@ def test_update_between_different_grids_is_refused(convert, to_update, other: Gr
     [
         ({"x": 6}, "expected a rectangle within 7 x 4 cells"),
         ({"y": -1}, "expected a rectangle within 7 x 4 cells"),
-        ({"data": b"0"}, "data: expected 8 values, got 1"),
+        ({"data": b"0"}, "data: expected 28 values, got 1"),
         (
-            {"header": to_grid(costs(frame_id="odom")).header},
-            "frame_id: expected 'map', got 'odom'",
+            {"header": to_grid(costs((1, 1), frame_id="map")).header},
+            "frame_id: expected 'odom', got 'map'",
         ),
     ],
 )
 def test_wrong_update_is_refused(convert, to_update, change: dict[str, Any], text: str) -> None:
-    grid = convert(costs())
-    update = to_update(grid, convert(costs(value=254.0)))
+    grid = convert(costs((7, 4)))
+    update = to_update(grid, convert(costs((7, 4)).with_layers({"cost": np.full((7, 4), 254.0)})))
     vars(update).update(change)
     with pytest.raises(MessageError, match=text):
         apply_update(grid, update)

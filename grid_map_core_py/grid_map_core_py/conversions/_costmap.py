@@ -196,7 +196,7 @@ def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int
     """Convert a costmap to a map with one layer.
 
     Args:
-        costmap: a `Costmap`, or an object with the same attributes such as nav2's `PyCostmap2D`.
+        costmap: a `Costmap`, or an object with the same attributes such as nav2's `PyCostmap2D` from Kilted on.
         layer: name of the layer.
         codec: converts costs to values.
         timestamp: time of the data [ns].
