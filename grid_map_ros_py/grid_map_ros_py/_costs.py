@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Costs to send: checks, the transform to another frame, and aligned windows.
-
-Costs are a float32 layer with whole values from 0 to 254; NaN is unknown.
-"""
+"""Costs for the node `costmap`: float32 layers of whole values from 0 to 254, NaN for unknown."""
 
 import itertools
 import math
@@ -50,10 +47,7 @@ def check_costs(grid_map: GridMap, layer: str) -> None:
 
 
 def aligned(grid_map: GridMap, step: int) -> GridMap:
-    """Return the largest window of a map whose borders are multiples of `step` cells.
-
-    Cells are counted from the origin of the frame, so that the windows of a moving map coincide.
-    """
+    """Return the largest window with borders at multiples of `step` cells from the origin."""
     if step == 1:
         return grid_map
     slices = []

@@ -46,8 +46,8 @@ class CostmapSettings:
         frame_id: frame of the costmap; empty means that of the map. Another frame needs tf2.
         resolution: cell size of the costmap [m]; 0 means that of the map.
         origin_grid: send the largest window whose borders are multiples of this number of cells.
-        unknown: rank of unknown cells if a cell in another frame or resolution touches several
-            cells of the map: `worst`, or `above_free`, below all other costs.
+        unknown: rank of unknown among the cells of the map that a cell touches, if the frame or
+            resolution differs: `worst`, or `above_free`, below all other costs.
         stale_after: time without a usable map until all cells become unknown [s]; 0 means never.
         always_send_full: send no updates.
     """
@@ -114,7 +114,7 @@ class CostmapNode(ConfiguredNode):
         self._map_topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         topic = self.read_topic("costmap_topic", "costmap", "topic of the occupancy grids")
         publishes_raw = self.read("publish_raw", True, "also publish `nav2_msgs/Costmap`")
-        about = "maximum time from an update to the next full grid, for late subscribers [s]"
+        about = "maximum time from an update to a full grid [s]"
         period = 0.5 * self.read_number("full_period", 5.0, 0.01, 1e6, about)
         self._next = self._settings = read_fields(self, CostmapSettings, read_only=False)
         update = getattr(self._find("map_msgs", "full grids only"), "OccupancyGridUpdate", None)
