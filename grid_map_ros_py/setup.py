@@ -9,6 +9,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_ros_py"
 NODES = (
+    "costmap",
     "elevation_mapping",
     "grid_map_loader",
     "grid_map_saver",

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         ReceivedMap as ReceivedMap,
         add_color_layer_from_image as add_color_layer_from_image,
         add_layer_from_image as add_layer_from_image,
+        apply_update as apply_update,
         from_costmap as from_costmap,
         from_grid_cells as from_grid_cells,
         from_image as from_image,
@@ -47,12 +48,14 @@ if TYPE_CHECKING:
         read_points as read_points,
         to_color_image as to_color_image,
         to_costmap as to_costmap,
+        to_costmap_update as to_costmap_update,
         to_flat_point_cloud as to_flat_point_cloud,
         to_grid_cells as to_grid_cells,
         to_image as to_image,
         to_line_marker as to_line_marker,
         to_message as to_message,
         to_occupancy_grid as to_occupancy_grid,
+        to_occupancy_grid_update as to_occupancy_grid_update,
         to_point_cloud as to_point_cloud,
         to_polygon as to_polygon,
         to_pose as to_pose,
@@ -69,11 +72,12 @@ _OFFERED = {
     ".bags": "BagMessage BagReader BagTopic BagWriter bag_maps bag_messages bag_topics "
     "load_from_bag save_to_bag",
     ".errors": "BagError MessageError MissingPackageError",
-    ".messages": "ReceivedMap add_color_layer_from_image add_layer_from_image from_costmap "
-    "from_grid_cells from_image from_message from_occupancy_grid from_octomap from_point_cloud "
-    "from_polygon from_pose from_serialized_message from_stamp from_transform load_octomap "
-    "octomap_to_points read_points to_color_image to_costmap to_flat_point_cloud to_grid_cells "
-    "to_image to_line_marker to_message to_occupancy_grid to_point_cloud to_polygon to_pose "
-    "to_serialized_grid_cells to_serialized_message to_stamp to_transform to_triangle_list_marker",
+    ".messages": "ReceivedMap add_color_layer_from_image add_layer_from_image apply_update "
+    "from_costmap from_grid_cells from_image from_message from_occupancy_grid from_octomap "
+    "from_point_cloud from_polygon from_pose from_serialized_message from_stamp from_transform "
+    "load_octomap octomap_to_points read_points to_color_image to_costmap to_costmap_update "
+    "to_flat_point_cloud to_grid_cells to_image to_line_marker to_message to_occupancy_grid "
+    "to_occupancy_grid_update to_point_cloud to_polygon to_pose to_serialized_grid_cells "
+    "to_serialized_message to_stamp to_transform to_triangle_list_marker",
 }
 __all__, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)

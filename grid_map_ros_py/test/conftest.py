@@ -32,9 +32,10 @@ def start() -> Iterator[Start]:
 
 @pytest.fixture
 def nav2(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace nav2's messages by stand-ins; test_optional_messages.py uses the real ones."""
-    monkeypatch.setitem(sys.modules, "nav2_msgs", ModuleType("nav2_msgs"))
-    monkeypatch.setitem(sys.modules, "nav2_msgs.msg", nav2_stand_in)
+    """Replace messages for nav2 by stand-ins; test_optional_messages.py uses the real ones."""
+    for package in ("map_msgs", "nav2_msgs"):
+        monkeypatch.setitem(sys.modules, package, ModuleType(package))
+        monkeypatch.setitem(sys.modules, f"{package}.msg", nav2_stand_in)
 
 
 @pytest.fixture

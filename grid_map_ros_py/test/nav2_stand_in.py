@@ -3,10 +3,12 @@
 
 import array
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose
+from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Header
 
 
@@ -28,15 +30,31 @@ class Costmap:
     data: "array.array[int]" = field(default_factory=lambda: array.array("B"))
 
 
+class CostmapUpdate(SimpleNamespace):
+    """Stand-in for the messages of both kinds of updates."""
+
+
+OccupancyGridUpdate = CostmapUpdate
+
+
 class PyCostmap2D:
-    """Stand-in for `nav2_simple_commander.costmap_2d.PyCostmap2D`."""
+    """Stand-in for `nav2_simple_commander.costmap_2d.PyCostmap2D` of Jazzy."""
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self.size_x, self.size_y = grid.info.width, grid.info.height
+        self.resolution = grid.info.resolution
+        self.origin_x, self.origin_y = grid.info.origin.position.x, grid.info.origin.position.y
+        self.global_frame_id, self.costmap_timestamp = grid.header.frame_id, grid.header.stamp
+        self.costmap = np.array(grid.data, dtype=np.uint8)
+
+
+class LaterPyCostmap2D:
+    """Stand-in for the `PyCostmap2D` of Kilted and later."""
 
     def __init__(self, message: Costmap) -> None:
-        self.size_x = message.metadata.size_x
-        self.size_y = message.metadata.size_y
-        self.resolution = message.metadata.resolution
-        self.origin_x = message.metadata.origin.position.x
-        self.origin_y = message.metadata.origin.position.y
+        grid, place = message.metadata, message.metadata.origin.position
+        self.size_x, self.size_y, self.resolution = grid.size_x, grid.size_y, grid.resolution
+        self.origin_x, self.origin_y = place.x, place.y
         self.global_frame_id = message.header.frame_id
         self.costmap_timestamp = message.header.stamp
         self.costmap = np.array(message.data, dtype=np.uint8)

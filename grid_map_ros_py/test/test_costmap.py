@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from cpp_golden import assert_header, assert_pose, cases, to_map
 from hypothesis import HealthCheck, given, settings
-from nav2_stand_in import Costmap, PyCostmap2D
+from nav2_stand_in import Costmap, LaterPyCostmap2D, PyCostmap2D
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError
+from grid_map_core_py.conversions import CostRange
 from grid_map_core_py.testing import grid_maps
 from grid_map_ros_py import (
     MissingPackageError,
@@ -19,7 +20,7 @@ from grid_map_ros_py import (
     to_costmap,
     to_occupancy_grid,
 )
-from grid_map_ros_py.messages._costmap import OCCUPANCIES
+from grid_map_ros_py.messages import OCCUPANCIES, STATIC_LAYER
 
 pytestmark = pytest.mark.usefixtures("nav2")
 
@@ -64,7 +65,7 @@ def test_empty_range_is_refused_where_cpp_divides_by_zero() -> None:
             to_costmap(grid_map, case["layer"], case["data_min"], case["data_max"])
 
 
-@pytest.mark.parametrize("read", [lambda message: message, PyCostmap2D])
+@pytest.mark.parametrize("read", [lambda message: message, LaterPyCostmap2D])
 def test_maps_equal_cpp(read: Any) -> None:
     assert len(FROM_COSTMAP) == 16
     for case in FROM_COSTMAP:
@@ -88,16 +89,42 @@ def test_costmap_round_trip_keeps_position_and_costs(grid_map: GridMap) -> None:
     assert to_costmap(received, "cost").data == message.data
 
 
-def test_occupancies_become_costs_and_nothing_unknown_becomes_free() -> None:
-    values = [[0.0, 50.0], [99.0, 100.0], [math.nan, 1.0]]
-    sent = GridMap((3, 2), 1.0, layers={"occupancy": values})
-    grid = to_occupancy_grid(sent, "occupancy", 0, 100)
+def occupancy_in_nav2(cost: int) -> int:
+    """Return the occupancy that a costmap of Nav2 publishes for a cost."""
+    named = {0: 0, 253: 99, 254: 100, 255: -1}
+    return named[cost] if cost in named else 1 + 97 * (cost - 1) // 251
+
+
+def test_all_costs_become_the_occupancies_of_nav2() -> None:
+    costs = np.append(np.arange(255, dtype=np.float32), np.nan).reshape(32, 8)
+    grid_map = GridMap((3.2, 0.8), 0.1, layers={"cost": 0.0})
+    grid_map.move((0.5, -0.3))
+    grid_map.set_unwrapped("cost", costs)
+    expected = [occupancy_in_nav2(cost) for cost in range(256)]
+    grid = to_occupancy_grid(grid_map, "cost", codec=CostRange())
+    assert grid.data.tolist() == np.reshape(expected, (32, 8)).ravel("F")[::-1].tolist()
+    values = OCCUPANCIES.to_values(np.arange(256))
+    assert np.nan_to_num(values, nan=-1).tolist() == expected
+
+
+def test_both_inverses_of_occupancies_follow_nav2() -> None:
+    known = [math.floor(254 * occupancy / 100) for occupancy in range(101)]
+    assert STATIC_LAYER.to_costs([*range(101), -1]).tolist() == [*known, 255]
+    costs = OCCUPANCIES.to_costs([*range(101), math.nan]).tolist()
+    assert [occupancy_in_nav2(cost) for cost in costs] == [*range(101), -1]
+    assert (costs[99], known[99]) == (253, 251)
+    unusual = OCCUPANCIES.to_costs([-1.0, math.inf, -math.inf, 98.6]).tolist()
+    assert unusual == [255, 254, 255, 253]
+
+
+def test_occupancies_survive_the_way_through_maps() -> None:
+    occupancies = GridMap((10.2, 0.1), 0.1, layers={"o": [[math.nan], *([k] for k in range(101))]})
+    grid = to_occupancy_grid(occupancies, "o", codec=OCCUPANCIES)
+    assert grid.data.tolist() == [*range(100, -1, -1), -1]
     costs = to_costmap(from_occupancy_grid(grid, "o"), "o", codec=OCCUPANCIES)
-    # Starts at the smallest x and y; x changes fastest.
-    assert costs.data.tolist() == [3, 254, 128, 255, 253, 0]
-    back = from_costmap(costs, "occupancy", OCCUPANCIES)
-    assert to_occupancy_grid(back, "occupancy", 0, 100).data[3] == -1
-    np.testing.assert_array_equal(np.round(back["occupancy"]), values)
+    assert to_occupancy_grid(from_costmap(costs, "c"), "c", codec=CostRange()) == grid
+    # On Jazzy, this class holds occupancies.
+    assert to_occupancy_grid(from_costmap(PyCostmap2D(grid), "c"), "c", codec=CostRange()) == grid
 
 
 @pytest.mark.parametrize(
@@ -106,12 +133,13 @@ def test_occupancies_become_costs_and_nothing_unknown_becomes_free() -> None:
         ("size_x", 4),
         ("costmap", np.zeros((3, 2), np.uint8)),
         ("costmap", np.full(6, 256)),
+        ("costmap", np.full(6, 101)),
         ("resolution", -1.0),
         ("origin_y", math.nan),
     ],
 )
 def test_invalid_py_costmap_is_refused(name: str, value: object) -> None:
-    costmap = PyCostmap2D(to_costmap(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e"))
+    costmap = PyCostmap2D(to_occupancy_grid(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e", 0, 1))
     setattr(costmap, name, value)
     with pytest.raises(GridMapError):
         from_costmap(costmap, "cost")

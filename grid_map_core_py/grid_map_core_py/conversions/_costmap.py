@@ -196,7 +196,8 @@ def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int
     """Convert a costmap to a map with one layer.
 
     Args:
-        costmap: a `Costmap`, or an object with the same attributes such as nav2's `PyCostmap2D`.
+        costmap: a `Costmap`, or an object with its attributes, such as Nav2's `PyCostmap2D` of
+            Kilted and later.
         layer: name of the layer.
         codec: converts costs to values.
         timestamp: time of the data [ns].

@@ -10,6 +10,7 @@ installed. Messages are checked completely before memory is allocated.
 from ._cdr import serialize as serialize, view as view
 from ._costmap import (
     OCCUPANCIES as OCCUPANCIES,
+    STATIC_LAYER as STATIC_LAYER,
     from_costmap as from_costmap,
     to_costmap as to_costmap,
 )
@@ -60,6 +61,11 @@ from ._polygon import (
     to_line_marker as to_line_marker,
     to_polygon as to_polygon,
     to_triangle_list_marker as to_triangle_list_marker,
+)
+from ._updates import (
+    apply_update as apply_update,
+    to_costmap_update as to_costmap_update,
+    to_occupancy_grid_update as to_occupancy_grid_update,
 )
 
 __all__ = [name for name in dir() if not name.startswith("_")]

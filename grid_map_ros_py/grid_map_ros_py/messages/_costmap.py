@@ -6,19 +6,20 @@ A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. A codec fro
 """
 
 import array
-import math
-from types import SimpleNamespace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py import GridMap, conversions as costs
-from grid_map_core_py.conversions import (
-    CostRange,
-    CostTable,
-)
-from grid_map_core_py.conversions._costmap import FREE, LETHAL, CostCodec
+from grid_map_core_py._arrays import Layer
+from grid_map_core_py._arrays._checks import as_numbers
+from grid_map_core_py._arrays._pieces import elementwise
+from grid_map_core_py.conversions import CostRange
+from grid_map_core_py.conversions._costmap import FREE, LETHAL, CostCodec, Costs
 
+from ..errors import MessageError
 from ._fields import (
     as_float32,
     as_written,
@@ -28,6 +29,7 @@ from ._fields import (
     from_stamp,
     to_header,
 )
+from ._occupancy_grid import OCCUPANCY_OF_COST, OCCUPIED, UNKNOWN, VALUES
 from ._packages import messages_of
 
 if TYPE_CHECKING:
@@ -36,8 +38,41 @@ if TYPE_CHECKING:
 COSTS = CostRange(FREE, LETHAL)
 """Codec whose layer values are the costs 0 to 254, with NaN for unknown."""
 
-OCCUPANCIES = CostTable(free=0, inscribed=99, lethal=100, unknown=math.nan)
-"""Codec for layers of occupancies, 0 to 100, as in nav2 and `from_occupancy_grid`."""
+
+@dataclass(frozen=True, eq=False)
+class _Occupancies:
+    """Codec of occupancies 0 to 100; `costs` (102,) are those of each occupancy and of unknown."""
+
+    costs: Costs
+
+    def to_costs(self, values: npt.ArrayLike) -> Costs:
+        """Convert occupancies (...) to costs (...) uint8; NaN and negative values become 255."""
+
+        def convert(values: npt.NDArray[Any]) -> Costs:
+            known = np.where(values >= 0, np.fmin(values, OCCUPIED), UNKNOWN)
+            return self.costs[np.rint(known).astype(np.int8)]
+
+        return elementwise(convert, np.uint8, as_numbers(values, "values"))
+
+    def to_values(self, costs: npt.ArrayLike) -> Layer:
+        """Convert costs (...) to the occupancies (...) float32 that Nav2 publishes; 255 to NaN."""
+        return VALUES.take(OCCUPANCY_OF_COST.take(np.asarray(costs)))
+
+
+def _published(occupancy: int) -> Any:
+    """Return the cost nearest to a linear scale among those that Nav2 publishes so."""
+    same = np.flatnonzero(occupancy == OCCUPANCY_OF_COST)
+    return same[np.abs(99 * same - 253 * occupancy).argmin()]
+
+
+OCCUPANCIES = _Occupancies(np.array([_published(o) for o in (*range(101), UNKNOWN)], np.uint8))
+"""Codec for occupancies 0 to 100 as a Nav2 costmap publishes them: 99 becomes 253.
+
+The costs become the same occupancies again. `from_occupancy_grid` returns such layers.
+"""
+
+STATIC_LAYER = _Occupancies(np.append(LETHAL * np.arange(101) // OCCUPIED, 255).astype(np.uint8))
+"""Codec with the costs that a `StaticLayer` uses with `trinary_costmap: false`: 99 becomes 251."""
 
 
 def to_costmap(
@@ -50,7 +85,8 @@ def to_costmap(
 ) -> "Costmap":
     """Convert a layer to a `nav2_msgs/Costmap` message.
 
-    `nav2_simple_commander.costmap_2d.PyCostmap2D` accepts the message.
+    From Kilted on, `nav2_simple_commander.costmap_2d.PyCostmap2D` accepts the message. On Jazzy,
+    pass it the result of `to_occupancy_grid` with the same codec.
 
     Args:
         grid_map: the map.
@@ -86,7 +122,9 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     decimal form, such as 0.05.
 
     Args:
-        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander.
+        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander. Up to Jazzy, a
+            `PyCostmap2D` holds the occupancies of an `OccupancyGrid`; they become the costs of
+            `OCCUPANCIES`.
         layer: name of the layer.
         codec: converts costs to layer values; the default keeps the costs, with NaN for unknown.
     """
@@ -94,21 +132,19 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
         grid = costmap.metadata
         geometry = check_grid("metadata", grid, ("size_x", "size_y"), len(costmap.data))
         data, frame_id = np.frombuffer(costmap.data, np.uint8), costmap.header.frame_id
-        resolution, place = geometry.resolution, grid.origin.position
+        resolution, x, y = geometry.resolution, grid.origin.position.x, grid.origin.position.y
         timestamp = from_stamp(costmap.header.stamp)
     else:
         check_fields(costmap, "nav2_msgs/Costmap or a PyCostmap2D", "costmap", "size_x")
         grid, data, frame_id = costmap, costmap.costmap, costmap.global_frame_id
+        # Until Jazzy, the constructor reads an OccupancyGrid, which has a field `info`.
+        code = getattr(type(costmap).__init__, "__code__", None)
+        if code and "info" in code.co_names:
+            if np.isin(data, [*range(UNKNOWN, OCCUPIED + 1), 255], invert=True).any():
+                raise MessageError("costmap", "occupancies from 0 to 100, or 255", data)
+            data = OCCUPANCIES.to_costs(np.asarray(data).astype(np.int8))
         resolution = as_written(check_positive("resolution", costmap.resolution))
-        place = SimpleNamespace(x=costmap.origin_x, y=costmap.origin_y)
+        x, y = costmap.origin_x, costmap.origin_y
         timestamp = from_stamp(costmap.costmap_timestamp, "costmap_timestamp")
-    plain = costs.Costmap(
-        costmap=data,
-        size_x=grid.size_x,
-        size_y=grid.size_y,
-        resolution=resolution,
-        origin_x=place.x,
-        origin_y=place.y,
-        global_frame_id=frame_id,
-    )
+    plain = costs.Costmap(data, grid.size_x, grid.size_y, resolution, x, y, frame_id)
     return costs.from_costs(plain, layer, codec, timestamp=timestamp)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import as_number, slices
+from grid_map_core_py.conversions._costmap import INSCRIBED, LETHAL, CostCodec
 
 from ..errors import MessageError
 from ._fields import as_float32, check_fields, check_grid, from_stamp, to_header
@@ -20,16 +21,25 @@ if TYPE_CHECKING:
 UNKNOWN = -1
 OCCUPIED = 100
 
+OCCUPANCY_OF_COST = (1 + 97 * (np.arange(256) - 1) // 251).astype(np.int8)
+OCCUPANCY_OF_COST[[0, INSCRIBED, LETHAL, 255]] = 0, OCCUPIED - 1, OCCUPIED, UNKNOWN
+"""(256,) occupancy that Nav2 publishes for each cost; several costs share an occupancy."""
+
 PIECE = 1 << 15
 """Number of cells processed at once."""
 
-_VALUES = np.arange(256).astype(np.int8).astype(np.float32)
-_VALUES[UNKNOWN] = np.nan
+VALUES = np.arange(256).astype(np.int8).astype(np.float32)
+VALUES[UNKNOWN] = np.nan
 """Layer values of all occupancies; the index is an int8 occupancy viewed as uint8. -1 is NaN."""
 
 
 def to_occupancy_grid(
-    grid_map: GridMap, layer: str, data_min: float, data_max: float
+    grid_map: GridMap,
+    layer: str,
+    data_min: float = np.nan,
+    data_max: float = np.nan,
+    *,
+    codec: CostCodec | None = None,
 ) -> "OccupancyGrid":
     """Convert a layer to a `nav_msgs/OccupancyGrid` message.
 
@@ -37,9 +47,15 @@ def to_occupancy_grid(
         grid_map: the map.
         layer: name of the layer to convert.
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
-            Values outside this range are clamped; NaN becomes -1 (unknown).
+            Values outside this range are clamped; NaN becomes -1 (unknown). Required without
+            `codec`.
+        codec: used instead of `data_min` and `data_max`; converts values to costs, which become
+            the occupancies that Nav2 publishes. For a layer of costs, pass `CostRange()`.
     """
-    stored = occupancies(grid_map[layer], data_min, data_max)
+    if codec is None:
+        stored = occupancies(grid_map[layer], data_min, data_max)
+    else:
+        stored = OCCUPANCY_OF_COST[codec.to_costs(grid_map[layer])]
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
     data = array.array("b")
     # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
@@ -64,7 +80,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
     timestamp = from_stamp(message.header.stamp)
     # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
-    values = _VALUES.take(np.frombuffer(message.data, np.uint8)[::-1])
+    values = VALUES.take(np.frombuffer(message.data, np.uint8)[::-1])
     return GridMap.from_geometry(
         geometry, frame_id=message.header.frame_id, timestamp=timestamp
     ).with_layers({layer: values.reshape(geometry.size, order="F")})

@@ -35,6 +35,7 @@ class Health:
         last_error: reason for the last dropped input; empty if there is none.
         problem: the last problem that did not cause a drop; empty if there is none.
         details: function that returns additional values for the report, by name.
+        drop_level: diagnostic level while the last input was dropped.
     """
 
     inputs: str = "maps"
@@ -44,6 +45,7 @@ class Health:
     last_error: str = ""
     problem: str = ""
     details: Callable[[], Mapping[str, object]] = dict
+    drop_level: bytes = DiagnosticStatus.WARN
     _last_was_dropped: bool = False
     _last_time: float = math.nan
     _publisher: Any = None
@@ -88,8 +90,9 @@ class Health:
     def report(self, node: Node) -> None:
         """Publish the state of the node if there are subscribers."""
         if self._publisher.get_subscription_count():
-            is_impaired = self._last_was_dropped or self.problem
-            level = DiagnosticStatus.WARN if is_impaired else DiagnosticStatus.OK
+            level = DiagnosticStatus.WARN if self.problem else DiagnosticStatus.OK
+            if self._last_was_dropped:
+                level = self.drop_level
             text = f"{self.dropped} of {self.received} {self.inputs} dropped"
             self._publish(node, level, f"{text}; {self.problem}" if self.problem else text)
 

@@ -2,7 +2,6 @@
 """Poses of a robot and its sensors at the times of scans, from a topic or from tf2."""
 
 import copy
-import importlib
 import importlib.util
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable
@@ -329,7 +328,9 @@ class TfPoses(Poses):
             remedy = "install tf2_ros_py of your ROS distribution, or take another pose_source"
             raise MissingPackageError(PACKAGE, "pose_source 'tf'", remedy)
         super().__init__(map_frame)
-        self._tf: Any = importlib.import_module(PACKAGE)
+        import tf2_ros
+
+        self._tf: Any = tf2_ros
         self._robot_frame, self._track_frame = robot_frame, track_frame
         self._track_point = np.append(np.asarray(track_point, np.float64), 1.0)
         self._covariances = covariances

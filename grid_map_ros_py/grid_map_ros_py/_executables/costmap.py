@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `costmap`: publishes a layer of costs for Nav2, as full grids and as updates."""
+
+import time
+from collections import deque
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import Header
+
+from grid_map_core_py._parameters import build
+from grid_map_core_py.conversions import CostRange
+from grid_map_core_py.conversions._costmap import UNKNOWN
+from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.plugins import check
+
+from .. import ReceivedMap, to_costmap, to_occupancy_grid
+from .._costs import Planar, aligned, check_costs, planar, resampled
+from ..errors import DROPPED, reason
+from ..messages._packages import messages_of
+from ..messages._updates import filled, is_same_grid, with_cells
+from ..nodes import ConfiguredNode, MapSubscription, map_qos
+from ..nodes._health import LogThrottle, dropping, health_of
+from ..nodes._parameters import read_fields
+from ..nodes._poses import PACKAGE as TF, TfPoses, has_tf
+from ..nodes._scans import WAIT_PERIOD
+from ..nodes._spin import steady_timer
+
+PATIENCE, QUEUE = 1.0, 10
+"""Maximum time a map waits for its transform [s]; number of waiting maps and latched updates."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CostmapSettings:
+    """Parameters that can be changed while the node runs.
+
+    Attributes:
+        layer: layer with whole costs from 0 to 254; NaN is unknown.
+        frame_id: frame of the costmap; empty means that of the map. Another frame needs tf2.
+        resolution: cell size of the costmap [m]; 0 means that of the map.
+        origin_grid: send the largest window whose borders are multiples of this number of cells.
+        unknown: rank of unknown among the cells of the map that a cell touches, if the frame or
+            resolution differs: `worst`, or `above_free`, below all other costs.
+        stale_after: time without a usable map until all cells become unknown [s]; 0 means never.
+        always_send_full: send no updates.
+    """
+
+    layer: str = "cost"
+    frame_id: str = ""
+    resolution: float = 0.0
+    origin_grid: int = 1
+    unknown: Literal["worst", "above_free"] = "worst"
+    stale_after: float = 10.0
+    always_send_full: bool = False
+
+    def __post_init__(self) -> None:
+        for name, least in (("resolution", 0), ("origin_grid", 1), ("stale_after", 0)):
+            value = getattr(self, name)
+            check(least <= value < np.inf, name, f"at least {least}", value)
+
+
+class Output:
+    """Latched full grids of type `kind`, and updates of type `update`, if it is not None.
+
+    An update expires after `period` [s], and two full grids follow it at intervals of `period`. A
+    late subscriber thus keeps no update that is older than its grid.
+    """
+
+    def __init__(self, node: Node, topic: str, kind: type, update: Any, period: float) -> None:
+        self.last: Any = None
+        self.counts = {"full grids": 0, "updates": 0}
+        self._update, self._pending = update, 0
+        self._publisher = node.create_publisher(kind, topic, map_qos())
+        if update:
+            qos = map_qos()
+            qos.depth, qos.lifespan = QUEUE, Duration(seconds=period)
+            self._updates = node.create_publisher(update, f"{topic}_updates", qos)
+        steady_timer(node, period, self._repeat)
+
+    def send(self, grid: Any, *, full: bool = False) -> None:
+        """Send a full grid, an update, or nothing if no cell has changed."""
+        before, self.last = self.last, grid
+        if full or not self._update or before is None or not is_same_grid(before, grid):
+            self._send_full()
+        elif update := filled(self._update(), before, grid):
+            self._updates.publish(update)
+            self.counts["updates"] += 1
+            self._pending = 2
+
+    def _repeat(self) -> None:
+        if self._pending:
+            self._pending -= 1
+            self._send_full()
+
+    def _send_full(self) -> None:
+        self._publisher.publish(self.last)
+        self.counts["full grids"] += 1
+
+
+class CostmapNode(ConfiguredNode):
+    """Converts every map to costs in the requested frame, and publishes the changes."""
+
+    def __init__(self) -> None:
+        super().__init__("costmap")
+        self._log, self._health = LogThrottle(self.get_logger()), health_of(self)
+        self._health.drop_level = DiagnosticStatus.ERROR
+        self._map_topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        topic = self.read_topic("costmap_topic", "costmap", "topic of the occupancy grids")
+        publishes_raw = self.read("publish_raw", True, "also publish `nav2_msgs/Costmap`")
+        about = "maximum time from an update to a full grid [s]"
+        period = 0.5 * self.read_number("full_period", 5.0, 0.01, 1e6, about)
+        self._next = self._settings = read_fields(self, CostmapSettings, read_only=False)
+        update = getattr(self._find("map_msgs", "full grids only"), "OccupancyGridUpdate", None)
+        self._outputs = [Output(self, topic, OccupancyGrid, update, period)]
+        self._health.details = lambda: self._outputs[0].counts
+        if publishes_raw and (nav2 := self._find("nav2_msgs", "no nav2_msgs/Costmap")):
+            raw = Output(self, f"{topic}_raw", nav2.Costmap, nav2.CostmapUpdate, period)
+            self._outputs.append(raw)
+            service = messages_of("nav2_msgs", "costmap", "srv").GetCostmap
+            answer = lambda *_: service.Response(map=raw.last or nav2.Costmap())  # noqa: E731
+            folder, slash, name = topic.rpartition("/")
+            self.create_service(service, f"{folder}{slash}get_{name}", answer)
+        self._waiting: deque[tuple[ReceivedMap, float]] = deque()
+        self._used, self._is_stale = time.monotonic(), False
+        self._listen()
+        self.add_on_set_parameters_callback(self._check_changes)
+        self.add_post_set_parameters_callback(self._apply_changes)
+        steady_timer(self, WAIT_PERIOD, self._work)
+        source, target = self._subscription.topic_name, self.resolve_topic_name(topic)
+        self.get_logger().info(f"publishes {self._settings.layer!r} of {source} on {target}")
+
+    def _find(self, package: str, consequence: str) -> Any:
+        try:
+            return messages_of(package, "costmap")
+        except MissingPackageError as error:
+            self.get_logger().info(f"{error}. Without it, the node publishes {consequence}")
+            return None
+
+    # --- parameters -------------------------------------------------------------------------------
+
+    def _check_changes(self, changes: list[Parameter]) -> SetParametersResult:
+        values = asdict(self._settings)
+        values |= {change.name: change.value for change in changes if change.name in values}
+        try:
+            self._next = build(CostmapSettings, values)
+        except GridMapError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_changes(self, _changes: list[Parameter]) -> None:
+        """Apply the settings to the next map; a latched map arrives again."""
+        if self._next != self._settings:
+            self._settings = self._next
+            self._waiting.clear()
+            self._subscription.destroy()
+            self._listen()
+
+    def _listen(self) -> None:
+        frame_id = self._settings.frame_id
+        self._poses = TfPoses(self, frame_id) if frame_id and has_tf() else None
+        self._subscription = MapSubscription(self, self._map_topic, self._on_map)
+
+    # --- maps -------------------------------------------------------------------------------------
+
+    def _on_map(self, received: ReceivedMap) -> None:
+        transform = self._transform(received)
+        if transform is not None:
+            self._waiting.clear()
+            self._send(received, transform)
+            return
+        if len(self._waiting) == QUEUE:
+            # The oldest map stays, so that its missing transform is logged.
+            self._waiting.pop()
+        self._waiting.append((received, time.monotonic()))
+
+    def _transform(self, received: ReceivedMap, since: float = np.inf) -> Planar | None:
+        """Return the pose of the map in the frame of the costmap; None if it is not known yet."""
+        source, target = received.frame_id, self._settings.frame_id
+        if target in ("", source):
+            return 0.0, 0.0, 0.0
+        if self._poses is None:
+            need = f"the costmap in frame {target!r} of a map in frame {source!r}"
+            remedy = "install ros-jazzy-tf2-ros-py and source ROS, or leave frame_id empty"
+            raise MissingPackageError(TF, need, remedy)
+        matrix = self._poses.frame_at(source, received.timestamp)
+        if matrix is None and time.monotonic() - since > PATIENCE:
+            raise GridMapError(
+                f"frame_id: expected a transform from {source!r} to {target!r}, got none within "
+                f"{PATIENCE:g} s: {self._poses.waits_for}. Publish it on /tf"
+            )
+        return None if matrix is None else planar(matrix, source, target)
+
+    def _send(self, received: ReceivedMap, transform: Planar) -> None:
+        settings, layer = self._settings, self._settings.layer
+        grid_map = received.decode([layer], copy=False)
+        check_costs(grid_map, layer)
+        target = settings.frame_id or grid_map.frame_id, settings.resolution or grid_map.resolution
+        if target != (grid_map.frame_id, grid_map.resolution):
+            grid_map = resampled(grid_map, layer, transform, *target, settings.unknown == "worst")
+        grid_map = aligned(grid_map, settings.origin_grid)
+        full = settings.always_send_full or self._is_stale
+        self._outputs[0].send(to_occupancy_grid(grid_map, layer, codec=CostRange()), full=full)
+        for raw in self._outputs[1:]:
+            raw.send(to_costmap(grid_map, layer), full=full)
+        self._used, self._is_stale, self._health.problem = time.monotonic(), False, ""
+
+    def _work(self) -> None:
+        """Send waiting maps whose transform has arrived; make outdated costs unknown."""
+        while self._waiting and self._finish(*self._waiting[0]):
+            self._waiting.popleft()
+        limit = self._settings.stale_after
+        if limit and time.monotonic() - self._used > limit and not self._is_stale:
+            self._is_stale, topic = True, self._subscription.topic_name
+            text = f"no usable map of {topic} for {limit:g} s, all cells are unknown"
+            self._health.problem = text
+            self._log.warning(f"{text}; set stale_after to 0 for a map that is published once")
+            for output in filter(lambda output: output.last is not None, self._outputs):
+                stamp, frame_id = self.get_clock().now().to_msg(), output.last.header.frame_id
+                cells = np.full(len(output.last.data), UNKNOWN, np.uint8)
+                header = Header(stamp=stamp, frame_id=frame_id)
+                output.send(with_cells(output.last, cells, header), full=True)
+
+    def _finish(self, received: ReceivedMap, since: float) -> bool:
+        """Send or drop a waiting map; return False if it must keep waiting."""
+        with dropping(self._log, f"dropped a message of {self._subscription.topic_name}"):
+            try:
+                transform = self._transform(received, since)
+                if transform is None:
+                    return False
+                self._send(received, transform)
+            except DROPPED as error:
+                self._health.drop_used(reason(error))
+                raise
+        return True
+
+
+if __name__ == "__main__":
+    raise SystemExit(CostmapNode.main())

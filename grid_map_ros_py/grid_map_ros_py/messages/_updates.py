@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Updates of `nav_msgs/OccupancyGrid` and `nav2_msgs/Costmap`: rectangles of changed cells."""
+
+import array
+import copy
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridGeometry
+
+from ..errors import MessageError
+from ._fields import check_fields, check_grid
+from ._packages import messages_of
+
+if TYPE_CHECKING:
+    from map_msgs.msg import OccupancyGridUpdate
+    from nav2_msgs.msg import Costmap, CostmapUpdate
+    from nav_msgs.msg import OccupancyGrid
+
+GRID, COSTMAP = ("info", "width", "height", "b"), ("metadata", "size_x", "size_y", "B")
+"""Field with the grid description, its numbers of cells along x and y, and the type of a cell."""
+
+
+def to_occupancy_grid_update(
+    before: "OccupancyGrid", after: "OccupancyGrid"
+) -> "OccupancyGridUpdate | None":
+    """Return the update (`map_msgs`) that turns `before` into `after`; None if no cell differs.
+
+    The update is the bounding rectangle of the changed cells. `MessageError` is raised if the grids
+    differ in frame, size, resolution or origin.
+    """
+    messages = messages_of("map_msgs", "to_occupancy_grid_update")
+    return filled(messages.OccupancyGridUpdate(), before, after)
+
+
+def to_costmap_update(before: "Costmap", after: "Costmap") -> "CostmapUpdate | None":
+    """Return the update that turns one costmap into another; see `to_occupancy_grid_update`."""
+    messages = messages_of("nav2_msgs", "to_costmap_update")
+    return filled(messages.CostmapUpdate(), before, after)
+
+
+def apply_update(grid: Any, update: Any) -> Any:
+    """Return a copy of a grid with the cells and the header of an update.
+
+    Args:
+        grid: an `OccupancyGrid` or a `Costmap`.
+        update: the `OccupancyGridUpdate` or `CostmapUpdate`. `MessageError` is raised if it has
+            another frame or a wrong number of cells, or exceeds the grid; Nav2 ignores it then.
+    """
+    values, _, (_, *sides, _) = _read(grid)
+    check_fields(update, "update of this kind of grid", "header.frame_id", "x", "y", *sides)
+    (height, width), x, y = values.shape, update.x, update.y
+    columns, rows = (getattr(update, side) for side in sides)
+    if update.header.frame_id != grid.header.frame_id:
+        raise MessageError("header.frame_id", repr(grid.header.frame_id), update.header.frame_id)
+    if not (0 <= x <= width - columns and 0 <= y <= height - rows):
+        expected = f"a rectangle within {width} x {height} cells"
+        raise MessageError(f"x, y, {', '.join(sides)}", expected, (x, y, columns, rows))
+    if len(update.data) != rows * columns:
+        raise MessageError("data", f"{rows * columns} values", len(update.data))
+    values = values.copy()
+    new = np.frombuffer(update.data, np.uint8).reshape(rows, columns)
+    values[y : y + rows, x : x + columns] = new
+    return with_cells(grid, values, update.header)
+
+
+def with_cells(grid: Any, values: npt.NDArray[np.uint8], header: Any) -> Any:
+    """Return a copy of a grid message with other cells, as bytes, and another header."""
+    result = copy.copy(grid)
+    result.header, result.data = header, array.array(_read(grid)[2][-1], values.tobytes())
+    return result
+
+
+def is_same_grid(before: Any, after: Any) -> bool:
+    """Return whether frame, size, resolution and, up to rounding, origin are the same."""
+    (_, one, _), (_, other, _) = _read(before), _read(after)
+    if (before.header.frame_id, one.size) != (after.header.frame_id, other.size):
+        return False
+    shift = np.abs(one.position - other.position).max()
+    return one.resolution == other.resolution and bool(shift < 1e-6 * one.resolution)
+
+
+def filled(update: Any, before: Any, after: Any) -> Any:
+    """Return `update`, filled with the changes between two grids; None if there are none."""
+    (old, geometry, _), (new, other, (field, *sides, kind)) = _read(before), _read(after)
+    if not is_same_grid(before, after):
+        expected = f"frame and grid of the first message, {before.header.frame_id!r}, {geometry}"
+        raise MessageError(field, expected, f"{after.header.frame_id!r}, {other}")
+    x, y, *size = cv2.boundingRect(cv2.compare(old, new, cv2.CMP_NE))
+    if not all(size):
+        return None
+    update.header, update.x, update.y = after.header, x, y
+    for side, count in zip(sides, size, strict=True):
+        setattr(update, side, count)
+    update.data = array.array(kind, new[y : y + size[1], x : x + size[0]].tobytes())
+    return update
+
+
+def _read(grid: Any) -> tuple[npt.NDArray[np.uint8], GridGeometry, tuple[str, str, str, str]]:
+    """Return a view of the cells (along y, along x) as bytes, the geometry and the field names."""
+    names = COSTMAP if hasattr(grid, COSTMAP[0]) else GRID
+    check_fields(grid, "nav_msgs/OccupancyGrid or nav2_msgs/Costmap", "data", names[0])
+    geometry = check_grid(names[0], getattr(grid, names[0]), names[1:3], len(grid.data))
+    return np.frombuffer(grid.data, np.uint8).reshape(geometry.size[::-1]), geometry, names
