@@ -49,7 +49,7 @@ class ElevationMappingRobotNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_robot")
-        about = "elevation model (.npz file); empty means the model in this package"
+        about = "elevation model (.npz file); if empty, the model in this package"
         path = self.read_path("file", "", about, data="jacksboro_fault_dem.npz")
         speed = self.read_positive("speed", 0.6, "speed of the robot [m/s]")
         rate = self.read_positive("rate", 10.0, "scan rate of each sensor [Hz]")

@@ -59,12 +59,12 @@ class GridMapToImageDemoNode(Demo):
         self._layer = self.read("layer", "elevation", "layer to save")
         bits = self.read("bits", 8, "bits per channel, 8 or 16")
         check(bits in DTYPES, "bits", "8 or 16", bits)
-        about = "the layer holds packed colors; the default is true for `color`"
+        about = "the layer holds packed colors; true by default for the layer `color`"
         is_color = self.read("is_color", self._layer == COLOR_LAYER, about)
         about = "cells without a value are transparent instead of black"
         is_transparent = self.read("use_transparency", False, about)
-        low = self.read("lower", math.nan, "layer value that becomes black; nan means the smallest")
-        high = self.read("upper", math.nan, "layer value that becomes white; nan means the largest")
+        low = self.read("lower", math.nan, "value that becomes black; if NaN, the smallest value")
+        high = self.read("upper", math.nan, "value that becomes white; if NaN, the largest value")
         channels = 4 if is_transparent else 3 if is_color else 1
         if is_color:
             self._draw = partial(to_color_image, dtype=DTYPES[bits], channels=channels)

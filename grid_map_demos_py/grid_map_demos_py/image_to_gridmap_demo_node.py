@@ -39,7 +39,7 @@ class ImageToGridmapDemoNode(Demo):
         other = math.isfinite(high) and high != low
         check(other, "max_height", f"a finite number other than min_height, {low}", high)
         self._heights = low, high
-        about = "coordinate frame of the map; empty means the image frame"
+        about = "coordinate frame of the map; if empty, the frame of the image"
         self._frame_id = self.read("map_frame_id", "map", about)
         self._publisher = self.map_publisher()
         # Cameras usually publish with best effort.

@@ -76,7 +76,7 @@ def by_array_of_windows(grid_map: GridMap) -> None:
 
 
 def by_image_filter(grid_map: GridMap) -> None:
-    """Use OpenCV on the transposed layer, which is a valid image without a copy."""
+    """Use OpenCV on the transposed layer, which it accepts without a copy."""
     grid_map["mean"][1:-1, 1:-1] = cv2.blur(grid_map["random"].T, (3, 3)).T[1:-1, 1:-1]
 
 
