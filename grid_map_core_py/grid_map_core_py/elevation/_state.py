@@ -34,7 +34,7 @@ _OLDEST = 2.0**24
 
 @dataclass
 class Memory:
-    """Internal state of the cells, not published; arrays (cells,) in which NaN means unset.
+    """Unpublished state of the cells, as arrays (cells,); NaN marks values that are not set.
 
     Attributes:
         support: number of points that have ever supported the height.
@@ -63,9 +63,9 @@ class State:
 
     Attributes:
         heights, variances, times: (cells,) values of the cells; unknown heights are NaN.
-        others: all layers of the map by name.
+        others: layers of the map by name; the method `layers` recomputes those in `OWN`.
         memory: internal state of the cells.
-        weights: weights of the value layers by name.
+        weights: internal layers with the weights of point values; see `ValueFusion.fuse`.
     """
 
     heights: Numbers
@@ -125,7 +125,7 @@ class State:
         return layers
 
     def keep_horizontal(self, variances: Numbers, points: Sorted, used: Mask) -> None:
-        """Set the horizontal variance of each cell to the mean over its `used` points."""
+        """Set each cell's horizontal variance to the mean variance of its `used` points."""
         groups, order = points.groups[used], in_one_order(points, variances)[used]
         counts = np.bincount(groups, minlength=len(points.cells))
         seen = np.flatnonzero(counts)
@@ -174,13 +174,14 @@ def at_centers(
 
     Along each axis, the map gives two slopes: from the preceding cell to this one, and from this
     one to the following cell. The less steep one is used. If the two have opposite signs, or if one
-    is within the gate, the slope is 0, because the cell is level or at a step.
+    of the height differences is at most `threshold` standard deviations, the slope is 0: the cell
+    is then level or next to a step. It is also 0 next to unknown cells and map borders.
 
     Args:
         points: (3, n) points on the map.
         cells: (n,) cells of the points.
         heights, variances: (cells,) heights and variances of the map.
-        threshold: gate threshold [standard deviations].
+        threshold: largest height difference that counts as level [standard deviations].
     """
     seen = np.zeros(len(heights), np.bool_)
     seen[cells] = True

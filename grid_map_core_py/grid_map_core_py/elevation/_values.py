@@ -37,12 +37,12 @@ FUSIONS = ("average", "latest", "exponential", "max", "color", "class_bayesian")
 
 @dataclass(frozen=True)
 class Chosen:
-    """Points that were fused into the height of their cells.
+    """Points of a scan, and which of them were fused into the heights of their cells.
 
     Attributes:
         points: all points on the map.
         used: (n,) mask of the points that were fused.
-        fresh: (cells,) mask of the cells whose height was replaced.
+        fresh: (cells,) mask of the cells whose height was set or replaced.
     """
 
     points: Sorted
@@ -84,7 +84,7 @@ class ValueFusion:
         """Fuse point values (n,) into flat layers (cells,).
 
         Args:
-            values: unsorted values of all points on the map, by layer name.
+            values: values of all points on the map by layer name, in the order before sorting.
             layers: layers by name; updated in place.
             weights: weights of `average` by layer name, and counts of `class_bayesian` by class
                 pattern; updated in place.
@@ -163,7 +163,7 @@ class ValueFusion:
 def _forgotten(
     layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
 ) -> NDArray[np.float32]:
-    """Return a copy of a layer in which cells with a replaced height are reset to `nothing`."""
+    """Return a copy of a layer in which NaN and the values of `fresh` cells become `nothing`."""
     if layer is None:
         return np.full(len(fresh), nothing, np.float32)
     copy = layer.copy()
@@ -174,7 +174,7 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of fused points, ordered regardless of the scan order."""
+    """Return cells, values and weights of fused points, in an order independent of the scan."""
     points = chosen.points
     # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)

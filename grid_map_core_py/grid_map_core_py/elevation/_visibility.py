@@ -4,8 +4,8 @@
 Each beam is traced from the sensor to its point, cell by cell (Amanatides and Woo, "A Fast Voxel
 Traversal Algorithm for Ray Tracing", 1987). The height of a beam in a cell is the largest height of
 the beam within the cell. A cell of height h and variance v has its foot at
-`h - max(3 sqrt(v), relief)`. A beam below the foot clears a cell that was not confirmed for
-`scanning_duration`, with these exceptions:
+`h - max(3 sqrt(v), relief)`, where the relief is the resolution times `RELIEF`. A beam below the
+foot clears a cell that was not confirmed for `scanning_duration`, with these exceptions:
 
 - The point of the beam lies in the cell.
 - This scan has a point in the cell or its 8 neighbors that is higher than the beam, or at most one
@@ -18,9 +18,9 @@ the beam within the cell. A cell of height h and variance v has its foot at
 - The beam grazes the surface: the angle between the beam and the plane through the neighbors is
   less than `cleanup_min_angle`.
 
-The end of a beam is raised by three standard deviations of its point. A beam counts as reflected
-where it runs below the feet of all cells in the 3 x 3 neighborhood that this scan confirmed; from
-there on, it clears no cells.
+The end of a beam is raised by three standard deviations of its point. If a beam leaves a cell
+below the feet of all cells in the 3 x 3 neighborhood that this scan confirmed, it counts as
+reflected there, and clears no cells farther away.
 """
 
 from __future__ import annotations
@@ -191,10 +191,10 @@ def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, 
 
 
 MARGIN = 1e-9
-"""Safety margin [m] for rounding when `last_ring` skips rings that a beam cannot clear."""
+"""Height [m] by which `last_ring` lowers beams, so that rounding errors cannot skip a ring."""
 
 SECTORS, RINGS = 512, 32
-"""Size of the polar grid around the sensor; a beam skips outer bins with all cells below it."""
+"""Size of the polar grid around the sensor, in which `last_ring` looks up where beams end."""
 
 
 def direction(x: Any, y: Any) -> Any:
@@ -205,7 +205,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the width of a ring [cells] such that `RINGS` rings cover the map."""
+    """Return the ring width [cells] at which `RINGS` rings cover the map or the longest beam."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -213,7 +213,7 @@ def ring_width(frame: Any, size: Any) -> Any:
 
 @loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
 def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
-    """Write to `table`, for each polar bin, the maximum of `lowest` over the overlapping cells."""
+    """Set each polar bin of `table` to the maximum of `lowest` over the cells that overlap it."""
     width = ring_width(frame, size)
     for i in range(count):
         x = cells[i] % size[0] + 0.5 - frame[0]
@@ -273,15 +273,18 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
     Args:
         ways: x, y and z of the vectors from the sensor to the points [m].
         count: number of beams.
-        frame: row, column and height of the sensor, the resolution, the sine of the smallest angle,
-            and the maximum beam length.
+        frame: row, column and height of the sensor, the resolution, the sine of
+            `cleanup_min_angle`, and `max_ray_length`.
         size: rows and columns of the map.
         table: result of `cover`.
-        surface: seven arrays. `ceilings` (per cell): height below which beams clear the cell.
-            `places` (per cell): index among the candidates. `floors` (per candidate): height that
-            clearing beams must exceed. `normals` (per candidate). `guards` (per cell): height below
-            which beams end. Results per candidate: `proofs`, the height of the lowest beam that
-            proves it to be free, and `crossed`, 1 if a beam crossed it below its foot.
+        surface: seven arrays; candidates are the cells that may be cleared.
+            ceilings: height of each cell below which beams clear it.
+            places: index of each cell among the candidates.
+            floors: height of each candidate that clearing beams must exceed.
+            normals: surface normals of the candidates, three numbers each.
+            guards: height of each cell below which beams end.
+            proofs: result; height of the lowest beam that proves a candidate to be free.
+            crossed: result; 1 if a beam crossed the candidate below its foot.
     """
     rows, columns = size
     width = ring_width(frame, size)
@@ -298,7 +301,7 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
 
 
 def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
-    """Trace one beam from cell to cell; the arguments are as in `trace`."""
+    """Trace one beam along `way`, within the range `span` of beam parameters; see `trace`."""
     ceilings, places, floors, normals, guards, proofs, crossed = surface
     x, y, rise = way
     t, last = span

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files with maps, point clouds or meshes; `load` and `save` choose the format by file name."""
+"""Loads and saves maps, and loads point clouds and meshes; file names select the format."""
 
 from ._clouds import (
     load_cloud as load_cloud,

@@ -38,7 +38,7 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
             a PCD file is not applied.
         fields: other values of each point in a PCD or PLY file, such as `intensity`. Colors are
             returned as one field `rgb` of packed colors, ready for `rasterize`. A PCD field with
-            several numbers is split into fields `name__0000` and so on.
+            several numbers per point is split into the fields `name__0000`, `name__0001` ...
     """
     file = Path(path)
     if file.suffix.lower() == ".pcd":
@@ -120,8 +120,8 @@ def load_cloud(
         resolution: side of a cell [m]; required.
         kind: "points" or "mesh"; None means "mesh" if the file has faces, else "points".
         height_layer: name of the height layer.
-        reduction: reduction of the point heights in a cell, as in `from_points`.
-        min_height, max_height: smallest and largest height of points that are used [m].
+        reduction: method that combines the point heights in a cell, as in `from_points`.
+        min_height, max_height: points below or above these heights [m] are ignored.
         tight: for points; True centers the map on the points, False aligns its borders with
             multiples of the resolution.
         frame_id: frame of the map.
@@ -177,7 +177,7 @@ def _mesh(
     try:
         return load_mesh(path)
     except GridMapError:
-        # A file without faces may still contain points; reading the points reports other errors.
+        # A file without faces may still contain points; any other error recurs when they are read.
         if required:
             raise
         return None
@@ -204,7 +204,7 @@ def _read_meshes(file: Path) -> list[Any]:
             options = {"process": False, "skip_materials": True}
             scene = trimesh.load_scene(BytesIO(file.read_bytes()), ending, **options)
         except ImportError as error:
-            # For text that is not UTF-8, trimesh needs another package to guess the encoding.
+            # If a text is not UTF-8, trimesh tries to import a package that guesses the encoding.
             raise ValueError("neither valid nor text in UTF-8") from error
         except ValueError as error:
             hint = " (the faces of a binary PLY file must all have the same number of vertices)"

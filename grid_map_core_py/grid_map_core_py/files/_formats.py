@@ -74,7 +74,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the option names of a format's function, without the first `given` parameters."""
+    """Return the option names of a format's function: all parameters but the first `given`."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 
@@ -199,7 +199,7 @@ def find_format(
 
 
 def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapError:
-    """Return the error for a path that matches no format, or whose package is missing."""
+    """Return the error for a path that no available format matches."""
     endings = {".mcap": "bag", ".db3": "bag", ".bt": "octomap", ".ot": "octomap"}
     kind = "bag" if (path / "metadata.yaml").exists() else endings.get(path.suffix.lower())
     if kind is not None and kind not in formats():

@@ -47,16 +47,16 @@ def save_geotiff(
     Args:
         grid_map: the map; it is stored in map order.
         path: the file.
-        crs: coordinate reference system of the frame, if not the `crs` of the map: "EPSG:25832",
-            WKT or a PROJ string.
-        compress: whether to compress the file with Deflate.
+        crs: coordinate reference system of the frame: a code such as "EPSG:25832", WKT or a PROJ
+            string. If empty, the `crs` of the map is used.
+        compress: if True, compress the file with Deflate.
     """
     check_ending(path, ".tif", ".tiff")
     rasterio = package_for(path, "GeoTIFF", "rasterio")
     if not grid_map.layers:
         raise GridMapError(f"{path}: cannot be written: the map has no layers")
     grid_map = grid_map._in_crs(crs)
-    # Python writes the bytes, because GDAL reports no error if it closes a file on a full disk.
+    # Python writes the bytes: when GDAL closes a file on a full disk, it reports no error.
     with storage_errors(Path(path), "written"), rasterio.MemoryFile() as memory:
         profile = raster_profile(grid_map, len(grid_map.layers), compress=compress)
         with memory.open(**profile) as raster:
@@ -70,9 +70,9 @@ def save_geotiff(
 def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
     """Load a map from a GeoTIFF file written by `save_geotiff` or another program.
 
-    A single unnamed band becomes the layer `elevation`; several become `band_1` and so on.
-    Masked pixels become NaN. Band scales and offsets are applied. The function warns if the
-    coordinates are not in meters.
+    An unnamed band becomes the layer `elevation` if it is the only band. Otherwise it is named
+    after its number: `band_1` and so on. Masked pixels become NaN. Band scales and offsets are
+    applied. The function warns if the coordinates are not in meters.
 
     Args:
         path: the file, or a GDAL virtual file, such as `/vsicurl/https://...`.
@@ -126,7 +126,7 @@ def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
 
 
 def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -> StoredMap:
-    """Return the map in an open raster; its layers are read later."""
+    """Return the map in an open raster; its layers are read only when they are loaded."""
     tags = _tags_of(raster)
     names: list[str] = []
     for number, name in enumerate(raster.descriptions, 1):
@@ -152,7 +152,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 
 
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
-    """Return the map frame's origin in the reference system [m]; None if the origins coincide."""
+    """Return the stored frame origin in the reference system [m]; None if missing or outdated."""
     tags = _tags_of(raster)
     if "origin" not in tags:
         return None
@@ -244,7 +244,7 @@ def read_pixels(
 
 
 def _warn_of_fill(raster: Any, values: Layer) -> None:
-    """Warn if one value far outside the others fills many cells, as undeclared nodata does."""
+    """Warn if many pixels have the same extreme value, which is probably undeclared nodata."""
     for fill in map(float, (values.min(initial=0.0), values.max(initial=0.0))):
         # The usual marks are at least 999 away from 0.
         others = values[values != fill].astype(np.float64) if abs(fill) > 900.0 else values[:0]
@@ -267,7 +267,7 @@ def checked_crs(crs: Any) -> str:
 
 
 def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, Any]:
-    """Return the rasterio options of a north-up raster, with one band per layer, of any map."""
+    """Return the rasterio options for a north-up raster with `layers` bands, for any map."""
     geometry, step = described.geometry, described.resolution
     west, north = geometry.position + described.origin + [-0.5, 0.5] * geometry.length
     profile = {

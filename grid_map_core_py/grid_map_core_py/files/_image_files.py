@@ -56,10 +56,10 @@ def load_height_image(
 
     Args:
         path: a PNG, TIFF, BMP or PGM file with uint8, uint16, float32 or float64 pixels.
-        layers: None or the value of `height_layer`, because the map has no other layer.
+        layers: names of the layers to load; only `height_layer` exists. None means all.
         resolution: side of a pixel [m]; required.
-        lower, upper: heights of black and white [m]; invalid for floating-point images, which
-            store the heights themselves.
+        lower, upper: heights of black and white [m]. Not allowed for floating-point images,
+            which store the heights themselves.
         height_layer: name of the layer.
         position: (2,) center of the map [m].
         frame_id: frame of the map.
@@ -106,10 +106,10 @@ def save_height_image(
     Args:
         grid_map: the map; it is stored in map order.
         path: the file; its name ends in .png, .tif or .tiff.
-        layer: name of the layer; None means `elevation`, or the only layer.
+        layer: name of the layer; None means `elevation` if it exists, else the only layer.
         bits: bits per pixel: 8, 16, or 32 (float32, TIFF only); None means 16, or 32 for TIFF.
         lower, upper: heights of black and white [m]; None means the smallest and the largest
-            finite value. Invalid for float32 images, which store the heights themselves.
+            finite value. Not allowed for float32 images, which store the heights themselves.
     """
     file = Path(path)
     ending = file.suffix.lower()
@@ -189,7 +189,7 @@ def read_image(file: Path) -> Image:
     check_cells(f"{file}: image", pixels.shape)
     head = _PNM_HEAD.match(data)
     if head and head[1] in b"25":
-        # OpenCV ignores the value of white that the file declares, so scale the pixels here.
+        # OpenCV ignores the white value in the file header, so scale the pixels here.
         white, largest = int(head[4]), 255 if pixels.dtype == np.uint8 else 65535
         if white != largest:
             pixels = np.rint(pixels * (largest / white)).astype(pixels.dtype)

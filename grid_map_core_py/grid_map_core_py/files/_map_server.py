@@ -76,7 +76,7 @@ def load_map_server(
     image = file.parent / settings.image
     with storage_errors(image, "read"):
         pixels = read_image(image)
-        # A few rows at a time, because temporaries use many times the memory of the pixels.
+        # Convert a few rows at a time: temporary arrays are many times as large as the pixels.
         parts = slices(len(pixels), PIECE // pixels.shape[1])
         values = np.concatenate([_occupancy(pixels[part], settings) for part in parts])
     occupancy = from_north_up(values)
@@ -111,20 +111,21 @@ def save_map_server(
         grid_map: the map; it is stored in map order.
         path: the YAML file.
         layer: layer with whole numbers from 0 (free) to 100 (occupied), and NaN or -1 for unknown;
-            other layers need `data_min` and `data_max`. None means `occupancy`, or the only layer.
+            other layers need `data_min` and `data_max`. None means `occupancy` if it exists, else
+            the only layer.
         mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw`
             keep the occupancies.
-        negate: if True, white means occupied; without effect in `raw` mode.
+        negate: if True, white means occupied; has no effect in `raw` mode.
         occupied_thresh, free_thresh: thresholds for occupied and free cells, 0 to 1. None means
-            0.65 and 0.196, or 1 and 0 in `scale` mode. Loading restores scaled values exactly if
-            the thresholds are at least 0.4 apart.
-        data_min, data_max: layer values of occupancy 0 and 100; `data_max` may be less. Values
-            between them are rounded to whole occupancies, values beyond are clamped. Only NaN is
-            unknown.
+            0.65 and 0.196, or 1 and 0 in `scale` mode. In `scale` mode, loading restores all
+            occupancies exactly if the thresholds are at least 0.4 apart.
+        data_min, data_max: layer values that become occupancy 0 and 100; `data_max` may be the
+            smaller one. Values between them are scaled linearly and rounded to whole occupancies;
+            values outside are clamped. Only NaN means unknown.
 
     Raises:
-        GridMapError: a value is no occupancy, and `data_min` and `data_max` are missing; or an
-            option is invalid, or a file cannot be written.
+        GridMapError: `data_min` and `data_max` are not given and a value is not an occupancy; an
+            option is invalid; or a file cannot be written.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")
@@ -265,7 +266,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the old image's path if its name is one that `save_map_server` gives, else None."""
+    """Return the path of an existing map's image if `save_map_server` named it, else None."""
     if not file.exists():
         return None
     document = load_yaml(file)

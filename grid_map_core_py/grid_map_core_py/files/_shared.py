@@ -28,7 +28,7 @@ _KNOWN = (
     *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
     *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
 )
-"""Common file endings; `check_ending` refuses to write another format under such a name."""
+"""Endings of common formats; `check_ending` refuses them for files of any other format."""
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
@@ -40,7 +40,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Raise `GridMapError` with a file's path for errors that occur while it is read or written.
+    """Convert errors that occur while a file is read or written to `GridMapError` with its path.
 
     Args:
         file: path of the file.
@@ -65,7 +65,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 
 def _similar(file: Path) -> str:
-    """Return a hint at a file with a similar name, if a file does not exist."""
+    """If a file does not exist, return a hint that names a similar file in its folder, or ""."""
     known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
     # An equal ending alone is not similar.
     names = (one.name for one in known if errors.hint(one.stem, [file.stem]))
@@ -88,7 +88,7 @@ def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
 
 
 def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
-    """Warn that a kind of file or message cannot hold the reference system of a map."""
+    """Warn if a map has a reference system, which this kind of file or message cannot hold."""
     if grid_map.crs:
         text = f"crs: {kind} cannot hold the coordinate reference system of the map; it is lost. "
         warnings.warn(f"{text}A GeoTIFF, Zarr or .npz file keeps it", stacklevel=stacklevel)

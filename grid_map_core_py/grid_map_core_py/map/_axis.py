@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    Attributes are plain numbers, which are several times faster than NumPy scalars. Only in the
-    result of `both_axes`, all except `resolution` are arrays.
+    Attributes are plain numbers, because NumPy scalars are several times slower. In the result of
+    `both_axes`, however, all attributes except `resolution` are arrays.
 
     Attributes:
         size: number of cells.
@@ -33,7 +33,7 @@ class Axis:
         center: coordinate of the center of the map [m].
         length: side of the map [m].
         half: half of `length` [m].
-        first: center of cell 0 [m].
+        first: coordinate of the center of cell 0 [m].
     """
 
     __slots__ = ("center", "first", "half", "length", "resolution", "size")
@@ -56,7 +56,7 @@ class Axis:
         return (offset >= 0.0) & (offset < self.length)
 
     def offset(self, x: Coordinate) -> Coordinate:
-        """Return the distances of coordinates from the + border [m]; `contains` compares these."""
+        """Return the distances of coordinates from the + border [m], which `contains` checks."""
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:

@@ -52,7 +52,8 @@ class GridMap(MutableMapping[str, Layer]):
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
     and writing into this array changes the map; `map[layer] = values` adds or replaces a layer. An
     xarray array is aligned by its coordinates. NaN means "no data". Finite values beyond the
-    float32 range become infinite, with a `RuntimeWarning`; integers that lose digits warn, too.
+    float32 range become infinite, and numbers above 2**24 may lose digits; both cause a
+    `RuntimeWarning`.
 
     In map order, row 0, column 0 is the corner with the largest x and y; rows run towards -x and
     columns towards -y. Layers of a new map are in map order; after `move`, they are circular
@@ -278,7 +279,8 @@ class GridMap(MutableMapping[str, Layer]):
     def crs(self) -> str:
         """Coordinate reference system of the frame: WKT, a code or a PROJ string; "" if unknown.
 
-        Copies, parts and files keep it; ROS messages and images cannot. Setting it clears `origin`.
+        Copies, submaps, and GeoTIFF, Zarr and .npz files keep it; ROS messages and images cannot.
+        Setting `crs` resets `origin` to (0, 0).
         """
         return self._reference[0]
 
@@ -292,7 +294,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._reference[1]
 
     def _in_crs(self, crs: Any) -> GridMap:
-        """Return this map, or the same layers in the reference system `crs`."""
+        """Return this map or, if `crs` is given, a map with the same layers and this `crs`."""
         result = self._with(self._layers) if crs else self
         result._reference = (as_crs(crs), (0.0, 0.0)) if crs else self._reference
         return result
@@ -398,8 +400,8 @@ class GridMap(MutableMapping[str, Layer]):
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a new map with these layers added or replaced.
 
-        All other layers are shared until they are taken from the new map: `new[layer]` is a copy.
-        Float32 arrays in Fortran order are used without a copy.
+        The new map shares all other layers with this map; each is copied when it is first accessed
+        as `new[layer]`. Of the given arrays, float32 arrays in Fortran order are not copied.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
@@ -509,9 +511,9 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> float | NDArray[np.float64]:
         """Return the values of a layer at positions.
 
-        Where a cubic method needs a cell that is not finite, linear interpolation is used; where
-        that also needs one, the nearest cell, which may be NaN or infinite. Near the border of the
-        map, methods that need cells beyond it use the border cell instead.
+        If a cubic method needs a cell that is not finite, linear interpolation is used instead. If
+        that also needs such a cell, the result is the value of the nearest cell, which may be NaN
+        or infinite. In place of cells beyond the map border, methods use the border cell.
 
         Args:
             layer: name of the layer.
@@ -564,7 +566,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return (3,) x, y of a cell and its value as z [m]; all NaN if the value is not finite."""
+        """Return a cell's center and value as (3,) x, y, z [m]; NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
@@ -684,7 +686,7 @@ class GridMap(MutableMapping[str, Layer]):
         (0, 0). `add_data_from` also copies the data.
 
         Raises:
-            GridMapError: both maps name a frame and the frames differ.
+            GridMapError: the maps name different frames or reference systems.
             GeometryError: the maps are so far apart that there would be too many cells.
         """
         extended = merge.extended_map(self, other)
@@ -702,7 +704,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Copy data from another map, which may differ in size, position and resolution.
 
         Each cell of this map takes the values of the cell of `other` that contains its center;
-        values that are not finite are skipped.
+        values that are not finite are not copied. A map without `crs` adopts that of `other`.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.
@@ -712,7 +714,7 @@ class GridMap(MutableMapping[str, Layer]):
                 missing in this map are added.
 
         Raises:
-            GridMapError: both maps name a frame and the frames differ.
+            GridMapError: the maps name different frames or reference systems.
             GeometryError: the maps are so far apart that there would be too many cells.
         """
         merge.add_data_from(
@@ -725,8 +727,8 @@ class GridMap(MutableMapping[str, Layer]):
         """Return the map in another frame, as its surface appears from above.
 
         Each cell with a finite height becomes a 3-D point that carries the values of the other
-        layers. If several points fall into one cell of the new map, the highest one is used; among
-        equally high ones, the one from the last column (then row) of this map in map order. Points
+        layers. If several points fall into one cell of the new map, the highest one is used. Ties
+        go to the point whose cell in this map comes last in map order, column by column. Points
         outside the new map are dropped.
 
         Args:
@@ -754,8 +756,8 @@ class GridMap(MutableMapping[str, Layer]):
         and `position` [m] describe the map.
 
         Args:
-            crs: coordinate reference system of the frame, if not the `crs` of the map; "EPSG:25832"
-                for example. It is stored in the coordinate `spatial_ref`, as rioxarray expects.
+            crs: coordinate reference system of the frame, such as "EPSG:25832". If empty, the `crs`
+                of the map is used. Stored in the coordinate `spatial_ref`, as rioxarray expects.
 
         Raises:
             MissingPackageError: xarray, or pyproj for `crs`, is not installed.
@@ -808,8 +810,8 @@ class GridMap(MutableMapping[str, Layer]):
                 `elevation`, or the first layer.
             ax: axes to draw on; None means the current axes, or new axes for "surface".
             style: "flat", "surface" or "relief", or a style that another package adds.
-            options: passed on to the style: to `plot`, `plot_3d` or `plot_relief` in
-                `grid_map_visualization_py.pictures`.
+            options: keyword arguments of the function that draws the style: `plot`, `plot_3d` or
+                `plot_relief` in `grid_map_visualization_py.pictures`.
 
         Raises:
             MissingPackageError: grid_map_visualization_py or Matplotlib is not installed.
@@ -871,7 +873,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers; arrays of this map are copied when they are taken."""
+        """Return a map with these layers; arrays that this map owns are copied on first access."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}

@@ -30,7 +30,7 @@ Places: TypeAlias = NDArray[np.intp]
 _PADDING = 2  # number of times that an axis repeats each border cell
 
 REACH = 3
-"""Distance [cells] from the cell of a position within which cells may affect the value there."""
+"""Largest distance [cells] between a position's cell and the cells that affect the value there."""
 
 
 class Interpolation(Enum):
@@ -132,7 +132,7 @@ class Surface:
     Args:
         geometry: the grid.
         start: start index of the layer.
-        layer: (rows, cols), or a part of a layer in map order that contains all needed cells.
+        layer: (rows, cols) values, or a part of them in map order that has all needed cells.
         corner: row and column of the map at which `layer` begins.
     """
 
@@ -269,7 +269,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Return the outer weights changed to continue the slope; `near` is beyond the border."""
+    """Return the outer weights, `far` (on the map) and `near` (beyond), for a continued slope."""
     return far - near, 2.0 * near
 
 
