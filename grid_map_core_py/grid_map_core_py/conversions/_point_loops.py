@@ -36,7 +36,7 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
         frame: lower and upper z limit, half side lengths of the map along x and y, x and y of its
             center, and the negated resolution [m].
         size: number of rows and columns.
-        cells: (n,) receives the flat cell indices of the counted points, one after another.
+        cells: (n,) receives the flat cell indices of the counted points, without gaps.
         counted: (n,) receives 1 for points on the map and within the z limits, else 0.
     """
     lowest, highest, half_x, half_y, center_x, center_y, step = frame

@@ -291,8 +291,8 @@ def describe_raster(raster: Any, described: Any, layers: Sequence[str]) -> None:
 
     Args:
         raster: the open dataset.
-        described: a map of any kind. If its frame and its reference system have different origins,
-            `crs` and `origin` [m] are stored as well.
+        described: a `GridMap` or a tiled map. If its frame and its reference system have different
+            origins, `crs` and `origin` [m] are stored as well.
         layers: names of the bands.
     """
     facts = {

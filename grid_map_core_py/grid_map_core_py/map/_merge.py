@@ -129,7 +129,7 @@ def lines_under(
 
 
 def _runs(inside: Mask) -> list[slice]:
-    """Return the slices in which a mask is True; there are two if they wrap around the buffer."""
+    """Return the slices where a mask is True; a run that wraps around the buffer gives two."""
     padded = np.concatenate(([False], inside, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
     return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

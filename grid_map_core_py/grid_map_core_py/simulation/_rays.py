@@ -156,7 +156,13 @@ def march(
 
 
 def _crossing(start: float, step: float, patch: int) -> float:
-    """Return the range at which the row (or column) of a beam leaves a patch; inf if never."""
+    """Return the range at which a beam leaves a patch along one axis; inf if it never does.
+
+    Args:
+        start: row (or column) of the beam at range 0.
+        step: change of the row (or column) per meter.
+        patch: row (or column) of the patch.
+    """
     if step == 0.0:
         return np.inf
     return (patch + (step > 0.0) - start) / step

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Imports message packages only to create messages, so that messages can be read without ROS."""
+"""Imports message packages only when creating messages, so that reading them works without ROS."""
 
 import array
 import sys

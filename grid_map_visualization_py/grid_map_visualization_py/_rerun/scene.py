@@ -491,7 +491,7 @@ def _path(name: str, *parts: str) -> str:
 
 
 def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:
-    """Return unit normals (N, 3) of the vertices, averaged over the adjacent faces by area."""
+    """Return unit vertex normals (N, 3): area-weighted averages over the adjacent faces."""
     # Differences of large heights would overflow float32.
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
