@@ -30,7 +30,7 @@ class ContoursVisualization(LineMarker):
 
     Attributes:
         layer: layer to draw, usually heights [m].
-        interval: value difference between adjacent lines; each value is a multiple of it.
+        interval: spacing of the contour values; lines are drawn at its multiples.
         levels: values of the lines, in any order; replaces `interval`.
         flat: draw the lines at height zero, not at their values; for layers that are not heights.
 
