@@ -3,8 +3,8 @@
 
 - `GridMap`: named float32 layers over a rectangular grid that follows a robot without copying data.
   Related classes: `GridGeometry`, `Interpolation`, `BufferRegion`, `SignedDistanceField`.
-- Regions: `circle_cells` and similar functions return cells (rows, cols) in a geometric shape, to
-  index a layer. See also `cells_to_mask`, `sliding_windows`, `window_array` and `Polygon`.
+- Regions: `circle_cells` and similar functions return the (rows, cols) of the cells in a shape, for
+  indexing a layer. See also `cells_to_mask`, `sliding_windows`, `window_array` and `Polygon`.
 - Conversions: `to_image`, `from_image`, `change_resolution`, `from_points`, `from_mesh`;
   `color_vector_to_value` and `color_value_to_vector` pack and unpack colors.
 - Files: `load` and `save` choose the format from the file name.

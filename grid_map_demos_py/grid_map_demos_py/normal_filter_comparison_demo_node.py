@@ -82,7 +82,7 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
 
     Args:
         grid_map: map with the layer `elevation`.
-        noise: largest absolute noise [m].
+        noise: amplitude of the uniform noise [m].
         outliers: fraction of the cells that become infinite.
         random: random number generator.
     """
@@ -140,7 +140,7 @@ class NormalFilterComparisonDemoNode(Demo):
         super().__init__("normal_filter_comparison_demo")
         about = "shape of the surface: wave, plane, hill, cone"
         self._shape = self.read_choice("shape", SHAPES, "wave", about)
-        about = "largest absolute noise [m]"
+        about = "amplitude of the uniform noise [m]"
         self._noise = self.read_number("noise_on_map", 0.015, 0.0, MOST_NOISE, about)
         about = "share of cells that become outliers (infinite heights), 0 to 1"
         self._outliers = self.read_number("outliers_percentage", 0.0, 0.0, 1.0, about)

@@ -85,7 +85,7 @@ class TutorialDemoNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("grid_map_tutorial_demo")
-        about = "largest absolute noise [m]"
+        about = "amplitude of the uniform noise [m]"
         self._noise = self.read_number("noise", 0.015, 0.0, MOST_NOISE, about)
         about = "number of outliers (infinite heights); about half lie outside the map"
         self._outliers = self.read_number("outliers", 500, 0, MOST_OUTLIERS, about)

@@ -45,7 +45,7 @@ def elementwise(
 def piece_of(count: int) -> int:
     """Return the number of elements per piece for an array with `count` elements.
 
-    Small arrays have smaller pieces, so that temporaries stay smaller than the array.
+    Small arrays are split into smaller pieces, so that temporaries stay smaller than the array.
     """
     return max(_SMALL_PIECE, min(PIECE, count // 16))
 
@@ -60,10 +60,10 @@ def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]
     """Yield the members of all groups, group by group, in chunks of at most `limit` members.
 
     Args:
-        counts: (G,) size of each group.
+        counts: (G,) number of members in each group.
 
     Yields:
-        groups: (n,) index in `counts` of each member's group.
+        groups: (n,) index of each member's group.
         members: (n,) index of each member within its group.
     """
     ends = np.cumsum(counts)

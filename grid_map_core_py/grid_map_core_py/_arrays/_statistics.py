@@ -58,7 +58,7 @@ def _pieces(values: ArrayLike) -> Iterator[NDArray[Any]]:
 
 def _sum(values: NDArray[Any]) -> float:
     if values.dtype == np.float32:
-        # Replacing NaN is twice as fast as selecting finite values, but wrong with infinities.
+        # Replacing NaN is twice as fast as selecting finite values, but fails with infinities.
         with np.errstate(invalid="ignore"):
             total = float(cv2.patchNaNs(values.copy(), 0.0).sum(dtype=np.float64))
         if np.isfinite(total):

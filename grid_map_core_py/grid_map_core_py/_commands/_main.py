@@ -48,7 +48,7 @@ Handler: TypeAlias = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser that reports errors in one line and accepts numbers such as -1e-3 as values."""
+    """Parser that reports errors in one line and accepts negative numbers such as -1e-3."""
 
     def __init__(self, **options: Any) -> None:
         # An abbreviation that is unique today may become ambiguous with a new option.
@@ -199,7 +199,7 @@ def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], Non
 
     def prepare() -> None:
         control(set_parent_death_signal, number)
-        # Detect a parent that has ended already. Comparing with 1 would fail in a container, where
+        # The parent may have ended already. Comparing with 1 would fail in a container, where
         # the parent itself may be process 1.
         if os.getppid() != parent:
             os._exit(0)

@@ -38,7 +38,7 @@ _WRITING = (
     *("black", "white", "data_min", "data_max"),
 )
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
-"""Maps command-line options to format options, where their names differ."""
+"""Format options by the command-line options that set them, where the names differ."""
 
 _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 
@@ -50,8 +50,8 @@ def _choose(
 
     Args:
         options: the arguments.
-        of_source: names of the options that the source uses, to choose the destination format.
-            None chooses the source format.
+        of_source: names of the options that the source uses. If given, the destination format is
+            returned; if None, the source format.
     """
     from ..files._formats import find_format, formats, options_of
 
@@ -130,8 +130,8 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield a sequence with one record per map to copy from the source to the destination.
 
-    It holds all maps of a bag if the destination can store several and `--index` is not given,
-    otherwise one map.
+    It has a record for each map of a bag if the destination can store several maps and `--index` is
+    not given, otherwise a single record.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)

@@ -30,16 +30,16 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: largest difference at which a point and a height agree
+        mahalanobis_distance_threshold: difference up to which a point and a height agree
             [standard deviations].
-        multi_height_noise: variance that a contradicting scan adds to a cell [m^2].
+        multi_height_noise: variance added to a cell whose height a scan contradicts [m^2].
         time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
         conflict_points: number of points in one scan that must agree to replace a height.
-        min_support: the highest cluster with at least this share of the points in the cell's
-            densest cluster becomes the surface at once. Smaller clusters must be seen in three
-            scans.
+        min_support: number of points that a cluster needs to become the surface at once, as a share
+            of the cell's densest cluster; the highest such cluster wins. Smaller clusters must be
+            seen in three scans.
         overhang_clearance: a cluster above a vertical gap larger than this [m] is an overhang: the
             cell keeps the ground height, and the layer `overhang` holds the underside of the
             overhang. With 0, the cell gets the highest surface.
@@ -216,7 +216,7 @@ class StructuredLightModel(_Camera):
     Attributes:
         cutoff_min_depth: smallest depth of the points to use [m].
         cutoff_max_depth: largest depth of the points to use [m].
-        normal_factor_a: a in the standard deviation a + b (z - c)^2 + d z^e of the depth z [m].
+        normal_factor_a: a in a + b (z - c)^2 + d z^e, the standard deviation of the depth z [m].
         normal_factor_b, normal_factor_c, normal_factor_d, normal_factor_e: see `normal_factor_a`.
         lateral_factor: standard deviation across the optical axis, per meter of depth.
     """

@@ -25,8 +25,8 @@ class ColorBlending(CellFilter):
     Attributes:
         background_layer: layer with the background colors.
         foreground_layer: layer with the foreground colors.
-        blend_mode: "normal" shows the foreground; "hard_light" multiplies with dark and screens
-            with bright foreground colors; "soft_light" is Pegtop's formula.
+        blend_mode: "normal" shows the foreground; "hard_light" multiplies where the
+            foreground is dark and screens elsewhere; "soft_light" is Pegtop's formula.
         opacity: opacity of the blended color, from 0 to 1.
         output_layer: layer for the result.
     """

@@ -31,12 +31,12 @@ class Cost(CellFilter):
     Attributes:
         input_layer: layer to convert; cells that are not finite are unknown.
         output_layer: layer for the costs; NaN is unknown.
-        free_value: value of cost 0, in the unit of `input_layer`.
-        lethal_value: value of cost 254; may be less than `free_value`.
+        free_value: value at which the cost is 0, in the unit of `input_layer`.
+        lethal_value: value at which the cost reaches 254; may be less than `free_value`.
         unknown: cost of unknown cells: `unknown` is NaN, `lethal` 254, `free` 0.
         lethal_layer: layer with a second criterion, such as step height.
-        lethal_above: cells of `lethal_layer` above this value are lethal, even if unknown; NaN has
-            no effect.
+        lethal_above: cells where `lethal_layer` exceeds this value are lethal, even if unknown; NaN
+            has no effect.
     """
 
     input_layer: str

@@ -31,12 +31,13 @@ class Inflation(LayerFilter):
     Attributes:
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
-        inscribed_radius: radius of the largest circle about the robot's origin in its footprint
-            [m]; for Nav2's `robot_radius`, multiply it by cos(pi / 16) = 0.9808.
-        footprint: corners [x, y] [m], also as text as in Nav2, instead of `inscribed_radius`.
-        inflation_radius: largest distance of raised costs [m], rounded up to whole cells.
-        cost_scaling_factor: decrease of costs beyond the inscribed radius [1/m].
-        inflate_unknown: raise unknown cells to all costs, not only to 253 and 254.
+        inscribed_radius: radius of the largest circle around the robot's origin that fits in its
+            footprint [m]; with Nav2's `robot_radius`, cos(pi / 16) = 0.9808 times that radius.
+        footprint: corners [x, y] [m], as a list or as text like in Nav2; use it instead of
+            `inscribed_radius`.
+        inflation_radius: distance up to which costs are raised [m], rounded up to whole cells.
+        cost_scaling_factor: rate at which costs decay beyond the inscribed radius [1/m].
+        inflate_unknown: let any cost above 0 replace unknown cells, not only 253 and 254.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 

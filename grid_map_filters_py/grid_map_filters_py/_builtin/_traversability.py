@@ -28,9 +28,9 @@ class Traversability(CellFilter):
     Attributes:
         input_layers: layers with costs such as slope, step height and roughness.
         output_layer: layer for the result.
-        critical_values: per layer, the value at which its term reaches 0, in the unit of the layer
+        critical_values: value of each layer at which its term reaches 0, in the unit of the layer
             (slopes in radians).
-        weights: weight per layer; only their ratios matter. Equal by default.
+        weights: weight of each layer, by default equal; only the ratios matter.
     """
 
     input_layers: tuple[str, ...]

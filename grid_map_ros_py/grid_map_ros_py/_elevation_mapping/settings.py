@@ -52,8 +52,8 @@ class Settings:
             robot frame.
         track_point_x, track_point_y, track_point_z: coordinate of this point [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
-        robot_pose_with_covariance_topic: topic of the robot poses, by default `/pose`. With tf,
-            only their covariances are used; if empty, poses are assumed exact.
+        robot_pose_with_covariance_topic: topic of the robot poses. Without tf, empty means `/pose`.
+            With tf, only the covariances are used; empty means exact poses.
         pose_type: message type of `robot_pose_with_covariance_topic`.
         robot_pose_cache_size: number of latest poses to keep.
         pose_timeout: maximum time a scan waits for its pose [s].

@@ -28,7 +28,7 @@ class GridMapSaverNode(ConfiguredNode):
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         bag_topic = self.read("bag_topic", "", "topic in the bag; empty means `grid_map_topic`")
         self._topic = bag_topic or self.resolve_topic_name(topic)
-        about = "save every map, replacing the previous one, instead of ending after the first"
+        about = "keep running and save every map, each replacing the previous one"
         self._continuous = self.read("continuous", False, about)
         about = "file format of the bag: `mcap`, or `sqlite3` for `loadFromBag` in C++"
         self._storage = self.read("storage", "mcap", about)
