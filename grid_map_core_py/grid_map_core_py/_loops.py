@@ -27,7 +27,7 @@ Type: TypeAlias = str | tuple[str, int] | tuple[str, ...]
 logger = logging.getLogger(__name__)
 _compiling = threading.RLock()
 _known: set[Callable[..., Any]] = set()
-"""Functions registered with numba for calls from compiled code."""
+"""Functions that are registered with numba, so that compiled code can call them."""
 
 
 @dataclass(eq=False)
@@ -39,8 +39,8 @@ class Loop:
             nothing. It may call `math`, NumPy and other compilable Python functions.
         takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
             "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
-            For other types, the loop is compiled when they first occur.
-        instead: replacements, in compiled code, for functions that `function` calls.
+            For other types, the loop is compiled again when it is first called with them.
+        instead: maps functions that `function` calls to their replacements in compiled code.
     """
 
     function: Callable[..., None]
@@ -48,9 +48,9 @@ class Loop:
     instead: Mapping[Callable[..., Any], Callable[..., Any]] = field(default_factory=dict)
 
     def compiled(self) -> Compiled | None:
-        """Return the compiled function, loaded from numba's cache or compiled in a few seconds.
+        """Return the compiled function, from numba's cache or after a few seconds of compilation.
 
-        The first compilation of a process is logged in one line.
+        The first compilation in a process is logged.
         Array arguments may have any shape and must be contiguous. The function releases the GIL.
 
         Returns:
@@ -99,7 +99,7 @@ def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
 
 @lru_cache
 def _announce() -> None:
-    # Not a Python warning, which a program may turn into an error. Nodes forward it to their log.
+    # Logged, as a program may turn Python warnings into errors. Nodes forward the message to ROS.
     logger.warning("numba compiles loops for some seconds, this first time only")
 
 

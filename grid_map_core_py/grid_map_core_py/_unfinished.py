@@ -12,7 +12,7 @@ from pathlib import Path
 
 _paths: set[Path] = set()
 notes: set[str] = set()
-"""Texts for the user if the command fails or a signal ends it, such as how to continue."""
+"""Texts shown to the user if a command fails or a signal ends it, such as how to resume it."""
 
 
 @contextmanager
@@ -28,7 +28,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Yield a new temporary folder, removed on exit; remove the folders of killed processes."""
+    """Yield a temporary folder, removed on exit; also remove folders that killed processes left."""
     for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
         with suppress(OSError), _locked(left):
             remove(left)

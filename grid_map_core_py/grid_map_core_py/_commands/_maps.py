@@ -168,7 +168,7 @@ def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]
 
 @contextmanager
 def _source(path: str) -> Iterator[Path | str]:
-    """Yield the source path or address; standard input is copied to a file, for random access."""
+    """Yield the source path or address; standard input is copied to a temporary, seekable file."""
     if path != STANDARD:
         yield path if _is_address(path) else Path(path)
         return
@@ -189,8 +189,8 @@ class Destination:
 
     Args:
         options: the arguments.
-        usual_topic: default topic of the maps in a bag; None means the source topic if the source
-            is a bag, else `/grid_map`.
+        usual_topic: topic of the maps if the destination is a bag and no topic is given. None means
+            the source topic if the source is a bag too, else `/grid_map`.
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
@@ -213,7 +213,7 @@ class Destination:
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:
-        """Return whether to copy a whole bag: the format can store it, and no part is selected."""
+        """Return whether to copy the whole bag: no part is selected, and the format allows it."""
         chosen = (options.topic, options.index, options.layers)
         is_whole = all(one is None for one in chosen)
         return self.format.save_all is not None and self._holds_many and is_whole

@@ -56,7 +56,7 @@ def number(value: float) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Format a length or coordinate [m] with 12 digits, so UTM northings keep millimeters."""
+    """Format a length or coordinate [m] to 12 significant digits; UTM values keep millimeters."""
     return f"{value:.12g}"
 
 
@@ -80,8 +80,9 @@ class ProgressBar:
         clock: function that returns the time [s].
         quiet: whether to hide the progress; ignored for `as_json`.
         unit: name of the counted items.
-        cells: number of cells per unit, to show cells per second. Make the first call before the
-            work begins, with the number of units finished earlier; the rate excludes them.
+        cells: number of cells per unit. If given, the rate is shown in cells per second. Call the
+            bar once before the work begins, with the number of units that were already finished;
+            the rate does not count them.
         as_json: print a JSON line every second and at the end.
     """
 

@@ -73,7 +73,7 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
     """Read the rectangle that the `add_rectangle` arguments select.
 
-    For stores and rasters, only the chunks that overlap the rectangle are read.
+    From a Zarr store or GeoTIFF file, only the chunks that overlap the rectangle are read.
     """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
@@ -106,9 +106,9 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    That is the case if the source, and the destination if there is one, is a Zarr store or GeoTIFF
-    file. Unless `--cog` or `also_small` is set, a small source is still read as a whole if there is
-    no destination, or if both files are GeoTIFF.
+    The source, and the destination if there is one, must be a Zarr store or a GeoTIFF file. If
+    there is no destination, or both are GeoTIFF files, a source within `max_cells` is nevertheless
+    read as a whole, unless `also_small` or an option in `_OPTIONS` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -144,8 +144,8 @@ def write_tiles(
         tiled_map: the map.
         destination: a Zarr store or a GeoTIFF file.
         options: the `add_tiles` arguments, and `layers`.
-        threads: number of threads, unless `options` select workers or a cluster; None means one
-            per processor.
+        threads: number of threads; ignored if `options` select worker processes or a cluster. None
+            means one thread per processor.
         progress: `ProgressBar` arguments.
     """
     if options.memory and not options.workers:
@@ -166,7 +166,7 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Context manager: make Dask use the processes or cluster that the options select."""
+    """Context in which Dask runs on the threads, processes or cluster that the options select."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles", _REMEDY).config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):
@@ -203,7 +203,7 @@ def _processes(distributed: Any, count: int, memory: str) -> Iterator[None]:
     except ValueError as error:
         text = f"--memory: expected a size such as 1GB, got {memory}"
         raise UsageError(text) from error
-    # After a signal, the resource tracker of multiprocessing removes semaphores; it need not warn.
+    # Suppresses a harmless warning: the resource tracker removes semaphores left after a signal.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
     with scratch_folder() as folder:
         cluster = distributed.LocalCluster(

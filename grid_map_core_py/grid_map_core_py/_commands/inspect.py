@@ -64,7 +64,7 @@ def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[
     """Return statistics and a histogram of the finite values of a layer as JSON values.
 
     For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
-    `each(function, layers)` calls a function with the map or its tiles, and returns the results.
+    `each(function, layers)` calls `function` with the map or each tile, and returns the results.
     """
     import numpy as np
 

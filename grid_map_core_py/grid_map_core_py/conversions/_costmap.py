@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Navigation costmaps with one byte per cell; NaN becomes 255 (unknown), never free."""
+"""Convert layers to and from navigation costmaps, one byte per cell; NaN becomes 255 (unknown)."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ class CostRange:
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Convert costs to float32 values (...): 0 is `data_min`, 254 is `data_max`, 255 is NaN."""
+        """Convert costs to float32 values (...): 0 to `data_min`, 254 to `data_max`, 255 to NaN."""
         known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
         table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))

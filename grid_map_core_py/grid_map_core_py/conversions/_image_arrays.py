@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert layers to images and images to layers, and change the resolution of maps.
 
-Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
-is +x, left is +y. A moved map is unwrapped first, so its image has the same orientation.
+Pixel (row, column) of an image corresponds to cell (row, column) of a map that has not moved, so
++x points up in the image and +y left. A moved map is unwrapped first, which keeps this orientation.
 
 **Color images are BGR by default**, the order of `cv2.imread` and `cv2.imwrite`. For images from
 Matplotlib, Pillow or ROS `rgb8`, pass `order="rgb"`. A fourth channel is always alpha.
 
-Gray values: the layer range [`lower`, `upper`] becomes [0, 255] in uint8, [0, 65535] in uint16
-and [0, 1] in float32 and float64 images. A float image created without `lower` and `upper` contains
-the layer values unchanged.
+In gray images, the layer range [`lower`, `upper`] is scaled to [0, 255] for uint8, [0, 65535] for
+uint16, and [0, 1] for float32 and float64. A float image created without `lower` and `upper`
+contains the layer values unchanged.
 
 NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. The alpha of a NaN cell is
 0; all other cells are opaque. Infinities become the bounds of the range. When an image is read,
-pixels whose alpha is below half the maximum become NaN.
+pixels whose alpha is below half the maximum become NaN by default.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _range(
     """Return `lower` and `upper`, with None replaced by the smallest or largest finite value."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
-    # If no value is finite, or all lie beyond the given bound, both bounds become the given one.
+    # If no value is finite, or all lie beyond the given bound, that bound is used for both.
     if lower is None:
         low = float(np.fmin(min_of_finites(values), high))
     if upper is None:
@@ -205,7 +205,7 @@ def from_image(
 
     Args:
         image: (rows, cols), or (rows, cols, channels) with 1, 3 or 4 channels; uint8, uint16,
-            float32 or float64. Colors are converted to luma (ITU-R BT.601, OpenCV's `cvtColor`).
+            float32 or float64. Colors become luma (ITU-R BT.601, with OpenCV's `cvtColor`).
         resolution: side of a pixel [m].
         lower, upper: layer values of black (0) and white (255, 65535 or 1.0) pixels. With 0 and 1,
             the values of a float image are copied unchanged.
@@ -236,7 +236,7 @@ def add_layer_from_image(
     alpha_threshold: float = 0.5,
     order: Order = "bgr",
 ) -> None:
-    """Add or replace a layer of a map with the gray values of an image.
+    """Store the gray values of an image in a new or existing layer of a map.
 
     Args:
         grid_map: map with as many rows and columns as the image; it may have moved.
@@ -257,7 +257,7 @@ def add_color_layer_from_image(
     alpha_threshold: float = 0.5,
     order: Order = "bgr",
 ) -> None:
-    """Add or replace a layer of a map with the packed colors of an image.
+    """Store the colors of an image, packed, in a new or existing layer of a map.
 
     Args:
         grid_map: map with as many rows and columns as the image; it may have moved.

@@ -18,7 +18,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import fitting_geometry
 
-# Triangles, or pairs of a triangle and a cell, per chunk; temporaries then fit into the cache.
+# Number of triangles, or of triangle-cell pairs, per chunk, so that temporaries fit the cache.
 _TRIANGLES = _PAIRS = 1 << 13
 
 _ROUNDING = 1e-9  # largest rounding error of a distance to an edge [cells]
@@ -85,7 +85,9 @@ def from_mesh(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Create the smallest map that covers the finite vertices of all faces.
+    """Create a map from a mesh, just large enough for the finite vertices of all faces.
+
+    Arguments not listed here are as in `rasterize_triangles`.
 
     Args:
         resolution: side of a cell [m].
@@ -93,8 +95,8 @@ def from_mesh(
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: no face has a finite vertex, or an error as in `rasterize_triangles`.
-        LimitError: the map would have too many cells, or an error as in `rasterize_triangles`.
+        GridMapError: no face has a finite vertex, or `rasterize_triangles` raises an error.
+        LimitError: the map would have too many cells, or `rasterize_triangles` raises it.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -136,7 +138,7 @@ class _Triangles(NamedTuple):
     Attributes:
         row, column: (T,) position of the first corner.
         by_row, by_column: (3, T) slopes of the barycentric coordinates along rows and columns.
-        slacks: (3, T) amount by which the barycentric coordinates of a hit may be negative.
+        slacks: (3, T) how far below 0 the barycentric coordinates of a covered cell may be.
         heights: (3, T) heights of the corners [m].
         first_row, row_count, first_column, column_count: (T,) bounding rectangles.
         counts: (T,) number of cells in each bounding rectangle.
@@ -164,7 +166,7 @@ def _prepared(
         rows, columns, z: (3, T) positions of the corners [cells], with cell centers at integers,
             and heights of the corners [m].
         size: rows and columns of the map.
-        tolerance: distance from a center to an edge that still counts as a hit [cells].
+        tolerance: largest distance outside an edge at which a center is still covered [cells].
     """
     along_rows, along_columns = _edges(rows), _edges(columns)
     area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
@@ -189,7 +191,7 @@ def _prepared(
 
 
 def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the hits of small triangles: column-major cell numbers (n,) and heights (n,)."""
+    """Yield the cells that triangles cover, as column-major numbers (n,), and heights (n,)."""
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides
@@ -208,7 +210,7 @@ def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integ
 
 
 def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the hits of one triangle, without copying the triangle's data for each cell."""
+    """Yield what `_hits_of_small` yields, for one triangle whose data is not copied per cell."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column
@@ -240,7 +242,7 @@ def _inside(
 def _heights(
     weights: Iterable[Positions], hits: Integers, corners: Iterable[Positions]
 ) -> Positions:
-    """Return the heights (n,) of hits; `corners` holds corner heights of one or n triangles."""
+    """Return heights (n,) in covered cells; `corners` has corner heights of one or n triangles."""
     heights, total = np.zeros(len(hits)), np.zeros(len(hits))
     for weight, height in zip(weights, corners, strict=True):
         # Clamped, because extrapolating a steep triangle beyond an edge causes large errors.

@@ -66,7 +66,7 @@ def join_channels(red: Any, green: Any, blue: Any) -> Any:
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Return three uint32 whose low bytes are red, green and blue; filters compile it with numba.
+    """Split bits into uint32 with red, green or blue in the low byte; also compiled with numba.
 
     Args:
         bits: uint32 number or array, 0x00RRGGBB.
@@ -108,7 +108,7 @@ def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
 
 
 def _pack(*channels: NDArray[Any]) -> NDArray[np.uint32]:
-    """Return the bits of color channels, which are floats in [0, 1] or integers in [0, 255]."""
+    """Pack channels, floats in [0, 1] or integers in [0, 255], into the bits 0x00RRGGBB."""
     bits: NDArray[np.uint32] = join_channels(*map(_byte, channels))
     for channel in channels:
         if channel.dtype.kind == "f":

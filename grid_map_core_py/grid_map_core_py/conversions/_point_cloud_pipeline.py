@@ -124,7 +124,7 @@ class PointCloudPipeline:
 
     If enabled, outliers are removed and the cloud is downsampled. The cloud is then transformed to
     the map frame, and the points of each cell are clustered. The height of a cell is the mean
-    height of one cluster. Cells without a cluster are NaN.
+    height of the cluster that `height_type` selects. Cells without a cluster are NaN.
 
     Attributes:
         num_processing_threads: number of threads that search for neighbors.
@@ -223,7 +223,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks of whole cells that have an allowed point count."""
+        """Yield point indices (n,) in chunks of whole cells; skip cells beyond the limits."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -239,7 +239,7 @@ class PointCloudPipeline:
     def _heights(
         self, cells: Integers, points: Positions
     ) -> tuple[Integers, npt.NDArray[np.float64]]:
-        """Cluster points (n, 3); return the cells (m,) that have clusters, and the heights (m,)."""
+        """Cluster points (n, 3); return cells (m,) with clusters, and their heights (m,)."""
         extraction = self.cluster_extraction
         groups = np.unique(cells, return_inverse=True)[1]
         clusters = euclidean_clusters(
@@ -264,7 +264,7 @@ class PointCloudPipeline:
 
 
 def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
-    """Replace the points in each voxel by the mean of the points.
+    """Replace the points in each voxel with their mean.
 
     Args:
         points: (N, 3) or wider, x, y, z [m]; points that are not finite are ignored.
@@ -302,7 +302,7 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
 
 
 def finite_points(points: npt.ArrayLike) -> Positions:
-    """Return x, y, z (N, 3) of the points with finite coordinates, as float64."""
+    """Return x, y, z (M, 3) of the points with finite coordinates, as float64."""
     xyz: Positions = as_points(points)[:, :3].astype(np.float64)
     finite = np.isfinite(xyz).all(axis=1)
     return xyz if finite.all() else xyz[finite]
@@ -311,7 +311,7 @@ def finite_points(points: npt.ArrayLike) -> Positions:
 def remove_outliers(
     points: npt.ArrayLike, mean_k: int, stddev_threshold: float, *, workers: int = 1
 ) -> Positions:
-    """Remove points far from their neighbors; return the remaining points (M, 3) in order.
+    """Remove points far from their neighbors; return the others (M, 3) in their original order.
 
     This is PCL's statistical outlier removal. For each point, the mean distance to the nearest
     `mean_k` neighbors is computed. A point is removed if this distance exceeds the mean over all
@@ -404,8 +404,8 @@ def _missing_links(
     """Return links that join clusters of the same group through their `crowded` points.
 
     `crowded` are the indices of points that already have the maximum number of links. Few clusters
-    contain such points, so this is cheap. For each pair of clusters, the cluster with fewer crowded
-    points links each of them to the nearest one in the other cluster, if it is within `reach`.
+    contain such points, so this is cheap. In each pair of clusters, every crowded point of the
+    cluster with fewer of them is linked to the nearest one of the other, if it is within `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -436,7 +436,7 @@ def _missing_links(
 
 
 def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
-    """Return points (n, 4) with a coordinate that keeps groups more than `reach` apart."""
+    """Add a fourth coordinate to points that keeps different groups more than `reach` apart."""
     return np.column_stack([points, 2.0 * reach * groups])
 
 
@@ -451,7 +451,7 @@ def _components(points: int, edges: _Edges) -> Integers:
 
 
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
-"""Keys of vectors that may be mappings in the file, such as `{x: 0.1, y: 0.1, z: 0.1}`."""
+"""Keys of vectors that may be written as mappings, such as `{x: 0.1, y: 0.1, z: 0.1}`."""
 
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:

@@ -96,7 +96,7 @@ def rasterize_counted(
     field_reductions: Mapping[str, str] | None,
     limits: tuple[float, float],
 ) -> tuple[GridMap, Mask]:
-    """Return the result of `rasterize`, and a mask (N,) of the points on the map."""
+    """Return the result of `rasterize`, and a mask (N,) of the points that were not ignored."""
     cloud = as_points(points)
     sources = _sources(cloud, layers, fields or {}, field_reductions or {})
     geometry = grid_map.geometry
@@ -145,7 +145,7 @@ def from_points(
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: the extent is needed, but no finite point is within the height limits.
+        GridMapError: `length` or `position` is None, but no finite point is within the limits.
         LimitError: the map would have too many cells.
     """
     cloud = as_points(points)
@@ -270,7 +270,7 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return `flat_cells` of the points that are on the map and within the height limits."""
+    """Return the flat cells (n,) of points on the map and within limits, and their mask (N,)."""
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)
     # For comparisons, NumPy rounds the limits to the data type of the heights.
@@ -293,7 +293,7 @@ def _located(
 
 
 def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
-    """Return the flat cell indices (n,) of the points on the map, and their mask (N,)."""
+    """Return the flat cell index (N,) of each point, and a mask (N,) of the points on the map."""
     (rows, columns), inside = geometry.cells_at(points[:, :2])
     return rows + geometry.size[0] * columns, inside
 

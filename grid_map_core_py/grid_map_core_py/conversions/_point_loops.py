@@ -8,10 +8,10 @@ import numpy as np
 from .._loops import Compiled, Loop, loop
 
 _MANY = 1_000_000
-"""Number of points handled by a process above which loading the compiled loops pays off."""
+"""Number of points that a process must handle before loading the compiled loops pays off."""
 
 _FEW = 64
-"""Above this number of points in a cell, insertion sort is too slow: it takes quadratic time."""
+"""Largest number of points in a cell for insertion sort, which takes quadratic time."""
 
 _handled = 0
 
@@ -23,7 +23,7 @@ def count(points: int) -> None:
 
 
 def ready(wanted: Loop) -> Compiled | None:
-    """Return the compiled loop; None without numba, or if at most `_MANY` points were handled."""
+    """Return the compiled loop if numba works and over `_MANY` points were handled, else None."""
     return wanted.compiled() if _handled > _MANY else None
 
 

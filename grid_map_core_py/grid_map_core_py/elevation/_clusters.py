@@ -188,18 +188,18 @@ class Clusters:
         return fits
 
     def first(self, chosen: Mask) -> Integers:
-        """Return, for each cell (m,), the highest cluster in the mask `chosen` (q,), or `NONE`."""
+        """Return, for each cell (m,), the highest cluster that `chosen` (q,) selects, or `NONE`."""
         return self.last(chosen, -1)
 
     def last(self, chosen: Mask, step: int = 1) -> Integers:
-        """Return, for each cell (m,), the lowest cluster in the mask `chosen` (q,), or `NONE`."""
+        """Return, for each cell (m,), the lowest cluster that `chosen` (q,) selects, or `NONE`."""
         found = np.full(len(self.points.cells), NONE)
         numbers = np.flatnonzero(chosen)[::step]
         found[self.groups[numbers]] = numbers
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the concatenated point indices of clusters, and the start of each cluster (k,)."""
+        """Return the concatenated point indices of clusters, and where each cluster starts (k,)."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -268,8 +268,8 @@ def _grow_arrays(
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
     """Form clusters, and write the results of each one at the index of its first point.
 
-    `counts` receives the number of points. `sums` receives the sums of the weights, of the weighted
-    heights relative to the first point, and of the weighted squares of these relative heights.
+    `counts` receives the number of points. `sums` receives the sums of w, w h and w h^2 over the
+    points, where w is the weight and h the height relative to the first point.
     """
     begins, ends = borders
     z, r = points

@@ -9,17 +9,18 @@ height. Each cell with points gets one of these outcomes:
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
 - `STARTED`: the cell was unknown, and gets the height of the surface.
-- `RAISED`: the surface is higher than the old height, and replaces it. A smaller cluster above
-  the surface, with at least `conflict_points` points (a candidate), replaces the height after it
-  was seen at the same height in three scans within half a second.
+- `RAISED`: the surface is higher than the old height, and replaces it. A candidate also replaces
+  it: a smaller cluster above the surface that has at least `conflict_points` points, and was seen
+  at the same height in three scans within half a second.
 - `LOWERED`: the surface is lower than the old height, and replaces it in two cases. (a) The height
   was not confirmed for `scanning_duration`, and the beams of at least `conflict_points` points of
   the surface entered the cell above the height. (b) At most `conflict_points` points ever supported
   the height, and no neighbor is more than one resolution higher than the surface.
 - `CONTRADICTED`: none of the above; the height stays.
 
-If no cluster has support, `CONFIRMED` accepts any cluster; `STARTED` and case (b) use the highest.
-`RAISED`, `LOWERED` and `CONTRADICTED` are conflicts: `multi_height_noise` is added to the variance.
+If no cluster has support, any cluster can confirm the height, and the highest cluster takes the
+place of the surface in `STARTED` and case (b). `RAISED`, `LOWERED` and `CONTRADICTED` are
+conflicts: `multi_height_noise` is added to the variance.
 
 Drift compensation first shifts the whole map by a share of the offset between scan and map. It then
 shifts the scan by the rest, so that both match. The map lags behind the odometry by
@@ -45,7 +46,7 @@ SIGHTINGS = 3
 """Number of scans that must see a candidate before it becomes the surface."""
 
 TAIL = 0.1
-"""A cell with less than this share of a neighbor's support holds only the neighbor's noise tail."""
+"""Below this share of a neighbor's support, a cell holds only the tail of the neighbor's noise."""
 
 CANDIDATE_TIME = 500
 """Maximum time between the first and the last sighting of a candidate [ms]."""
@@ -57,12 +58,12 @@ LEVEL = 0.03
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
     """Return the vertical offset of a scan from the map [m], or 0 if the cells do not agree.
 
-    A cell votes if its variance is small, and its eight neighbors are known and level with it; near
-    steps and edges, points and map differ even without drift. Each cluster in the cell is one vote:
-    its offset from the map. Votes that exceed `max_drift` by more than the gate are ignored, and so
-    are votes that differ from the median vote by more than the gate. The result is the mean of the
-    remaining votes, weighted by inverse variance. It is 0 if fewer than `min_drift_cells` or fewer
-    than half of the votes remain, or if the mean exceeds `max_drift`.
+    Cells vote if their variance is small, and their eight neighbors are known and level with them,
+    because points and map differ near steps and edges even without drift. Each cluster in such a
+    cell casts one vote, its offset from the map. A vote is ignored if it exceeds `max_drift`, or
+    differs from the median vote, by more than the gate. The result is the mean of the remaining
+    votes, weighted by inverse variance. It is 0 if fewer than `min_drift_cells` votes or fewer than
+    half of the votes remain, or if the mean exceeds `max_drift`.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
@@ -207,10 +208,10 @@ class Fusion:
         support[grown] = SIGHTINGS * clusters.counts[found[grown]]
 
         state.heights[cells], state.memory.support[cells] = heights, support
-        # Points are spread over the cell. If u is the largest height difference to a neighbor, but
-        # at most the resolution, the mean of n points has the variance u^2 / (12 n) around the
-        # height at the center. If a neighbor has many more points, a cell contains only the noise
-        # tail of the neighbor's points, which does not average out.
+        # Points are spread over the cell, so the mean height of n points has the variance
+        # u^2 / (12 n) around the height at the center; u is the largest height difference to a
+        # neighbor, limited to the resolution. A cell with far fewer points than a neighbor contains
+        # only the tail of the neighbor's noise, which does not average out.
         size, low = self.geometry.size, heights.astype(np.float32)
         above = highest_around(state.heights, size)[cells] - low
         below = low + highest_around(-state.heights, size)[cells]
@@ -224,7 +225,7 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return each cell's candidate (m,) seen in enough scans, or `NONE`; remember the rest."""
+        """Return each cell's candidate (m,) if seen often enough, else `NONE`; store the others."""
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])

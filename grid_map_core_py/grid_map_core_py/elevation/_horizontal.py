@@ -2,7 +2,7 @@
 """Heights and bounds that account for the horizontal uncertainty of cells.
 
 Each cell becomes a mixture of itself and the cells around it. The weight of a neighbor is the
-probability that a position error of the cell leads there. Position errors are normally distributed,
+probability that the position error of the cell shifts it there. This error is normally distributed,
 with the cell's `horizontal_variance` along each axis.
 """
 
@@ -63,7 +63,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """For each offset, yield weights, heights and variances (k,) of the known cells' neighbors."""
+    """Yield weights, heights and variances (k,) of the neighbors of all known cells, per offset."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
@@ -81,7 +81,7 @@ def _neighbors(
 
 
 def _share(step: int, deviations: Cells) -> Cells:
-    """Return the probability that a position error ends in the cell `step` cells away."""
+    """Return the probability that a position error rounds to `step` cells along an axis."""
     with np.errstate(divide="ignore"):
         share: Cells = ndtr((step + 0.5) / deviations) - ndtr((step - 0.5) / deviations)
     return share

@@ -43,7 +43,7 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 _LOOPS = deal, grow_clusters, cover, trace
 
 LATE = 10**9
-"""If timestamps are too early for longer than this time [ns], the map clock restarts."""
+"""The map clock restarts if timestamps stay too early for longer than this time [ns]."""
 
 KEPT = "time", *BOUNDS
 """Layers that `masked_replace` does not copy from the other map."""
@@ -58,7 +58,7 @@ class UpdateReport:
         points_dropped: number of points that were ignored.
         points_gated: number of points on the map that do not agree with their cell.
         reasons: number of dropped points for each reason.
-        conflicts: number of cells whose height the scan contradicts, replaced or not.
+        conflicts: number of cells whose height the scan contradicts, even if it was replaced.
         cells_cleared: number of cells that the visibility cleanup cleared.
         drift: vertical offset of the scan from the map [m]; 0 without drift compensation, or if
             the cells do not agree on an offset.
@@ -173,9 +173,9 @@ class ElevationMapper:
             timestamp: time of the scan [ns]. If it is earlier than the previous timestamp, the
                 previous one is used. After a jump of more than `max_time_jump`, or if timestamps
                 stay too early for more than a second, the map clock restarts at this timestamp, and
-                all cells count as just confirmed. A timestamp of 0 counts as missing if the
-                previous one exceeds `max_time_jump`: all points are dropped. A restart and a
-                missing timestamp each cause a `RuntimeWarning`.
+                all cells count as just confirmed. If the previous timestamp exceeds
+                `max_time_jump`, a timestamp of 0 counts as missing, and all points are dropped.
+                Restarts and missing timestamps cause a `RuntimeWarning`.
             pose_covariance: (6, 6) covariance of x, y, z [m], roll, pitch, yaw [rad] of the sensor;
                 rotations are about the map axes. None means an exact pose.
             values: additional point values (N,) by layer name.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation mapping parameters, and sensor models, which predict the variance of heights.
 
-A model describes the covariance S (3, 3) of a point in the sensor frame, and returns the variance
+If S (3, 3) is the covariance of a point in the sensor frame, a model returns the variance
 `axis @ S @ axis` along an axis of the map. For heights, `axis` (3,) is the map's vertical in the
 sensor frame: the third row of the rotation from the sensor to the map frame.
 """
@@ -50,7 +50,7 @@ class Parameters:
         enable_drift_compensation: shift the map vertically to match the scans.
         max_drift: largest offset between scan and map that is compensated [m].
         drift_compensation_alpha: share of the offset that each scan corrects, 0 to 1.
-        drift_compensation_variance_inlier: only cells up to this variance [m^2] vote on the offset.
+        drift_compensation_variance_inlier: largest variance of cells that vote on the offset [m^2].
         min_drift_cells: number of cells that must agree on the offset.
         ignore_points_above: largest height of points relative to the sensor [m].
         ignore_points_below: smallest height of points relative to the sensor [m].
@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Cap on the variance [m^2] from relief or pose, so that neither alone clears a cell."""
+        """Limit on the variance from relief or pose [m^2], so that neither alone clears a cell."""
         return 0.25 * self.largest_variance
 
 
@@ -142,7 +142,7 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Checks that model parameters are finite, and not negative unless listed as signed."""
+    """Base class that checks parameters: finite, and not negative except those in `_signed`."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""
@@ -177,7 +177,7 @@ class LaserModel(_Model):
     beam_angle: float = 0.0006
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
-        # In a matrix product, rounding would depend on the index of a point in the array.
+        # Not a matrix product, whose rounding depends on the index of a point in the array.
         x, y, z = map(float, axis)
         slope = (points[0] * x + points[1] * y + points[2] * z) / distances
         slope *= slope
@@ -187,7 +187,7 @@ class LaserModel(_Model):
 
 
 class _Camera(_Model):
-    """Noise along the optical axis (z of the sensor frame) and across it."""
+    """Base class of cameras, with noise along and across the optical axis (z of the sensor)."""
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
         del distances

@@ -42,9 +42,9 @@ class RollingMap:
             `count` (number of points).
         reduction: reduces the points of one cloud in a cell to one height: `max`, `min`, `mean`,
             `median`, `first` or `last`. `mean` fusion ignores the reduction.
-        max_count: with `mean` fusion, earlier clouds count as at most this number of points, so
-            that the map follows changes in the ground; 0 means no limit.
-        min_height, max_height: points below or above these heights are ignored [m], map frame.
+        max_count: with `mean` fusion, the earlier points of a cell have at most the weight of this
+            number of points, so that the map follows changes in the ground; 0 means no limit.
+        min_height, max_height: height range [m], map frame; points outside it are ignored.
 
     Raises:
         ConfigError: an argument is invalid.
