@@ -44,9 +44,10 @@ class Registry(Generic[T]):
             return loaded
         if type_name in self.built_in:
             return self.built_in[type_name]
-        text = hint(type_name, self.types, 3) or f"; known: {', '.join(self.types)}."
         package = type_name.rpartition("/")[0]
-        if package not in {name.rpartition("/")[0] for name in self.types}:
+        names = self.types if package else {*self.built_in, *plugins}
+        text = hint(type_name, names, 3) or f"; known: {', '.join(self.types)}."
+        if package and package not in {name.rpartition("/")[0] for name in self.types}:
             text += f" No installed package adds types of {package!r}; is its workspace sourced?"
         raise ConfigError(f"unknown type {type_name!r}{text}")
 

@@ -15,11 +15,11 @@ from grid_map_core_py.tiled import TiledMap
 
 from ._builtin._buffer_normalizer import BufferNormalizer
 from ._config import field_name, parse_steps, read_chain
-from ._filter import TileOptions
+from ._filter import TileOptions, check_map
 from ._registry import FILTERS
 from ._step import Step, StepObserver, address_of, own_layer, read_only
 from ._tiles import FilteredTiles, filtered_tiles
-from .errors import FilterConfigError, FilterError
+from .errors import FilterConfigError
 from .parts._side_by_side import use_threads
 
 _FEWEST_CELLS = 1000**2
@@ -61,6 +61,9 @@ class FilterChain:
             expected = f"an integer from 1 to {_MOST_THREADS}"
             raise FilterConfigError(f"threads: expected {expected}, got {short(threads)}")
         self.steps = tuple(steps)
+        if others := [each for each in self.steps if not isinstance(each, Step)]:
+            remedy = "FilterChain.from_config makes steps of types and parameters"
+            raise FilterConfigError(f"steps: expected Step objects, got {others[0]!r}. {remedy}")
         self.threads = threads
 
     @classmethod
@@ -127,10 +130,7 @@ class FilterChain:
 
         Arguments and errors: see `__call__`.
         """
-        if not isinstance(grid_map, GridMap):
-            remedy = "dataset.grid_map.filter(chain) and tiled_map.filter(chain) filter other maps"
-            found = type(grid_map).__name__
-            raise FilterError(f"grid_map: expected a GridMap, got {found}. {remedy}")
+        check_map(grid_map)
         result = grid_map
         if grid_map.start_index != (0, 0):
             result = grid_map.with_start_index((0, 0))

@@ -167,6 +167,14 @@ _kept = [0]
 """Largest block that `in_map_order` has allocated and freed [bytes]."""
 
 
+def check_map(grid_map: object) -> None:
+    """Raise a `FilterError` if the input of a filter or a chain is not a `GridMap`."""
+    if not isinstance(grid_map, GridMap):
+        remedy = "dataset.grid_map.filter(chain) and tiled_map.filter(chain) filter other maps"
+        found = type(grid_map).__name__
+        raise FilterError(f"grid_map: expected a GridMap, got {found}. {remedy}")
+
+
 def in_map_order(call: C) -> C:
     """Decorator for the `__call__` of filters that need maps in map order.
 
@@ -177,6 +185,7 @@ def in_map_order(call: C) -> C:
 
     @functools.wraps(call)
     def wrapped(self: object, grid_map: GridMap) -> GridMap:
+        check_map(grid_map)
         # After a large block is freed, glibc keeps up to twice its size for later arrays. The block
         # here has 64 bytes per cell, at most 32 MB. Otherwise, the system would clear the pages of
         # all temporary arrays, which takes half the run time of a chain on a 400 x 400 map.

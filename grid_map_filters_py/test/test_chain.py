@@ -14,6 +14,7 @@ from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
 from grid_map_filters_py import (
+    FILTERS,
     FilterChain,
     FilterConfigError,
     FilterError,
@@ -314,9 +315,9 @@ def test_parameters_are_described():
         "filter3": 7,
     }
     found = describe_parameters(config)
-    assert found["filter1.params.min.value"].startswith("value that gets `min_color`")
-    assert found["filter1.params.min.color"].startswith("red, green and blue at the ends")
-    assert found["filter1.params.max/value"] == "last value of the ramp, above `min_value`"
+    assert found["filter1.params.min.value"].startswith("value that")
+    assert found["filter1.params.min.color"].startswith("red, green and blue")
+    assert found["filter1.params.max/value"].endswith("must exceed `min_value`")
     assert found["filter1.name"] == "name of filter1"
     assert found["filter2.type"] == "type of filter2"
     assert {"filter1.params.nonsense", "filter2.params.radius", "filter3"}.isdisjoint(found)
@@ -408,9 +409,18 @@ def test_missing_file_is_an_error_with_a_similar_name(tmp_path):
         FilterChain.from_yaml(tmp_path / "chian.yaml")
 
 
-def test_chain_refuses_what_is_not_a_map():
-    with pytest.raises(FilterError, match=r"a GridMap, got dict. dataset.grid_map.filter"):
-        FilterChain([])({})
+def test_chain_and_filter_refuse_what_is_not_a_map():
+    slope = FILTERS["Slope"](input_layer="elevation", output_layer="slope")
+    for call in (FilterChain([]), slope):
+        with pytest.raises(FilterError, match=r"a GridMap, got dict. dataset.grid_map.filter"):
+            call({})
+    with pytest.raises(FilterConfigError, match=r"Step objects, got Slope.*from_config"):
+        FilterChain([slope])
+
+
+def test_misspelled_filter_is_answered_with_a_similar_one():
+    with pytest.raises(ConfigError, match=r"unknown type 'slope'; did you mean Slope\?$"):
+        _ = FILTERS["slope"]
 
 
 def test_package_shows_public_names_only():

@@ -373,8 +373,8 @@ def test_each_parameter_of_the_chain_has_its_own_description(parameters, other_s
     names = {
         "filters.filter2.name": "name of filter2",
         "filters.filter2.type": "type of filter2",
-        "filters.filter2.params.radius": "radius of the neighborhood from which a cell is filled",
-        "filters.filter3.params.radius": "radius of the disc [m], 0 or more; the rim is included",
+        "filters.filter2.params.radius": "radius of the neighborhood",
+        "filters.filter3.params.radius": "radius of the disc [m]",
     }
     with running_node(MODULE, *parameters()):
         client = other_side.node.create_client(

@@ -4,6 +4,7 @@
 import array
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -222,22 +223,26 @@ def test_few_used_points_have_reasons_and_a_remedy(points, missing, unused, text
 
 
 @pytest.mark.parametrize(
-    ("frame", "rpy", "tilt", "is_refused"),
+    ("frame", "is_optical", "rpy", "tilt", "is_refused"),
     [
-        ("front_optical_frame", (0, 0, 0), 0.0, True),
-        ("front_optical_frame", (-math.pi / 2, 0, -math.pi / 2), 0.0, False),
-        ("front_link", (0, 0, 0), 0.0, False),
+        ("front_optical_frame", False, (0, 0, 0), 0.0, True),
+        ("front_optical_frame", False, (-math.pi / 2, 0, -math.pi / 2), 0.0, False),
+        ("front_link", False, (0, 0, 0), 0.0, False),
+        ("front_link", True, (0, 0, 0), 0.0, True),
         # Poses of the camera itself, without a robot.
-        ("front_optical_frame", (0, 0, 0), -math.pi / 2, False),
+        ("front_optical_frame", True, (0, 0, 0), -math.pi / 2, False),
     ],
 )
-def test_optical_frame_without_rotation_is_refused(frame, rpy, tilt, is_refused) -> None:
+def test_optical_frame_without_rotation_is_refused(
+    frame, is_optical, rpy, tilt, is_refused
+) -> None:
     robot = from_xyz_rpy((0, 0, 1), (tilt, 0, 0.5))
     placement = Placement(robot @ from_xyz_rpy((0, 0, 0), rpy), robot)
     queue = fixed_mapper()
     queue.poses.place = lambda *_: placement
+    queue.read = lambda message: replace(read_cloud(message), is_optical=is_optical)
     assert queue.add(cloud(1, frame=frame)) == (not is_refused)
-    assert ("got 'front_optical_frame' with z up. Publish" in str(queue.reports)) == is_refused
+    assert (f"got '{frame}' with z up. Publish" in str(queue.reports)) == is_refused
 
 
 def test_statistics_count_clouds_in_one_line() -> None:

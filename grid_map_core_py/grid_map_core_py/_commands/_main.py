@@ -164,6 +164,8 @@ def _run(arguments: Sequence[str]) -> int:
 
 def _text_of(error: Exception) -> str:
     """Return the message of an error that the user can correct; raise any other error."""
+    if "AMENT_PREFIX_PATH" in str(error):
+        return f"{error}. Source ROS 2, then the workspace"
     if isinstance(error, OSError):
         return ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
     if isinstance(error, GridMapError | MemoryError):

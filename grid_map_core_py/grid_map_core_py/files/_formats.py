@@ -213,7 +213,13 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
     if not writes and path.suffix.lower() == ".rrd":
         text = "a recording of Rerun is written, not read; show it by"
         return GridMapError(f"{path}: {text} `rerun {path}`")
-    known = ", ".join(f"{one.name} ({' '.join(one.endings) or one.description})" for one in usable)
+
+    def shown(one: Format) -> str:
+        # A bag is written as a folder.
+        is_folder = writes and one.name == "bag"
+        return (not is_folder and " ".join(one.endings)) or one.description
+
+    known = ", ".join(f"{one.name} ({shown(one)})" for one in usable)
     expected = "a name" if writes else "a file or folder"
     return GridMapError(f"{path}: expected {expected} of one of the formats {known}")
 

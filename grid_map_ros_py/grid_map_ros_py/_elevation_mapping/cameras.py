@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -186,6 +186,7 @@ class Picture:
         camera: the camera.
     """
 
+    is_optical: ClassVar[bool] = True
     frame_id: str
     stamp: int
     pixels: npt.NDArray[Any]
@@ -250,7 +251,8 @@ class CameraImages:
             points = np.empty((int(kept.sum()), 3), np.float32)
             points[:, 2] = depth[kept]
             np.multiply(rays[kept], points[:, 2:], out=points[:, :2])
-        return Cloud(picture.frame_id, picture.stamp, points, missing=depth.size - len(points))
+        missing = depth.size - len(points)
+        return Cloud(picture.frame_id, picture.stamp, points, missing=missing, is_optical=True)
 
 
 def seen_cells(

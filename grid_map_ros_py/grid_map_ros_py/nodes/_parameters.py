@@ -113,7 +113,8 @@ def read_fields(
 def names_below(node: "Node", prefix: str) -> list[str]:
     """Return the sorted parameter names one level below a prefix."""
     value = _given(node).get(prefix)
-    check(not value, prefix, "parameters below it", value)
+    # The ROS parser turns an empty value into the text "null".
+    check(not value or value == "null", prefix, "parameters below it", value)
     below = (name for name in node._parameter_overrides if name.startswith(f"{prefix}."))
     return sorted({name.split(".")[prefix.count(".") + 1] for name in below})
 
@@ -170,7 +171,8 @@ def read_parameter_tree(
     tree: Any = nested(below | {name.replace("/", "."): value for name, value in old.items()})
     for part in prefix.split("."):
         tree = tree.get(part, {})
-    check(isinstance(tree, dict | None), prefix, "parameters below it", tree)
+    expected = f"{'filter1, filter2, ...' if describe else 'parameters'} below it"
+    check(isinstance(tree, dict | None), prefix, expected, tree)
     texts = describe(tree or {}) if describe else {}
     for name, value in (below | old).items():
         text = texts.get(name.removeprefix(f"{prefix}."), description)

@@ -242,7 +242,7 @@ def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance |
 
 def check_optical_frame(frame_id: str, placement: Placement) -> None:
     """Raise a `GridMapError` if an optical frame (z forward) has the axes of the robot (z up)."""
-    if placement.robot is None or not frame_id.endswith("_optical_frame"):
+    if placement.robot is None:
         return
     rotation = placement.transform[:3, :3]
     turn = placement.robot[:3, :3].T @ rotation

@@ -78,6 +78,7 @@ class Cloud:
         points: (N, 3) x, y, z [m].
         columns: (N,) additional values of the points, by layer.
         missing: number of pixels without a depth.
+        is_optical: whether the points come from a depth image, whose frame has z forward.
     """
 
     frame_id: str
@@ -85,6 +86,7 @@ class Cloud:
     points: npt.NDArray[Any]
     columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     missing: int = 0
+    is_optical: bool = False
 
     def __len__(self) -> int:
         return len(self.points)
@@ -186,7 +188,8 @@ class ScanQueue:
         try:
             placement = self.poses.place(scan.frame_id, scan.stamp)
             if placement is not None:
-                check_optical_frame(scan.frame_id, placement)
+                if scan.is_optical or scan.frame_id.endswith("_optical_frame"):
+                    check_optical_frame(scan.frame_id, placement)
                 unused = self.fuse(scan, placement)
                 self.problem = "" if unused is None else scan.usage(unused)
                 self.statistics.fused += 1
