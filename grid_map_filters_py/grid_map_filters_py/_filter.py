@@ -78,7 +78,7 @@ class PartlyLocalFilter(Filter, Protocol):
     """Filter that runs on tiles only with certain parameters."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
-        """Return why a map with the layers `names` cannot be filtered in tiles; "" if it can."""
+        """Return the reason why tiles do not suffice for the layers `names`; "" if they do."""
 
 
 @runtime_checkable
@@ -180,15 +180,15 @@ def in_map_order(call: C) -> C:
 
     A map whose start index is not (0, 0) is reordered; the result gets the original start index.
     Filters that read neighboring cells need the decorator only outside chains, because a chain
-    reorders maps itself. Memory that is freed is kept for the next filter.
+    reorders maps itself. The decorator also lets temporary arrays reuse freed memory.
     """
 
     @functools.wraps(call)
     def wrapped(self: object, grid_map: GridMap) -> GridMap:
         check_map(grid_map)
-        # After a large block is freed, glibc keeps up to twice its size for later arrays. The block
-        # here has 64 bytes per cell, at most 32 MB. Otherwise, the system would clear the pages of
-        # all temporary arrays, which takes half the run time of a chain on a 400 x 400 map.
+        # Freeing a large block makes glibc retain up to twice its size for later arrays. The block
+        # here has 64 bytes per cell, at most 32 MB. Without it, the system would have to zero the
+        # pages of all temporary arrays: half the run time of a chain on a 400 x 400 map.
         block = min(64 * math.prod(grid_map.size), 2**25 - 2**16)
         if block > _kept[0]:
             _kept[0] = block

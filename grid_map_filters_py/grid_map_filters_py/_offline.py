@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs filter chains without a node on many maps from bags, folders or generators.
+"""Runs filter chains on many maps from bags, folders or generators, without a node.
 
 `filter_maps` accepts any iterable of maps, or of items that a function `load` converts to maps. For
 a bag, the items are records: `load` decodes one at a time, and each result includes its record.

@@ -104,7 +104,7 @@ def own_layer(layer: Layer, taken: set[int]) -> Layer:
 
     Args:
         layer: layer returned by a filter, or a layer of the input.
-        taken: memory addresses of the input and of earlier layers; that of `layer` is added.
+        taken: memory addresses that are in use already; the address of `layer` is added.
     """
     own, address = layer.view(), address_of(layer)
     try:

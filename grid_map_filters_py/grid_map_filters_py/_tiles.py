@@ -115,9 +115,9 @@ class FilteredTiles:
         """Compute the named layers of a window after the first `count` steps.
 
         Returns:
-            The resulting map, and the window that it covers. The window may be slightly larger
-                than requested, because cropping would copy all layers. The additional cells are
-                not exact, because the filters treat the window border as the map border.
+            The resulting map, and the window that it covers. A window that is only slightly too
+                large is not cropped, as this would copy all layers. Its additional cells may be
+                wrong, because the filters treat the window border as the map border.
         """
         while count and not self.steps[count - 1].writes & names:
             count -= 1

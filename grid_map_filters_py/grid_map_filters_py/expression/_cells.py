@@ -25,9 +25,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers. A layer hides the function or constant of the same name. If
-            None, the names are unknown: no name is hidden, but a call such as `mean(2, 3)`, which
-            may be a cell of a layer, is treated as an index.
+        layers: names of the layers. A layer hides the function or constant of the same name. None
+            if the names are unknown: constants are then not hidden, but a call that may be an
+            index into a layer, such as `mean(2, 3)`, is treated as an index.
         reduced: treat reductions as numbers.
     """
 
@@ -46,7 +46,7 @@ class Analysis:
         return next(filter(None, inner), root)
 
     def reductions(self, root: Node) -> Iterator[Node]:
-        """Yield the reductions that can be computed in advance, as their argument is cellwise."""
+        """Yield the reductions of cellwise arguments, which can be computed in advance."""
         for node in root.descendants():
             if node.kind == "call" and not self._is_index(node) and self._reduces(*node.parts):
                 yield node

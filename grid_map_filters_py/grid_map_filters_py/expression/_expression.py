@@ -81,7 +81,7 @@ class Expression:
         return Analysis(self._layers).is_cellwise(self._root)
 
     def why_whole_map(self, layers: Container[str]) -> str:
-        """Return why the expression needs the whole map with these layers; "" if tiles suffice.
+        """Return the reason why tiles do not suffice for maps with these layers; "" if they do.
 
         Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
         """

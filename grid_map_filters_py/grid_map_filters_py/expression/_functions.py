@@ -108,7 +108,7 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Return `max` or `min`: a reduction, or an elementwise comparison with a second matrix."""
+    """Return `max` or `min`, which reduces one matrix or combines two matrices elementwise."""
 
     def reduce(algebra: Matrices, value: Value, second: Value | None = None) -> Value:
         if isinstance(second, float) and second not in (0.0, 1.0):
@@ -187,8 +187,8 @@ class Function:
         elementwise: each element of the result depends only on the same element of the arguments.
         keeps_nan: elementwise, and the result is NaN wherever an argument is NaN.
         skips_nan: accepts one argument and ignores its NaN elements.
-        reduces: a call with this number of arguments reduces the elements or the shape of the first
-            argument to a single number; 0 for other functions.
+        reduces: number of arguments with which the function returns a single number, computed from
+            the elements or the shape of the first argument; 0 if there is no such number.
     """
 
     apply: Callable[..., Any]

@@ -150,7 +150,7 @@ class Interpreter:
 
 
 def _as_places(value: Value, length: int | None = None) -> NDArray[np.intp]:
-    """Convert a number or vector to indices below `length`; None if the length is unknown."""
+    """Convert a number or vector to indices, which must be below `length` unless it is None."""
     numbers = np.atleast_2d(np.asarray(value, np.float64))
     if 1 not in numbers.shape:
         raise Fault(f"an index is a number or a vector, not {' x '.join(map(str, numbers.shape))}")
@@ -175,9 +175,9 @@ def _check_count(name: str, arguments: tuple[Node, ...]) -> None:
 
 # --- checks without layers ------------------------------------------------------------------------
 
-# Parts without names are evaluated once, so that `[1, 2] + [1, 2, 3]` or `zeros(1.5)` fails when
-# the expression is created. A layer hides the function of the same name: `mean(2, 3)` may be a cell
-# of the layer `mean`. Calls whose arguments may be indices are checked later, with the layers.
+# Parts that do not depend on layers are evaluated when the expression is created, so that errors
+# such as `[1, 2] + [1, 2, 3]` or `zeros(1.5)` are found early. Calls whose arguments may be indices
+# are checked later, with the layers: `mean(2, 3)` is a cell if there is a layer `mean`.
 
 _EVALUATE = Interpreter(Matrices(), {}, "")
 

@@ -36,7 +36,7 @@ class Fold:
 
 
 def known(value: Value, *, argument: int | None = None) -> Value:
-    """Return the value; raise a Fault for `argument` if the value depends on a window."""
+    """Return the value; raise a Fault if it is a `WindowMatrix`, which differs between cells."""
     if not isinstance(value, float | np.ndarray):
         raise Fault("this must not depend on the data of the window", argument=argument)
     return value
@@ -107,7 +107,7 @@ class Matrices:
 class Partial(Matrices):
     """Primitive operations on a tile; `parts` collects the results of all folds.
 
-    To reduce tiles, a function runs with `Partial` on each tile, then once with `Combined`.
+    A reducing function is applied to each tile with `Partial`, then once with `Combined`.
     """
 
     def __init__(self) -> None:

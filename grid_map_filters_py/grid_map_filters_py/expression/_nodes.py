@@ -18,12 +18,12 @@ class Node:
     | `end`    | none; `end` is the last index of the dimension that is being indexed              |
     | `all`    | none; a lone `:` stands for every index of the dimension                          |
     | `unary`  | operator, operand                                                                 |
-    | `binary` | operator, left, right; comparisons included                                       |
-    | `range`  | first, step or None, last                                                         |
+    | `binary` | operator (arithmetic or comparison), left operand, right operand                  |
+    | `range`  | first, step (or None), last                                                       |
     | `matrix` | rows, which are tuples of blocks                                                  |
-    | `index`  | the indexed node, the tuple of one or two indices                                 |
-    | `call`   | the name of a known function, the tuple of arguments; evaluated as an index if a  |
-    |          | layer has the same name                                                           |
+    | `index`  | the indexed node, and a tuple of one or two indices                               |
+    | `call`   | the name of a known function, and a tuple of arguments; evaluated as an index if  |
+    |          | a layer has the same name                                                         |
 
     Args:
         kind: kind of the node; see the table.
@@ -82,7 +82,7 @@ def _nodes_in(parts: tuple[Any, ...]) -> Iterator[Node]:
 
 
 class Fault(Exception):
-    """An error in an expression; the evaluated node adds the position.
+    """An error in an expression; the node that is being evaluated adds the position.
 
     Args:
         message: one-line message for the user.

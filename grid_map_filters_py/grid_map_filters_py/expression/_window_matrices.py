@@ -4,7 +4,7 @@
 The value of a subexpression is a small matrix *per cell*, stored as a matrix of elements. An
 element is a number, or a field: an array with the values of this element in all cells. Elements are
 computed on demand and freed after use, so the memory for a few layers suffices for any window.
-Fields use double precision, because differences between windows are small on high terrain; numbers
+Fields use double precision, because the heights in a window may be large but almost equal. Numbers
 are rounded to float32 as in C++.
 """
 
@@ -27,8 +27,9 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: function that returns element (row, column), as a writeable field only if nothing else
-            refers to it. `at` must not refer to the matrix: reference cycles delay freeing memory.
+        at: function that returns element (row, column). Writeable fields may be overwritten, so a
+            field that is still needed must be read-only. `at` must not refer to the matrix:
+            reference cycles delay freeing memory.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -114,15 +115,15 @@ class SquaredDeviations(WindowMatrix):
         too_large = ~np.isfinite(total)
         if too_large.any():
             # Squares beyond the double-precision range are not finite, and are left out of the sum.
-            # Only cells with such squares are recomputed: results must not depend on the block.
+            # Only cells with such squares are replaced, so that no result depends on the block.
             for result, exact in zip(results, super().reduce(folds), strict=True):
                 np.copyto(result, exact, where=too_large)
         return [*results]
 
     def _sum(self) -> Element:
-        """Compute the sum of squares from the deviations around the mean of each column.
+        """Sum the squares, using the mean of each column and the deviations from this mean.
 
-        Only terms that are not negative are summed, so that they cannot cancel.
+        All terms of this sum are nonnegative, so that they cannot cancel.
         """
         height, width = self.shape
         count, mean = (
@@ -153,9 +154,10 @@ class SquaredDeviations(WindowMatrix):
 
 
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return windows of chosen cells, padded beyond the map with the mean of finite values.
+    """Return the windows of chosen cells, padded beyond the map.
 
-    Fields are (N,) arrays with one value per chosen cell, in Fortran order.
+    Cells beyond the map get the mean of the finite values in the same window. Fields are (N,)
+    arrays with one value per chosen cell, in Fortran order.
 
     Args:
         layer: (rows, columns) layer of the map.
@@ -238,7 +240,7 @@ class WindowMatrices(Matrices):
 
 
 def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix | None:
-    """Return an elementwise result as a type of window that folds faster; None if none fits."""
+    """Return an elementwise result as a subclass with faster folds; None if none applies."""
     if all(isinstance(value, SlidingWindow | float) for value in values):
         shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
         sources = [
@@ -321,7 +323,7 @@ def _as_element(total: Any) -> Element:
 
 
 def _matrix(shape: Shape, at: Callable[[int, int], Element]) -> Value:
-    """Return a matrix of elements computed on demand; a 1 x 1 matrix is computed and stored."""
+    """Return a matrix whose elements are computed on demand, or at once if it is 1 x 1."""
     return _field(at(0, 0)) if shape == SCALAR else WindowMatrix(shape, at)
 
 

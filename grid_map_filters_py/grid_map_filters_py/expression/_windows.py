@@ -63,8 +63,8 @@ def evaluate_over_windows(
 class _Span(NamedTuple):
     """Neighboring cells along one axis whose windows are cropped in the same way.
 
-    The cells are the half-open interval [start, stop). The cropped windows have `window` cells; the
-    window of the cell `start` begins at the cell `first`.
+    The span contains the cells from `start` up to, but not including, `stop`. Each cropped window
+    has `window` cells; the window of the cell `start` begins at the cell `first`.
     """
 
     start: int
@@ -89,7 +89,7 @@ def _spans(length: int, size: int, edge_handling: EdgeHandling) -> list[_Span]:
     near = range(min(margin, length) + 1)
     spans = []
     for start, stop in pairwise(sorted({*near, *(length - cell for cell in near)})):
-        # Window of the first cell, without the parts that are cropped in any of the windows.
+        # Window of the first cell, cropped on both sides as far as any window of the span.
         first, last = max(0, start - margin), start + min(size - margin, length - stop + 1)
         spans.append(_Span(start, stop, first, last - first))
     return [span for span in spans if edge_handling == "crop" or span.window == size]
@@ -135,7 +135,7 @@ def skips_missing(root: Node, name: str) -> bool:
 
 
 def _is_number(node: Node, name: str) -> bool:
-    """Return True if a subtree results in the same number for cropped and padded windows."""
+    """Return True if a subtree gives the same number for cropped and padded windows."""
     match node.kind, node.parts:
         case "number", _:
             return True

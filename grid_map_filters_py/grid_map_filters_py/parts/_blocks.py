@@ -27,7 +27,7 @@ _SMALL = 2**20
 """Number of cells below which a map is small."""
 
 _SHARE = 16
-"""Minimum ratio of block side to border width, since borders are computed twice."""
+"""Blocks may be at least this many border widths long, as border cells are computed twice."""
 
 
 def blockwise(function: Callable[..., npt.NDArray[Any]], *layers: Layer, reach: float = 0) -> Layer:
@@ -74,7 +74,7 @@ def fill_blocks(
 
 
 def blocks_of(size: Size, reach: float) -> list[Block]:
-    """Divide a map into blocks of about equal size; one block if `reach` covers most of the map.
+    """Divide a map into blocks of about equal size, which are larger if `reach` is large.
 
     Args:
         size: rows and columns of the map.

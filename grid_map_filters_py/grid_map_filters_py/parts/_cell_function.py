@@ -3,7 +3,8 @@
 
 A function uses only operators and helpers such as `choose` and `clamp`, so that it works for both
 numbers and arrays. If numba is installed, it is compiled to a loop over the cells on first use.
-Without numba, NumPy computes bitwise equal results piece by piece, but several times slower.
+Otherwise, NumPy evaluates it piece by piece. The results are bitwise equal, but take several times
+as long to compute.
 """
 
 import functools

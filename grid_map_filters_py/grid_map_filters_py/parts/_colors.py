@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Helpers for cell functions that compute colors.
 
-grid_map_core_py packs colors into float32; these functions also clamp and scale the channels.
+They pack and unpack colors as grid_map_core_py does, and also clamp and scale the channels.
 """
 
 import numpy as np

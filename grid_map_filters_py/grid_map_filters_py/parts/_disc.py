@@ -146,11 +146,11 @@ class Disc:
 
         Yields:
             distance: distance of the line from the center [cells].
-            ahead, behind: for every cell, the sums over the lines at this distance after and before
-                the center, laid out like the flat array of `totals`. At distance 0, both are the
-                same line. The next iteration overwrites both arrays.
+            ahead: for every cell, the sum over the line that is this distance after the center. The
+                array is laid out like the flat array of `totals`; the next iteration overwrites it.
+            behind: likewise for the line before the center; at distance 0, it is the same line.
         """
-        # In a flat array, the neighbors of all cells at one offset are a single slice.
+        # In a flat array, the neighbors at a given offset from all cells form a single slice.
         flat, strides = values.T.reshape(-1), (1, len(values))
         along, across = strides[axis], strides[1 - axis]
         widths, margin = self.half_widths[axis], along * self.reach[axis]
@@ -172,7 +172,7 @@ class Disc:
             yield distance, line[first + shift :][:length], line[first - shift :][:length]
 
     def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
-        """Return (rows, columns) zeros, and a flat view of them with margins between columns."""
+        """Return a (rows, columns) array of zeros, and a flat view with gaps between columns."""
         (height, width), (rows, _) = self.size, self.reach
         stride = height + 2 * rows
         flat = np.zeros(width * stride, dtype)

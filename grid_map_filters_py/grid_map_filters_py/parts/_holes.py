@@ -22,7 +22,7 @@ class Holes:
 
     Args:
         starts: (n, 2) first row and column of each hole.
-        ends: (n, 2) row and column after the last row and column of each hole.
+        ends: (n, 2) last row and column of each hole, plus 1.
         areas: (n,) number of cells of each hole.
     """
 
@@ -85,12 +85,12 @@ class Edge(NamedTuple):
 
     @classmethod
     def of(cls, numbers: Integers) -> "Edge":
-        """Create an edge from the hole number of each cell; 0 for cells outside holes."""
+        """Create an edge from the hole numbers of its cells, which are 0 outside holes."""
         cells = np.flatnonzero(numbers)
         return cls(len(numbers), cells.astype(np.int32), numbers[cells].astype(np.int32))
 
     def shifted(self, first: int) -> Integers:
-        """Return the hole number of each cell plus `first`; 0 for cells outside holes."""
+        """Return an array of all cells: hole number plus `first`, or 0 outside holes."""
         numbers = np.zeros(self.length, np.int64)
         numbers[self.cells] = self.numbers + np.int64(first)
         return numbers
@@ -143,7 +143,7 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
 
     Args:
         tiles: holes of the tiles, row by row.
-        counts: number of rows and of columns of tiles.
+        counts: number of rows and number of columns in the grid of tiles.
     """
     parts = [tile.holes for tile in tiles]
     firsts = np.cumsum([0, *(len(part.areas) for part in parts)])
@@ -151,7 +151,7 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
     pairs = [np.empty((2, 0), np.int64)]
     for lines, sides in ((numbers, (1, 0)), (numbers.T, (3, 2))):
         for both in pairwise(lines):
-            # Hole numbers in the whole map, along the border between two lines of tiles.
+            # Map-wide hole numbers on both sides of the border between two lines of tiles.
             last, first = (
                 np.concatenate([tiles[n].edges[side].shifted(firsts[n]) for n in line])
                 for line, side in zip(both, sides, strict=True)

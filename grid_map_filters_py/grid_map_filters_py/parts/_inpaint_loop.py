@@ -3,8 +3,8 @@
 
 Implements Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and Video
 Inpainting" (2001) like OpenCV: holes are filled from the rim inwards by fast marching (Sethian
-1996). A cell becomes a weighted mean of the known and filled cells around it. Weights decrease with
-distance, and are largest where the image changes only at right angles to the line to the cell.
+1996). A cell gets a weighted mean of the known and filled cells around it. Weights decrease with
+distance, and are largest where the gradient is perpendicular to the line between the two cells.
 
 Images are padded with one cell on all sides.
 """
@@ -21,15 +21,15 @@ from grid_map_core_py._loops import loop
 
 _ZERO, _ONE, _UNKNOWN = np.float32(0), np.float32(1), np.float32(np.inf)
 _OUTSIDE = np.float32(1e6)  # arrival time of cells outside the image
-# OpenCV constants for gray values from 0 to 255: change up to which a cell counts as flat, weight
-# factor of a flat cell, and initial value of the sum of weights.
+# OpenCV constants for gray values from 0 to 255: a cell is flat if `change` is at most `_FLAT`. The
+# others are the weight factor of a flat cell and the initial value of the sum of weights.
 _FLAT, _WEIGHT_OF_FLAT, _LEAST_WEIGHT = np.float32(0.01), np.float32(1e-6), np.float32(1e-20)
 
 
 def inpainted(
     image: npt.NDArray[np.float32], missing: Mask, radius: float
 ) -> npt.NDArray[np.float32] | None:
-    """Inpaint an image like `cv2.inpaint` with `cv2.INPAINT_NS`; return None without numba.
+    """Inpaint like `cv2.inpaint` with `cv2.INPAINT_NS`; return None if numba is not available.
 
     Args:
         image: (rows, columns) gray values, at least 3 x 3.
@@ -46,7 +46,7 @@ def inpainted(
 
 
 def _change(before: Any, here: Any, after: Any, has_before: Any, has_after: Any) -> Any:
-    """Return the summed absolute changes to both neighbors; a single known one counts twice."""
+    """Sum the absolute differences from both neighbors; if only one is known, it counts twice."""
     change = (abs(after - here) if has_after else _ZERO) + (
         abs(here - before) if has_before else _ZERO
     )
@@ -83,7 +83,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
                 times[np.uintp(cell - 1)] != _UNKNOWN,
                 times[np.uintp(cell + 1)] != _UNKNOWN,
             )
-            # Gradient component at right angles to the line to the cell, times the line length.
+            # Gradient component perpendicular to the line between the two cells, times its length.
             change = abs(np.float32(y - row) * along - np.float32(x - column) * across)
             weight = _WEIGHT_OF_FLAT
             if change > _FLAT:
@@ -96,7 +96,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
 
 
 def _arrival(times: Any, one: Any, other: Any) -> Any:
-    """Return the arrival time at a cell, from two of its neighbors at right angles."""
+    """Return the arrival time at a cell, given one vertical and one horizontal neighbor."""
     first, second = np.float64(times[one]), np.float64(times[other])
     difference = first - second
     if abs(difference) < 1.0:
@@ -132,7 +132,7 @@ def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) 
 def _inpaint(images: Any, frame: Any) -> None:
     """Fill the unknown cells of two images: gray values and arrival times.
 
-    `frame` contains the rows and columns without padding, and the radius of the neighborhood.
+    `frame` holds the numbers of rows and columns, without padding, and the radius [cells].
     """
     times = images[1]
     rows, columns, _ = frame

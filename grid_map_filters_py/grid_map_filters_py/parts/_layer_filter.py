@@ -49,7 +49,7 @@ class LayerFilter(ABC):
         """Return the reach of the filter in rows and columns; see `LocalFilter.reach`."""
 
     def _for_blocks_of(self, _layer: Layer) -> Callable[[Layer, float], Values]:
-        """Return the function that filters each block of a layer, given block and resolution."""
+        """Return the function that filters blocks; its arguments are a block and the resolution."""
         return self._filter
 
     @abstractmethod
@@ -59,7 +59,7 @@ class LayerFilter(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class AroundTypicalValue(LayerFilter):
-    """Base class for filters that subtract a typical value from the layer, for precision.
+    """Base class for filters that subtract a typical value first, to preserve precision.
 
     The typical value is computed once for the whole layer, so that results do not depend on blocks.
     """

@@ -93,9 +93,9 @@ def _put_blurred(
 ) -> Mask:
     """Write the medians that `cv2.medianBlur` can compute; return a mask of the other cells.
 
-    The middle value of a window is the upper median of its finite values if half of the missing
-    values are replaced by infinity, the others by minus infinity. A checkerboard of signs, or its
-    complement, achieves this in most windows.
+    If one half of the missing values in a window is set to infinity and the other half to minus
+    infinity, the middle value is the upper median of the finite values. Assigning the signs in a
+    checkerboard pattern, or in the opposite pattern, achieves this in most windows.
     """
     rest = cells.T.copy()
     for color in (0, 1):
@@ -112,7 +112,7 @@ def _put_blurred(
 
 @loop("int64*", ("int64", 3), "uint8*", "int64*", "int64*")
 def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> None:
-    """Convert the rank of each median in its window to its place, the rank in the whole block.
+    """Convert the ranks of the medians in their windows to places in the sorted block.
 
     From one window to the next, one column of values leaves and one enters, and the median moves
     by a few places (J. Suomela, "Median Filtering is Equivalent to Sorting", 2014).

@@ -24,10 +24,10 @@ _SMALLEST_SPREAD = 1e-8
 """Points define a plane if their variance across the main direction exceeds this value [m^2]."""
 
 _SMALLEST_GAP = 0.03
-"""`_smallest_eigenvectors` is imprecise if the product of relative eigenvalue gaps is smaller."""
+"""Product of relative eigenvalue gaps below which `_smallest_eigenvectors` is imprecise."""
 
 _SMALLEST_Z = 0.01
-"""`_smallest_eigenvectors` is imprecise if the z component of the normal is smaller."""
+"""Z component of the normal below which `_smallest_eigenvectors` is imprecise."""
 
 _PIECE = 2**14  # number of cells whose normals are computed at once, to fit the cache
 
@@ -54,7 +54,7 @@ def raster_normals(layer: Layer, resolution: float) -> Fields:
     other. Normals are NaN at the layer border, and where too few cells are known for a slope.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
-    # Rows run towards -x and columns towards -y: the slopes are -dz/dx and -dz/dy.
+    # Indices increase towards -x and -y, so the slopes are -dz/dx and -dz/dy.
     minus_x = _slope(heights[:, 1:-1], resolution)
     minus_y = _slope(heights[1:-1].T, resolution).T
     z = 1.0 / np.sqrt(minus_x * minus_x + minus_y * minus_y + 1.0)
@@ -65,7 +65,7 @@ def raster_normals(layer: Layer, resolution: float) -> Fields:
 
 
 def _slope(heights: Field, resolution: float) -> Field:
-    """Return the slope along rows, without the first and the last row."""
+    """Return the slope along axis 0 in all rows except the first and the last."""
     behind, center, ahead = heights[:-2], heights[1:-1], heights[2:]
     slope = (ahead - behind) * (0.5 / resolution)
     one_sided = np.where(np.isnan(ahead), center - behind, ahead - center) / resolution
@@ -95,7 +95,7 @@ def _planes(
     """Fit least-squares planes to the points in the discs.
 
     Yields:
-        part: some columns of the layer; the other values belong to these columns.
+        part: slice of columns; the other values are given for these columns.
         normals: unit vectors; NaN where the layer is not finite.
         covariances: elements xx, xy, xz, yy, yz, zz of the covariance matrices of the points, times
             the squared number of points [cells^2].
@@ -126,8 +126,8 @@ def _sums(
     The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
     """
     known, heights = disc.padded(layer, offset)
-    # In units of cells, x and y are integers. Rows run towards -x and columns towards -y. Negated
-    # heights also reverse the third axis, which leaves all covariances unchanged.
+    # In units of cells, x and y are integers. Indices increase towards -x and -y. Negating
+    # the heights too reverses all three axes, which leaves the covariances unchanged.
     heights *= -1.0 / disc.resolution
     z, xz = _moments(disc, heights, 1, (0, 1))
     (yz,) = _moments(disc, heights, 1, (0,), along=True)
@@ -141,7 +141,7 @@ def _sums(
 
 
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
-    """Return unit normals: the z axis in ignored cells and where the points are on a line.
+    """Return unit normals; the z axis for ignored cells, and for points on a line.
 
     Points are on a line if the second eigenvalue of their covariance matrix is at most `spread`.
     """
@@ -179,9 +179,9 @@ def _moments(
     Args:
         disc: disc around every cell.
         values: padded values.
-        axis: direction of the lines of the disc; distances are measured along the other axis.
+        axis: array axis along which lines run; distances are measured along the other axis.
         orders: exponents of the distance, from 0 to 2.
-        along: also multiply each value by the distance along the line.
+        along: also multiply each value by its signed distance from the middle of the line.
     """
     totals = [disc.totals(values.dtype) for _ in orders]
     for distance, ahead, behind in disc.sums_of_lines(values, axis, moments=along):
@@ -207,8 +207,8 @@ def _smallest_eigenvectors(
     the eigenvector with itself; the eigenvector is the normalized last column.
 
     Returns:
-        x, y, z, and a mask of the exact eigenvectors. Other eigenvectors, at vertical walls or with
-        close eigenvalues, have lost precision.
+        x, y and z components, and a mask of the precise eigenvectors. Eigenvectors are imprecise
+        at vertical walls and for close eigenvalues.
     """
     mean = (xx + yy + zz) * (1.0 / 3.0)
     a, b, c = xx - mean, yy - mean, zz - mean
@@ -218,8 +218,8 @@ def _smallest_eigenvectors(
     radius = np.sqrt(square)
     determinant = (b * c - yz2) * a - xz2 * b - xy2 * c + xy * xz * yz * 2.0
     cosine = determinant / (square * radius * 2.0)
-    # Find the smallest t with 4 t^3 - 3 t = cosine. One Newton step refines a single-precision root
-    # unless the next root is close; double-precision cosines would be slower.
+    # Find the smallest t with 4 t^3 - 3 t = cosine. The root is computed in single precision, which
+    # is faster, and refined by one Newton step. This suffices unless the next root is close.
     angle = np.arccos(np.clip(cosine.astype(np.float32), -1.0, 1.0))
     root = np.cos((angle + np.float32(2.0 * np.pi)) * np.float32(1.0 / 3.0)).astype(np.float64)
     squared = root * root
@@ -227,8 +227,8 @@ def _smallest_eigenvectors(
     smallest = (squared * root * 8.0 + cosine) / gap * radius * 2.0 + mean
     a, b, c = xx - smallest, yy - smallest, zz - smallest
     x, y, z = xy * yz - xz * b, xy * xz - yz * a, a * b - xy2
-    # The trace of the adjugate is the factor of the outer product. A last column that consists of
-    # rounding errors is much shorter than this factor.
+    # The trace of the adjugate is the factor of the outer product. If the last column is much
+    # shorter than this factor, rounding errors dominate it.
     factor = (a + b) * c - xz2 - yz2 + z
     length = np.sqrt(x * x + y * y + z * z)
     is_exact = (gap > _SMALLEST_GAP) & (length > _SMALLEST_Z * factor)
