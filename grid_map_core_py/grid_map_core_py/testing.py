@@ -62,7 +62,7 @@ def register_profiles() -> None:
 
 
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
-    """Return an equal map whose layers are stored with another start index, as in a moved map."""
+    """Return an equal map that is stored with another start index, as if it had been moved."""
     result = grid_map.copy()
     shift = np.subtract(start_index, grid_map.start_index)
     for layer in result:

@@ -80,7 +80,7 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
 
 
 def check_frames(grid_map: Any, other: GridMap) -> None:
-    """Raise `GridMapError` unless two maps have one frame and reference system; empty ones match.
+    """Raise `GridMapError` if two maps differ in frame or reference system; empty ones match any.
 
     Args:
         grid_map: a map or a tiled map.
@@ -119,7 +119,7 @@ def lines_under(
         axis: 0 for rows, 1 for columns.
 
     Returns:
-        lines: (N,) buffer rows or columns of `other`; centers outside get one at the border.
+        lines: (N,) buffer rows or columns of `other`; for centers outside, the nearest one.
         inside: (N,) mask of the centers that are on `other` along this axis.
     """
     positions = np.tile(other.position, (centers.size, 1))

@@ -37,7 +37,10 @@ def to_html(grid_map: GridMap) -> str:
 
 
 def to_png(grid_map: GridMap) -> bytes | None:
-    """Return a PNG of the first basic layer, else the first layer; None if there are no layers."""
+    """Return a PNG of the first basic layer, or of the first layer if no layer is basic.
+
+    A map without layers gives None.
+    """
     layers = (*grid_map.basic_layers, *grid_map.layers)
     return _png(grid_map, layers[0], PICTURE) if layers else None
 
@@ -59,7 +62,7 @@ def _row(grid_map: GridMap, layer: str) -> str:
 
 def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
     """Return a PNG picture whose longer side has `side` pixels."""
-    # Layers begin with the largest x and y, pictures with the smallest x and the largest y.
+    # The first cell has the largest x and y; the first pixel shows the smallest x and largest y.
     values = grid_map.unwrapped(layer).T[:, ::-1]
     height, width = values.shape
     scale = side / max(height, width)

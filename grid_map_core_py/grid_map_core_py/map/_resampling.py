@@ -74,7 +74,7 @@ def _nearest(sources: int, targets: int, factor: float) -> npt.NDArray[np.intp]:
 
 
 def _resized(layer: Layer, size: Size, factor: float, interpolation: int) -> Layer:
-    # OpenCV rounds a size such as 2.5 to even; the margin ensures that no row or column is missing.
+    # OpenCV rounds result sizes such as 2.5 down; the margin prevents the loss of a row or column.
     margins = [
         (0, math.ceil(1.0 / factor) if np.rint(sources * factor) < targets else 0)
         for sources, targets in zip(layer.shape, size, strict=True)

@@ -36,7 +36,7 @@ class BufferRegion:
 
 @lru_cache(maxsize=16)
 def lines(size: int, start: int) -> Integers:
-    """Return the buffer row (or column) of each map row (or column), (size,); read-only.
+    """Return a read-only array (size,): the buffer row (or column) of each map row (or column).
 
     Args:
         size: number of cells of the map along this axis.
@@ -55,7 +55,7 @@ def place(numbers: Integers, start: int, size: int) -> None:
         # Two passes of arithmetic are faster than a lookup, but only for many cells.
         numbers += start
         unsigned = numbers.view(np.uint64)
-        # For indices below `size`, the unsigned difference is huge, so the minimum keeps them.
+        # Below `size`, the difference wraps around to a huge number, so the index is the minimum.
         np.minimum(unsigned, unsigned - np.uint64(size), out=unsigned)
 
 
@@ -81,7 +81,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Return (buffer slices, block slices) of the one to four contiguous pieces of a block."""
+    """Split a block where it wraps; return (buffer slices, block slices) of the 1 to 4 pieces."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
@@ -112,7 +112,7 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
 
 
 def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
-    """Return (buffer slice, block slice) of the one or two contiguous runs of map cells."""
+    """Split map rows or columns where they wrap; return (buffer slice, block slice) of each run."""
     count, done, pieces = cells.stop - cells.start, 0, []
     for first, length in _runs(cells.start + start, count, size):
         pieces.append((slice(first, first + length), slice(done, done + length)))

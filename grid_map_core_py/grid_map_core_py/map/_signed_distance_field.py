@@ -110,7 +110,7 @@ class SignedDistanceField:
             for stride, count in zip(nodes.strides, nodes.shape, strict=True)
         ]
         flat = nodes.ravel(order="K")
-        # Indexed with the index of a cell, each of the eight views gives one corner of the cell.
+        # At the memory index of a cell, each of the eight views contains another of its corners.
         offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
         self._corner_nodes = [flat[offset:] for offset in offsets]
 
@@ -155,8 +155,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        These are the derivatives of the interpolated `value`. At planes through nodes (within
-        1e-9 m), where they jump, the means of both sides are returned.
+        These are the derivatives of the interpolated `value`. They jump at planes through nodes;
+        within 1e-9 m of such a plane, the mean of the derivatives on both sides is returned.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -226,8 +226,8 @@ class SignedDistanceField:
             width: number of nodes needed along each axis, including the first node.
 
         Returns:
-            places: coordinates in units of the node spacing; NaN if not finite.
-            cells: first nodes: rounded places, limited so that all needed nodes exist.
+            places: node coordinates, in units of the node spacing; NaN where a point is not finite.
+            cells: first node of each point: the rounded place, limited so that all nodes exist.
         """
         places, cells = [], []
         for axis, size in enumerate(self._counts):
@@ -244,7 +244,7 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the memory indices of cells, computed in float64, which is exact here."""
+        """Return the memory indices of cells; float64 is exact for 2**31 nodes."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -279,7 +279,7 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
-    """Return the heights (rows, cols) in map order and C order; NaN becomes -inf."""
+    """Return C-contiguous heights (rows, cols) in map order; NaN is an error or becomes -inf."""
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")
@@ -324,7 +324,7 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     squares: Layer = np.empty(shape, np.float32)
     np.subtract(upper, lower, out=squares, dtype=np.float64, casting="same_kind")
     np.maximum(squares, 0, out=squares)
-    # A square beyond the float32 range becomes infinite, so this cell is never the nearest.
+    # A square beyond the float32 range becomes infinite, so its cell is never the nearest one.
     with np.errstate(over="ignore"):
         np.multiply(squares, squares, out=squares)
     for _ in ("x", "y"):

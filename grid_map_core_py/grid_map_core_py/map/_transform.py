@@ -33,8 +33,8 @@ def transformed_map(
     steps = [(0.0, 0.0)]
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    # Smallest grid around the transformed corners at height 0. Summed in this order, the center is
-    # rounded as in C++. Far from the origin, a length computed from corners would be imprecise.
+    # Smallest grid around the corners, transformed at height 0. The order of summation rounds the
+    # center as in C++. Far from the origin, a length computed from corners would be imprecise.
     x, y = (grid_map.position + np.outer((0.5, -0.5), grid_map.length)).T
     center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
     length = np.abs(matrix[:2, :2]) @ grid_map.length
@@ -119,9 +119,9 @@ def _seen_from_above(
 def _landed(
     geometry: GridGeometry, x: Positions, y: Positions, z: Positions
 ) -> tuple[_Indices, NDArray[np.float32]]:
-    """Return the cell of each point (N,), counted column by column, and its height (N,).
+    """Return the number of the cell under each point, (N,), and the height of the point, (N,).
 
-    Points outside the grid get the height -inf.
+    Cells are numbered column by column. Points outside the grid get the height -inf.
     """
     row, column = x - 0.5 * geometry.length[0], y - 0.5 * geometry.length[1]
     for axis, offsets in enumerate((row, column)):

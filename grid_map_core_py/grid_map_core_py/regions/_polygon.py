@@ -154,7 +154,7 @@ class Polygon:
         Points on a left or lower edge are inside; points on a right or upper edge are outside.
 
         Args:
-            points: (2,) or (N, 2) x, y [m]; NaN is outside.
+            points: (2,) or (N, 2) x, y [m]; a point with NaN is outside.
 
         Returns:
             bool for one point, (N,) bool for several points.
@@ -254,7 +254,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Return the (C, 2) distinct vertices, and for each vertex its index among them, (V,)."""
+        """Return the distinct vertices (C, 2), and indices (V,) that select one per vertex."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -267,7 +267,7 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return x where the edges from `start` to `end` (2, ...) cross y (...), rounded as in C++."""
+    """Return the x at which edges, with ends of shape (2, ...), cross `y`; rounded as in C++."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -294,7 +294,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return `start` rotated counter-clockwise by `n` angles from 0 to `turns` turns, (n, 2)."""
+    """Return `n` points (n, 2): `start` after 0 to `turns` counter-clockwise turns."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start

@@ -105,7 +105,7 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
 
 
 def half_chords(radius: float, distances: Positions) -> Positions:
-    """Return half the length of the chord that a disc cuts from each line; negative if none.
+    """Return half the length of each line's chord in a disc; negative for lines that miss the disc.
 
     Args:
         radius: radius of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to include cell centers
@@ -130,7 +130,7 @@ def ellipse_cells(
         center: (2,) center of the ellipse [m]; it may be outside the map.
         length: (2,) lengths of the full axes [m], along x and y before the rotation; if one is 0,
             no cells are returned.
-        rotation: counter-clockwise rotation of the ellipse [rad]; beyond 2 pi, the function warns.
+        rotation: counter-clockwise rotation [rad]; the function warns if abs(rotation) > 2 pi.
     """
     center = np.array(as_pair(center, "center"))
     half_axes = 0.5 * np.array(as_pair(length, "length"))
@@ -174,15 +174,15 @@ def polygon_cells(
     Args:
         polygon: a `Polygon`, or (V, 2) vertices [m]; `Polygon.is_inside` defines the inside. With
             fewer than three vertices, the function warns and returns no cells.
-        count_outside: also return the number of cells inside the polygon, but outside the map, on
-            the grid continued beyond the map. A footprint check needs it: cells outside are
-            unknown, not free.
+        count_outside: also return how many cells inside the polygon would be outside the map if
+            the grid continued there. A footprint check needs this number, because cells outside
+            the map are unknown, not free.
 
     Returns:
-        The cells; with `count_outside`, a pair of cells and number.
+        The cells; if `count_outside` is set, a tuple of the cells and the number.
 
     Raises:
-        LimitError: `count_outside` for a polygon that spans more cells than a map may have.
+        LimitError: `count_outside` is set, and the polygon spans more cells than a map may have.
     """
     polygon = Polygon.of(polygon)
     if len(polygon) < 3:
@@ -195,7 +195,7 @@ def polygon_cells(
     x, y = grid_map.geometry.negated_axes
     x, y = x[rows], y[columns]
     first_below, crossed = _crossings(polygon, x, y)
-    # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
+    # Scan conversion: where an edge crosses a column, flip the column's cells with smaller x.
     flips = np.zeros((x.size + 1, y.size), dtype=np.uint8)
     np.add.at(flips.reshape(-1), first_below * y.size + crossed, _FLIP)
     np.add.accumulate(flips, axis=0, dtype=np.uint8, out=flips)
@@ -214,9 +214,9 @@ def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, 
             `searchsorted` requires.
 
     Returns:
-        first_below: (N,) first row beyond each crossing.
+        first_below: (N,) first row whose x (not negated) is less than that of each crossing.
         crossed: (N,) column of each crossing. As in `Polygon.is_inside`, an edge crosses a column
-            if only one end is above the column, so every column has an even number of crossings.
+            if exactly one end has a greater y, so every column has an even number of crossings.
     """
     vertices = -polygon._closed.T
     below = y.searchsorted(vertices[1], side="right")
@@ -235,7 +235,7 @@ def _count_cells(geometry: GridGeometry, polygon: Polygon) -> int:
     check_cells("polygon", (rows, columns))
     x, y = (-axis.centers(math.floor(first), math.ceil(stop)) for axis, first, stop in spans)
     first_below, crossed = _crossings(polygon, x, y)
-    # The cells between an odd and the next even crossing of a column are inside.
+    # In each column, the cells from crossing 1 to 2, from 3 to 4 and so on are inside.
     ends = first_below[np.lexsort((first_below, crossed))]
     return int((ends[1::2] - ends[::2]).sum())
 
@@ -272,8 +272,8 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
 def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     """Return the buffer cells of Bresenham's line between two cells of the map.
 
-    The axis with more steps advances by one per cell. After k of its n steps, an axis with m steps
-    has advanced by (n // 2 + k * m) // n, the closed form of the algorithm's error term.
+    The axis with more steps, n, advances by one per cell. After k of these steps, the other axis,
+    which has m steps, has advanced by (n // 2 + k * m) // n: the algorithm in closed form.
     """
     steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))
@@ -327,7 +327,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the length (R,) of each range from `first` to `stop`, and the ranges joined (N,)."""
+    """Return the lengths (R,) of ranges from `first` to `stop`, and their concatenation (N,)."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)

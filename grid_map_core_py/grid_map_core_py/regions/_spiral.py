@@ -68,7 +68,7 @@ def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
 
 
 def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cells:
-    """Return the cells of the cached spiral in a disc; only outer rings need a distance test."""
+    """Cut the cells of a disc out of the cached spiral; only outer rings need a distance test."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
@@ -80,7 +80,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
     )
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # Number of rings entirely on the map and in the disc; the center cell always counts as in it.
+    # Number of rings entirely on the map and in the disc; the center cell counts as in the disc.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
@@ -102,7 +102,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return a spiral (2, N) around (0, 0) and the number of cells in its first 0, 1, ... rings."""
+    """Return a spiral (2, N) around (0, 0), and a list: item n is the size of its first n rings."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]

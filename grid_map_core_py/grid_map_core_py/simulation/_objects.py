@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Place objects on a terrain, in a copy of its height layer; all other layers are shared."""
+"""Place objects on a terrain; the new map shares all layers with it except the height layer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..map import GridMap
 from ..regions import polygon_cells
 
 _Profile: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Maps the relative position along the object (0 to 1) to the relative height (0 to 1)."""
+"""Maps the position along the object's x axis (0 to 1) to the share of the height (0 to 1)."""
 
 
 def with_box(
@@ -32,7 +32,8 @@ def with_box(
         grid_map: the terrain, which stays unchanged.
         center: (2,) center of the object [m], map frame; parts outside the map are cut off.
         length: (2,) side lengths of the object along the object's x and y axes [m].
-        height: height of the object above the mean ground below it [m]; higher ground sticks out.
+        height: height of the object [m] above the mean height of the ground below it, or above 0 if
+            no height is known there; higher ground sticks out.
         yaw: rotation of the object relative to the map [rad].
         layer: name of the height layer. The object covers all cells whose centers lie on it, even
             those without a height.

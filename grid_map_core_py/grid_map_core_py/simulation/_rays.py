@@ -43,7 +43,7 @@ def cast_rays(
         finite. For unit directions, the points are `origins + ranges[:, None] * directions`.
 
     Raises:
-        GeometryError: an array has another shape, or `max_range` is not a number above 0.
+        GeometryError: an array has the wrong shape, or `max_range` is not a number above 0.
         LayerNotFoundError: the map has no such layer.
     """
     along = as_array(directions, np.float64, "directions")
@@ -88,8 +88,8 @@ def cast_rays(
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
     """Return the nearest and farthest range (2, N) at which beams may hit the surface.
 
-    Between these ranges, a beam is above or below the map area and not above the highest point. If
-    a beam has no such ranges, the nearest is NaN or exceeds the farthest.
+    Between them, x and y of a beam are on the map, and z does not exceed the highest height. If a
+    beam cannot hit the surface, the nearest range is NaN or exceeds the farthest.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
@@ -110,9 +110,9 @@ def march(
     """Write the range of each beam to `ranges`, NaN for beams that do not return.
 
     Horizontal coordinates are in cells: the height `[i, k]` is at `(i, k)`, and the patch `[i, k]`
-    is between the heights `[i, k]` and `[i + 1, k + 1]`. Beams cross patches in order (Amanatides
-    and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). Each crossing is computed
-    from the start of the beam, so that rounding errors do not accumulate.
+    is between the heights `[i, k]` and `[i + 1, k + 1]`. Beams advance from patch to patch
+    (Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). Crossings are
+    computed from the start of the beam, so that rounding errors do not accumulate.
 
     Args:
         heights: (rows, columns) heights [m]; a patch with a NaN is a hole.
@@ -171,7 +171,11 @@ def _crossing(start: float, step: float, patch: int) -> float:
 def _above(
     a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
 ) -> Any:
-    """Return f: after t meters, a beam is f[0] + f[1] t + f[2] t^2 above a + b u + c v + d u v."""
+    """Return the coefficients of 1, t and t^2 in the height of a beam above a patch after t meters.
+
+    The height of the patch is a + b u + c v + d u v. At t = 0, the beam is at (u, v, z); per meter,
+    it advances by (d_row, d_column, d_z).
+    """
     return (
         z - (a + b * u + c * v + d * (u * v)),
         d_z - (b * d_row + c * d_column + d * (u * d_column + v * d_row)),
@@ -180,7 +184,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0; NaN if none. Avoids cancellation."""
+    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN; cancellation is avoided."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0

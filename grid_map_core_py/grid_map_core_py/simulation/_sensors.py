@@ -105,7 +105,8 @@ def scan(
         (N, 3) in the order of the beams, sensor frame; NaN for beams that do not return.
 
     Raises:
-        GeometryError: an array has another shape.
+        GeometryError: an array has the wrong shape, or `max_range` is not a number above 0.
+        LayerNotFoundError: the map has no such layer.
     """
     pose = as_array(transform, np.float64, "transform")
     if pose.shape != (4, 4):
@@ -122,7 +123,7 @@ def scan(
 
 
 def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
-    """Return the covariances S (N, 3, 3) [m^2] of points; NaN if the sensor cannot measure one.
+    """Return the covariance S of each point, (N, 3, 3) [m^2]; NaN if a point cannot be measured.
 
     S is computed from the variances `axis @ S @ axis` that the model returns for six axes.
     """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Converts maps to xarray datasets, and reads layers from datasets.
 
-Layers become variables with the dimensions ("x", "y") in map order: both coordinates descend. A
-dataset to read may have its dimensions in the other order, and coordinates that ascend.
+Layers become variables with the dimensions ("x", "y") in map order: both coordinates descend.
+Datasets from elsewhere may also have the order ("y", "x") and ascending coordinates.
 """
 
 import re
@@ -44,7 +44,7 @@ _BAND = "band"
 """Name of the band dimension in rioxarray."""
 
 _ENCODED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
-"""Attributes of variables whose values xarray has not decoded."""
+"""Attributes that xarray removes when it decodes the values of a variable."""
 
 _LARGEST_DIFFERENCE = 1e-3
 """Maximum deviation of a coordinate from an evenly spaced grid [cells]."""
@@ -55,13 +55,13 @@ _DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
 """Matches the start of WKT for a geographic reference system."""
 
 _ORIGINS = WeakValueDictionary[tuple[str, str], TiledData]()
-"""Tiled maps by layer name and Dask array name."""
+"""Tiled maps from which Dask arrays were created, by layer name and name of the Dask array."""
 
 # --- from maps ------------------------------------------------------------------------------------
 
 
 def coordinates(geometry: GridGeometry, origin: Sequence[float] = (0.0, 0.0)) -> dict[str, Any]:
-    """Return the x and y coordinates of the cell centers, in the reference system [m]."""
+    """Return x and y of the cell centers as xarray coordinates, in the reference system [m]."""
     axes = zip(DIMENSIONS, geometry.axes_in_map_order(), origin, strict=True)
     return {
         name: (name, axis + start, {"units": "m", "standard_name": f"projection_{name}_coordinate"})
@@ -139,8 +139,8 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Convert a dataset or data array to a dataset with one variable per band.
 
-    A band without a name is named after its variable, with a number, such as `height_2`. Values
-    marked as missing become NaN; scale factors and offsets are applied.
+    A single band keeps the name of its variable; several bands without unique names of their own
+    are numbered, such as `height_2`. Missing values become NaN; scale and offset are applied.
     """
     xr = required("xarray", "a dataset", REMEDY)
     dataset: Any = data
@@ -272,7 +272,7 @@ def crs_of(dataset: "xarray.Dataset") -> str:
 
 @dataclass(frozen=True, eq=False)
 class DatasetSource:
-    """Source that reads layers from a dataset in memory, in a file, or with Dask arrays.
+    """Source that reads layers from a dataset: from memory, from a file or from Dask arrays.
 
     Args:
         dataset: dataset whose variables are layers with the dimensions x and y.
@@ -322,7 +322,7 @@ def open_dataset(
 
     Args:
         data: see `GridMap.from_xarray`; values are read or computed window by window.
-        tile: rows and columns of a tile. If None, each Dask chunk is a tile, or each block of
+        tile: rows and columns of a tile. None uses the size of the first Dask chunk, or
             1024 x 1024 cells if there are no chunks.
         name: name of the dataset in error messages.
     """
@@ -433,7 +433,7 @@ def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
 
 
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
-    """Return the tiled map behind these layers; None if they were changed or computed since.
+    """Return the tiled map behind these layers; None if any was changed, computed or left out.
 
     Reading windows from the map is cheaper than computing whole tiles of Dask arrays.
     """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs a function on many tiles with the Dask scheduler that the program has chosen.
 
-The default is a thread pool in this process. A `dask.distributed.Client` in the program selects its
-cluster; `dask.config.set(scheduler=...)` selects another local scheduler.
+The default is a thread pool in this process. If the program creates a `dask.distributed.Client`,
+its cluster is used instead; `dask.config.set(scheduler=...)` selects another local scheduler.
 """
 
 import itertools
@@ -27,7 +27,7 @@ _AHEAD = 2
 """Number of running and queued calls per thread of this process."""
 
 _PER_BATCH = 16
-"""Number of calls in a batch, per process, if the local scheduler is not the thread pool."""
+"""Number of calls per worker in a batch, for local schedulers other than the thread pool."""
 
 _TASKS = 4
 """Number of running and queued tasks per thread of a cluster."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads GeoTIFF rasters that share a grid as a tiled map, and writes maps window by window."""
+"""Opens GeoTIFF rasters on one grid as a tiled map, and writes tiled maps window by window."""
 
 import itertools
 import math
@@ -59,7 +59,7 @@ _WARPING: dict[str, Any] = {
     # By default, the size of the interpolation kernel depends on the window.
     "XSCALE": 1,
     "YSCALE": 1,
-    # By default, a band keeps its nodata value where another band has a value.
+    # By default, a nodata value is not replaced with NaN where another band has a value.
     "UNIFIED_SRC_NODATA": "NO",
 }
 """GDAL options for projected rasters; `tolerance` is the allowed position error [pixels]."""
@@ -67,7 +67,8 @@ _WARPING: dict[str, Any] = {
 _BLOCK = 256
 """Side of the blocks in which a raster is projected [cells].
 
-GDAL interpolates positions per window; fixed blocks make cell values independent of the window.
+GDAL approximates the projection separately for each window; fixed blocks make cell values
+independent of the window that is read.
 """
 
 
@@ -148,7 +149,7 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """First row and column (N, 2) of each raster, and the row and column (N, 2) after it."""
+        """First row and column of each raster, and last row and column plus 1; both are (N, 2)."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
@@ -224,8 +225,8 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
     """Return the coarsest overview with cells at most `step` times as wide as those of the raster.
 
     Returns:
-        overview: map of the overview, whose positions are accurate to half a cell; `tiled_map`
-            itself if the map is a mosaic, is projected, or has no such overview.
+        overview: the overview as a map, with positions accurate to half a cell. If the map is a
+            mosaic, is projected, or has no such overview, this is `tiled_map` itself.
         factor: side of an overview cell [cells of `tiled_map`].
     """
     source = tiled_map.source
@@ -315,8 +316,8 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
     """Return the west, north, east and south sides of a raster on the grid of a mosaic [cells].
 
     Args:
-        header, first: headers of the raster and of the first raster of the mosaic. Cells count to
-            the east and south, from the north-west corner of `first`.
+        header, first: headers of the raster and of the first raster of the mosaic. The sides are
+            counted in cells to the east and south of the north-west corner of `first`.
         exact: require the raster to lie on the grid. If False, include all cells that it touches.
 
     Raises:
@@ -445,7 +446,7 @@ def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
 
 
 def _check_complete(file: Path) -> None:
-    """Raise `OSError` if a block is missing: GDAL may close a file on a full disk without error."""
+    """Raise `OSError` if a block is missing, because GDAL may not report that the disk is full."""
     length, last = file.stat().st_size, (-1, 0, 0, 0)
     with import_module("rasterio").open(file) as raster:
         levels = [(None, 1), *enumerate(raster.overviews(1))]

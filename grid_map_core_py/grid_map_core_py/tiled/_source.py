@@ -39,7 +39,7 @@ class Source(Protocol):
         """Layer names, in order."""
 
     def describe(self) -> str:
-        """Return a text that identifies the data; a resumed run compares it with the first run."""
+        """Return text that identifies the data; a resumed run compares it with the first run's."""
 
     def prepare(self) -> None:
         """Prepare data shared by all windows; called once before windows are read in parallel."""
@@ -177,7 +177,7 @@ def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
 
     Args:
         path: name of a store or dataset, or of one of its parts.
-        doing: "read" or "written".
+        doing: "read" or "written", for the message "cannot be ...".
     """
     try:
         yield

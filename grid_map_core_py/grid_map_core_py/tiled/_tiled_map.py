@@ -59,7 +59,7 @@ class Chain(Protocol):
 class TiledMap(TiledData):
     """Map of any size whose layers are read or computed window by window.
 
-    `open_map` returns a `TiledMap`. A tiled map is immutable, except for `write`, and picklable.
+    `open_map` returns a `TiledMap`. Tiled maps can be pickled; only `write` changes their data.
 
     Args:
         source: provider of the layers.
@@ -141,7 +141,7 @@ class TiledMap(TiledData):
     ) -> GridMap:
         """Return a rectangular part of the map; only the chunks under the rectangle are read.
 
-        The result has the same cells as `GridMap.get_submap`.
+        The result has the same cells as that of `GridMap.get_submap`.
 
         Args:
             position: (2,) center of the rectangle [m].
@@ -224,12 +224,12 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        Each cell is copied from a cell of the map with the same center, and its sides are `step`
-        times as long. If the map is a raster with suitable overviews, cells are copied from one of
+        The cells of the result are `step` times as wide; each has the value of the original cell at
+        its center. If the map is a raster with suitable overviews, cells are copied from one of
         them. If more than about 4000 tiles would have to be read, a larger step is used.
 
         Args:
-            step: distance between the rows, and between the columns, to copy [cells].
+            step: distance between copied rows and between copied columns [cells].
             layers: names of the layers to read; None means all.
         """
         from ._thinned import thinned_map
@@ -301,8 +301,8 @@ class TiledMap(TiledData):
 
         Raises:
             GridMapError: a tile cannot be read, computed or written; the store exists; another
-                process is writing the store; an unfinished run exists and `resume` is False; or
-                that run had different inputs.
+                process is writing the store; or there is an unfinished run, and `resume` is False
+                or the inputs of that run were different.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -346,8 +346,8 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write it to a GeoTIFF file, window by window.
 
-        The file is renamed to `path` once it is complete. Each layer is a float32 band named after
-        the layer; the nodata value is NaN. A tag stores frame, time and basic layers, so that
+        A temporary file is renamed to `path` when complete. Each layer is a float32 band named
+        after the layer; the nodata value is NaN. A tag stores frame, time and basic layers, so that
         `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
         temporarily requires additional disk space for the uncompressed layers.
 
