@@ -111,7 +111,7 @@ def test_make_check_runs_all_tools_and_names_those_that_fail(tmp_path):
         (tmp_path / tool).write_text(f"#!/bin/sh\necho $0 $1; [ {tool} = mypy ]\n")
         (tmp_path / tool).chmod(0o755)
     enter = f"ENTER=PATH={tmp_path}:$$PATH &&"
-    done = run("make", "-o", "build", "check", enter, environ=os.environ)
+    done = run("make", "--no-print-directory", "-o", "build", "check", enter, environ=os.environ)
     assert done.returncode
     *ran, last = done.stdout.replace(f"{tmp_path}/", "").splitlines()
     assert [line.split()[0] for line in ran] == ["ruff", "ruff", "mypy", "lint-imports", "python3"]

@@ -32,7 +32,7 @@ class Demo(ConfiguredNode):
         return self.create_publisher(GridMapMessage, topic, map_qos())
 
     def publish_maps(self, default_rate: float, topic: str = "grid_map") -> None:
-        """Publish the map from `map_at` at the rate set by the parameter `publish_rate`."""
+        """Publish the maps that `map_at` returns; the parameter `publish_rate` sets the rate."""
         rate = self.read_positive("publish_rate", default_rate, "maps per second [Hz]")
         publisher = self.map_publisher(topic)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_interpolation_demo`: compares four interpolation methods with the truth.
 
-A world is a formula for the height. The demo samples it on a fine grid (the truth) and on a coarse
-grid (the data), and interpolates the data to a fine grid. It publishes three maps once, latched,
-with the heights in the layer `demo`:
+A world is a surface given by a formula. The demo samples one on a fine grid (the truth) and on a
+coarse grid (the data), and interpolates the data to a fine grid. At startup, it publishes three
+latched maps with the heights in the layer `demo`:
 
     ground_truth: the fine samples.
     data_sparse: the coarse samples.
@@ -31,7 +31,7 @@ Numbers = npt.NDArray[np.float64]
 LAYER = "demo"
 
 BORDER = 2
-"""Width of the border that errors exclude [cells]; some methods lack neighboring cells there."""
+"""Width of the border left out of the error table [cells]; some methods lack neighbors there."""
 
 HILLS = [  # x, y, variance along x, variance along y, height
     (1.0, -1.0, 1.0, 0.3, -2.0),

@@ -3,9 +3,9 @@
 
     iterator_benchmark [SIDE ...]
 
-Prints a table of times for square maps with SIDE cells per side. The tasks are the larger of two
-layers and the mean of 3 x 3 cells. Each is solved in several ways, from a Python loop over the
-cells to a function of NumPy or OpenCV for the whole layer. ROS is not required.
+Prints a table of times for square maps with SIDE cells per side. One task is to compute the
+larger value of two layers, the other the mean of 3 x 3 cells. Each is solved in several ways, from
+a Python loop over the cells to a single NumPy or OpenCV call. ROS is not required.
 """
 
 import argparse
@@ -25,13 +25,13 @@ SIDES = (100, 400)
 LARGEST_SIDE = 2_000
 RESOLUTION = 0.004
 SECONDS = 0.05
-"""Minimum time for which a function is repeated [s]; the shortest run counts."""
+"""Each function is repeated for at least this time [s]; the shortest run counts."""
 
 Way = Callable[[GridMap], None]
 
 
 def by_index_and_name(grid_map: GridMap) -> None:
-    """Look up and index the layer for each cell; readable, but only suitable for few cells."""
+    """Look up and index the layer for each cell; readable, but suitable only for a few cells."""
     for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 

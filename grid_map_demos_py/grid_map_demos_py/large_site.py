@@ -40,8 +40,8 @@ def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
     """Return the ground heights (rows, cols) [m] at the cells of a grid.
 
-    The ground is a sum of waves in random directions; longer waves are higher. Each wave is written
-    as products of a function of x and a function of y, so that one matrix product yields all cells.
+    The ground is a sum of waves in random directions; longer waves are higher. Each wave is a
+    sum of two products f(x) g(y), so that a single matrix product yields the heights of all cells.
     """
     random = np.random.default_rng(5)
     angles = random.uniform(0, 2 * math.pi, _LENGTHS.size)
@@ -57,7 +57,7 @@ def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
 
 
 def make_site(path: Path) -> Iterator[None]:
-    """Write the map to a Zarr store, chunk by chunk; chunks far from the path are left out.
+    """Write the map to a Zarr store, and yield after each chunk; skip chunks far from the path.
 
     Raises:
         GridMapError: the store cannot be written.

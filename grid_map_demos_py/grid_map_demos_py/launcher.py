@@ -67,7 +67,7 @@ class NodesDemo:
 
         Args:
             arguments: command line arguments; None means `sys.argv[1:]`.
-            steps: work before the nodes start, one step per item; an interrupt skips the rest.
+            steps: iterable that does preparatory work when consumed; an interrupt skips the rest.
             parameters: for each node module, an additional parameter `name:=value`.
         """
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
@@ -215,7 +215,7 @@ class ProcessGroup:
             )
 
     def wait(self) -> tuple[str, int] | None:
-        """Wait until a process ends; return its module and exit code, or None if stopped."""
+        """Wait until a process ends; return its module and exit code, or None after a signal."""
         while not self.stopped:
             for module, process in self._processes.items():
                 code = process.poll()

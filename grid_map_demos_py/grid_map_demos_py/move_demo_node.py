@@ -21,7 +21,7 @@ def make_map() -> GridMap:
 
 
 def place(seconds: float) -> Positions:
-    """Return the position (2,) of the map [m] at a time, on a spiral that starts at the origin."""
+    """Return the map position (2,) [m] after `seconds` on a spiral that starts at the origin."""
     return 0.03 * seconds * np.array([np.cos(seconds), np.sin(seconds)])
 
 

@@ -266,7 +266,7 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
         truth: map with the true `elevation`, in the same frame.
 
     Raises:
-        GridMapError: no known cell lies on the true terrain, away from edges.
+        GridMapError: no cell away from edges has both an estimated and a true height.
     """
     positions = estimate.get_positions()
     inside = truth.is_inside(positions)
@@ -302,7 +302,7 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
 
 def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
     """Return table rows that show when the person was on the terrain and in the map."""
-    # Times [s] are counted from `begin` [ns]; `delays`: how long cells stayed high afterwards.
+    # Times [s] count from `begin` [ns]. `delays`: how long cells stay high once the person is gone.
     way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
     walk: list[float] = []
     shown: list[float] = []

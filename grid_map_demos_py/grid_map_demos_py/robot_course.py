@@ -45,7 +45,7 @@ CAMERA[:3, 3] = 0.3, 0.0, 0.3
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the demo terrain, enlarged and without holes, with obstacles along the path.
+    """Return the demo terrain without holes, scaled up, and with obstacles along the path.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.
@@ -71,7 +71,10 @@ class RobotCourse:
     speed: float
 
     def terrain_at(self, seconds: float) -> GridMap:
-        """Return the terrain; its layer `person` is a person's height above ground [m] or NaN."""
+        """Return the terrain, including the person if present.
+
+        The layer `person` is the height of the person above the ground [m], and NaN elsewhere.
+        """
         # The person appears once per lap (54.4 s at 0.6 m/s).
         walk, terrain = seconds % 54.4 - 4.5, self.ground
         if 0.0 <= walk <= 2.5:
@@ -113,7 +116,7 @@ def covariance_at(seconds: float) -> Matrix:
 
 
 def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -> GridMap:
-    """Return the true terrain around a position (2,), shifted by the drift after `seconds`."""
+    """Return a square of true terrain around a position (2,), in the drifting odometry frame."""
     block = ground.get_submap(position, (length, length))
     block.position = block.position + DRIFT[:2] * seconds
     block["elevation"] += np.float32(DRIFT[2] * seconds)

@@ -43,7 +43,7 @@ def load_terrain(
         if posts.ndim != 2 or not posts.size:
             raise ValueError(f"'elevation': expected rows and columns, got the shape {posts.shape}")
     heights = (posts - posts.min()) * np.float32(EXAGGERATION * resolution / METRES_PER_POST)
-    # Map rows run along -x and columns along -y: from east to west and from north to south.
+    # Row indices of the map increase from east to west (-x), column indices from north to south.
     elevation = heights[:, ::-1].T
     grid_map = GridMap(np.multiply(elevation.shape, resolution), resolution, frame_id=frame_id)
     grid_map["elevation"] = elevation

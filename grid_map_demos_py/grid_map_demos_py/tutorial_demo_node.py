@@ -29,7 +29,7 @@ def make_map() -> GridMap:
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
-    """Set heights and normals of a sine wave along y at a time [s]; its amplitude grows with x."""
+    """Set heights and normals of a sine wave along y at a time [s]; the amplitude is 0.2 |x|."""
     x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
     # A column of x and a row of y broadcast to all cells.
@@ -56,7 +56,7 @@ def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> 
 
 
 def cells_to_filter(grid_map: GridMap) -> Cells:
-    """Return the cells of a 1.2 m x 0.8 m rectangle with the upper left corner (0.6, 0.4)."""
+    """Return the cells of the 1.2 m x 0.8 m rectangle whose upper left corner is (0.6, 0.4)."""
     # The corner is outside the map and is clamped to the border.
     corner = grid_map.get_closest_position_in_map((1.0, 0.4))
     rows, columns = int(1.2 / grid_map.resolution), int(0.8 / grid_map.resolution)

@@ -2,8 +2,8 @@
 """Filter chains for grid maps, configured in YAML, and an expression language for layers.
 
 A filter is called with a `GridMap` and returns a new one. `FilterChain` builds a filter sequence
-from the YAML format of the C++ filters. `expression` is the expression language, and `parts`
-provides helpers for fast custom filters. Only the executable `filter_chain` requires ROS.
+from the YAML format of the C++ filters. `expression` implements the expression language, and
+`parts` provides helpers for fast custom filters. Only the executable `filter_chain` requires ROS.
 """
 
 from grid_map_core_py._lazy import lazy_names

@@ -23,7 +23,7 @@ from .errors import FilterConfigError
 from .parts._side_by_side import use_threads
 
 _FEWEST_CELLS = 1000**2
-"""Maps with fewer cells are filtered by one thread, because waking others takes too long."""
+"""Maps with fewer cells are filtered by one thread, because waking up others takes too long."""
 
 _MOST_THREADS = 1000
 """Maximum number of threads; all threads are started, even if some get no work."""
@@ -33,8 +33,8 @@ class FilterChain:
     """Sequence of filters that run one after the other.
 
     `chain(grid_map)` does not change `grid_map`, and the result shares no data with it. The result
-    keeps the start index of the input, unless the chain contains a `BufferNormalizer`. Several
-    threads may call a chain at the same time.
+    keeps the start index of the input, unless the chain contains a `BufferNormalizer` or changes
+    the size. Several threads may call a chain at the same time.
 
     Filters get maps with read-only layers: a filter that writes into a layer fails.
 
@@ -71,7 +71,7 @@ class FilterChain:
         """Create a chain from the mapping under `filters:`, or a list of {name, type, params}.
 
         Raises:
-            FilterConfigError: invalid chain; the message names the filter, type and parameter.
+            FilterConfigError: the chain is invalid; the message names filter, type and parameter.
         """
         return cls(map(Step.from_config, parse_steps(config)), threads=threads)
 
@@ -197,7 +197,7 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return the description of each parameter of a chain, by names like `filter1.params.radius`.
+    """Return descriptions of the parameters of a chain, with keys like `filter1.params.radius`.
 
     Parameters without a description are omitted.
     """

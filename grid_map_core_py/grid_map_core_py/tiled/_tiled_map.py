@@ -404,10 +404,10 @@ class TiledMap(TiledData):
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
         """Return the map in a frame whose origin has this latitude and longitude.
 
-        Coordinates in a reference system can be millions of meters; in a frame near the robot,
-        coordinates are small. The directions of the axes do not change. Datasets, stores and
-        GeoTIFF files still use the coordinates of the reference system. They also store the origin,
-        so that `open_map` and `load_geotiff` can restore the frame.
+        Coordinates in a reference system can be millions of meters; in a frame whose origin
+        is near the robot, they are small. The directions of the axes do not change. Datasets,
+        stores and GeoTIFF files still use the coordinates of the reference system. They also store
+        the origin, so that `open_map` and `load_geotiff` can restore the frame.
 
         Args:
             latitude, longitude: the new origin [deg, WGS 84].
@@ -453,7 +453,7 @@ class GridMapAccessor:
     """
 
     def __init__(self, data: xarray.Dataset | xarray.DataArray) -> None:
-        """Wrap a dataset or data array; the first method call checks the data."""
+        """Wrap a dataset or data array, which is not checked until a method is called."""
         self._data = data
 
     @cached_property

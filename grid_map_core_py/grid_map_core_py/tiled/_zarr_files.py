@@ -35,10 +35,10 @@ from ._engine import REMEDY, in_any_order
 from ._source import Progress, TiledData, data_errors, tile_name
 
 _RUN = ".run.json"
-"""File that describes the run in an unfinished store; the writing process locks the file."""
+"""File in an unfinished store describing the run. The process that writes the store locks it."""
 
 _NEAR = 4
-"""Side of the square groups of tiles that are computed consecutively [tiles]."""
+"""Tiles are computed in square groups with this side length [tiles]."""
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
@@ -134,14 +134,14 @@ def _locked(part: Path) -> Iterator[IO[str]]:
 def _compute(
     tiled_map: TiledData, part: Path, names: Sequence[str], progress: Progress | None
 ) -> None:
-    """Compute and write the tiles that are missing in the unfinished store."""
+    """Compute the tiles that an unfinished store lacks, and write them into it."""
     tiles, columns = tiled_map.tiles, tiled_map.tiles.counts[1]
     chunks = [{file.name for file in (part / name).iterdir()} for name in names]
     places = {n: divmod(n, columns) for n in range(len(tiles))}
     missing = [
         n for n, (row, column) in places.items() if any(f"{row}.{column}" not in c for c in chunks)
     ]
-    # Neighboring tiles read the same input blocks at their borders; processes keep these in memory.
+    # Compute neighboring tiles one after the other: they share input blocks, which stay in memory.
     missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
     done = len(tiles) - len(missing)
     if progress is not None:
@@ -265,7 +265,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
 
 
 def metadata_file(store: Path) -> Path:
-    """Return the path of the metadata file of a store; writing chunks does not change the file."""
+    """Return the path of a store's metadata file, which does not change when chunks are written."""
     if not store.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(store))
     # Zarr formats 2 and 3.

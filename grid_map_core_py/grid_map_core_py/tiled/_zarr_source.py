@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 _OPENED = 16
-"""Number of stores that a process keeps open; opening a store takes as long as reading a window."""
+"""Number of stores that a process keeps open, since opening one is as slow as reading a window."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Maximum relative difference between resolutions that count as equal."""
@@ -32,7 +32,7 @@ _LARGEST_DIFFERENCE = 1e-6
 
 @dataclass(frozen=True)
 class StoreSource:
-    """Source that reads layers from a Zarr store, opened by each process on the first read.
+    """Source that reads layers from a Zarr store; each process opens the store on its first read.
 
     Args:
         path: folder or fsspec URL of the store.
@@ -102,7 +102,7 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
             if not min(chunk):
                 expected = "chunks: expected at least one cell, got"
                 raise GridMapError(f"{layer}: {expected} {[*chunk]}. Write the store anew")
-            # Even for a window of one cell, a chunk is unpacked as a whole.
+            # Reading even a single cell unpacks a whole chunk.
             check_cells(f"{layer}: chunk", chunk)
         stored = dataset[layers[0]].encoding.get("chunks") if layers else None
         if stored and dataset[layers[0]].dims != DIMENSIONS:
@@ -151,7 +151,7 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 
     Returns:
         window: cells of the store.
-        lines: the map's buffer row at each row of the window, and buffer column at each column.
+        lines: buffer row of the map for each row of the window, buffer column for each column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution

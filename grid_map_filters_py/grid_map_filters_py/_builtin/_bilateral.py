@@ -16,10 +16,11 @@ from ..parts._side_by_side import side_by_side
 # table too coarse to preserve edges.
 
 _FAR = np.float32(12.0)
-"""Larger differences, and missing values, count as this many standard deviations: weight 5e-32."""
+"""Limit of value differences [standard deviations]. A difference at the limit, such as one to a
+missing value, has the weight 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Mean differences below this become 0: missing values may cause them [standard deviations]."""
+"""Smaller mean differences [standard deviations] become 0, as missing values may cause them."""
 
 _PIECE = 2**16
 """Number of cells computed at once, small enough that temporary arrays fit into the cache."""
@@ -74,7 +75,7 @@ class Bilateral(LayerFilter):
         return result
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
-        """Return the weighted means of the block `center`; `around` adds a margin of one radius."""
+        """Return the weighted means in the block `center`; `around` is the block with margins."""
         sigma, (rows, columns) = np.float32(self.sigma_range), center.shape
         # The cell itself has weight 1.
         weights, total = np.ones_like(center), np.zeros_like(center)

@@ -18,12 +18,12 @@ from .._filter import CellFilter
 from ..parts._blocks import blockwise
 
 _GRADED = 252
-"""Number of costs between free and inscribed."""
+"""Number of cost values between free (0) and inscribed (253)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cost(CellFilter):
-    """Convert a layer such as traversability or slope to costs of Nav2.
+    """Convert a layer such as traversability or slope to Nav2 costs.
 
     With u = (value - free_value) / (lethal_value - free_value), the cost is 0 (free) if u <= 0, 254
     (lethal) if u >= 1, else 1 + floor(252 u). Cost 253 is left to `InflationFilter`.
@@ -31,9 +31,9 @@ class Cost(CellFilter):
     Attributes:
         input_layer: layer to convert; cells that are not finite are unknown.
         output_layer: layer for the costs; NaN is unknown.
-        free_value: value at which the cost is 0, in the unit of `input_layer`.
-        lethal_value: value at which the cost reaches 254; may be less than `free_value`.
-        unknown: cost of unknown cells: `unknown` is NaN, `lethal` 254, `free` 0.
+        free_value: value that gets cost 0, in the unit of `input_layer`.
+        lethal_value: value that gets cost 254; may be less than `free_value`.
+        unknown: cost of unknown cells: `unknown` means NaN, `lethal` 254, `free` 0.
         lethal_layer: layer with a second criterion, such as step height.
         lethal_above: cells where `lethal_layer` exceeds this value are lethal, even if unknown; NaN
             has no effect.

@@ -35,7 +35,7 @@ class Curvature(LayerFilter):
         # Pad with one cell that replicates the border.
         heights = cv2.copyMakeBorder(layer.T, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         width, flat = heights.shape[1], np.asarray(heights).ravel()
-        # Slices of the flat image: all cells, with the side margins, and then their four neighbors.
+        # Shifted slices of the flat image with side margins: the cells, then their four neighbors.
         shifts = 0, -width, width, -1, 1
         neighbors = [flat[width + shift : flat.size - width + shift] for shift in shifts]
         curvature = _curvature(neighbors, (-1 / resolution**2,))

@@ -22,7 +22,7 @@ from ..parts._layer_filter import LayerFilter, check_radius
 
 @dataclass(frozen=True, kw_only=True)
 class Inflation(LayerFilter):
-    """Raise the costs around lethal cells (254) as the inflation layer of Nav2, bit for bit.
+    """Raise the costs around lethal cells (254) exactly as Nav2's inflation layer does.
 
     At the distance d [m] from the center of the nearest lethal cell, the cost is 253 (inscribed) if
     d <= inscribed_radius, else floor(252 exp(-cost_scaling_factor (d - inscribed_radius))). A known
@@ -31,13 +31,13 @@ class Inflation(LayerFilter):
     Attributes:
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
-        inscribed_radius: radius of the largest circle around the robot's origin that fits in its
-            footprint [m]; with Nav2's `robot_radius`, cos(pi / 16) = 0.9808 times that radius.
-        footprint: corners [x, y] [m], as a list or as text like in Nav2; use it instead of
+        inscribed_radius: radius of the largest circle about the robot's origin in its footprint
+            [m]; for Nav2's `robot_radius`, multiply it by cos(pi / 16) = 0.9808.
+        footprint: corners [x, y] [m], as a list or (as in Nav2) a string; replaces
             `inscribed_radius`.
-        inflation_radius: distance up to which costs are raised [m], rounded up to whole cells.
-        cost_scaling_factor: rate at which costs decay beyond the inscribed radius [1/m].
-        inflate_unknown: let any cost above 0 replace unknown cells, not only 253 and 254.
+        inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
+        cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
+        inflate_unknown: also raise unknown cells to costs from 1 to 252, not only to 253 and 254.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 
@@ -58,7 +58,7 @@ class Inflation(LayerFilter):
         check(valid, "cost_scaling_factor", "a number >= 0 [1/m]", factor)
 
     def reach(self, resolution: float) -> float:
-        # Without a tolerance, as in Nav2. No map has more than 2**31 rows or columns.
+        # Like Nav2, round up without a tolerance. No map has more than 2**31 rows or columns.
         return math.ceil(min(self.inflation_radius / resolution, 2.0**31))
 
     @property
@@ -109,7 +109,7 @@ class Inflation(LayerFilter):
         return result
 
     def _costs_by_square(self, cells: int, resolution: float) -> Layer:
-        """Return the costs at the squared distances 0 to `cells`**2 [cells], and 0 beyond."""
+        """Return the costs at the squared distances 0 to `cells`**2 [cells^2], followed by a 0."""
         beyond = np.sqrt(np.arange(cells**2 + 1.0)) * resolution - self._inscribed_radius
         costs = np.floor((INSCRIBED - 1) * np.exp(-self.cost_scaling_factor * np.fmax(beyond, 0)))
         costs[beyond <= 0] = INSCRIBED

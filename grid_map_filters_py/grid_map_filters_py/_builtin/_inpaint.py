@@ -44,7 +44,7 @@ _LARGEST_RADIUS = 100.0
 """Maximum radius that OpenCV accepts [cells]."""
 
 _MARGIN = 16
-"""Fixed part of the margin around the holes of a tile [cells]; a few radii are added. Cells outside
+"""Margin around holes in a tile [cells], to which a few radii are added. Cells beyond the margin
 change the result by less than 1e-6 of the value range, even if half of the cells are missing."""
 
 _BEYOND = 32
@@ -147,7 +147,7 @@ class _InpaintTiles:
         geometry: geometry of the whole map.
         extremes: lowest and highest finite value of the whole layer; NaN if there are none.
         max_hole: length of the longest hole to fill [cells].
-        fills_all: True if no hole of the map is left unfilled.
+        fills_all: True if every hole of the map is filled.
     """
 
     whole: Inpaint
@@ -200,7 +200,7 @@ class _InpaintTiles:
         labels, holes = find_holes(missing)
         in_map = holes.moved(place_of(tile, self.geometry))
         wanted = self.whole.wanted(in_map, self.geometry.size, self.geometry.resolution)
-        # Holes cut off by the tile edge are longer than `max_hole`, or outside the window.
+        # Holes cut off by the tile edge do not matter: they are too long, or outside the window.
         return _mask(labels, wanted & (holes.lengths <= self.max_hole))
 
     @property
@@ -210,13 +210,13 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the cells in the `wanted` holes; cells outside holes have the label 0."""
+    """Return a mask of the `wanted` holes; hole i has label i + 1, cells outside holes label 0."""
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 
 
 def _near(radius: float) -> int:
-    """Return the largest distance at which holes affect each other; both lengths are in cells."""
+    """Return the largest distance [cells] at which holes affect each other; `radius` in cells."""
     return math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
 
 

@@ -28,7 +28,7 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
         # Single-precision sums of few values are as precise as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean, too_large = _mean(disc, layer, offset, dtype)
-        # Replace only cells that overflow, so that the division into blocks changes no result.
+        # Replacing all cells would make the results depend on the division into blocks.
         if dtype == np.float32 and too_large.any():
             exact, _ = _mean(disc, layer, offset, np.float64)
             mean[too_large] = exact[too_large]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _YAML = (".yaml", ".yml")
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")
-"""Options that require a map on tiles, and options that require maps in memory."""
+"""Options valid only for processing on tiles, and options valid only for maps in memory."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run `grid-map filter`: filter the maps of a file, and print their number."""
+    """Run `grid-map filter`: filter the maps of a file, and print how many are written."""
     if options.chain == options.source == "-":
         raise UsageError("the chain and the map cannot both come from standard input")
     if Path(options.source).suffix in _YAML and Path(options.chain).suffix not in ("", *_YAML):
