@@ -57,7 +57,7 @@ def check_color(color: int) -> None:
 
 
 def is_empty(coloring: "Coloring", values: npt.NDArray[np.float32]) -> bool:
-    """Return whether a color map has no bounds, because no value is finite."""
+    """Return True if a bound of the color map depends on the values, and none of them is finite."""
     return None in (coloring.lower, coloring.upper) and not np.isfinite(values).any()
 
 
@@ -99,8 +99,8 @@ class Coloring:
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
         """Return the values at the lower and upper end of the color map for an array of values.
 
-        If `lower` is None, the lower end is the smallest finite value, but at most `upper`; the
-        upper end is found likewise. If no value is finite, an end equals the other bound, or 0.
+        An end whose bound is None is the smallest or largest finite value, limited by the other
+        bound. If no value is finite, it equals the other bound, or 0 if both bounds are None.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper

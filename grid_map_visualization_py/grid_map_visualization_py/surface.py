@@ -60,8 +60,8 @@ class Mesh:
 class Surface:
     """Surface of a map: the shown cells and the triangles between cell centers.
 
-    Layers in map order are transposed to arrays (columns, rows), which are contiguous in memory. A
-    cell number is an index into the flattened array.
+    Arrays of cells have the shape (columns, rows): layers in map order are transposed, which makes
+    them contiguous in memory. Triangles refer to cells by index in the flattened array.
 
     Args:
         grid_map: the map.
@@ -117,7 +117,7 @@ class Surface:
     def points(
         self, origin: npt.ArrayLike = (0.0, 0.0), dtype: npt.DTypeLike = np.float64
     ) -> npt.NDArray[Any]:
-        """Return x, y, z [m] of all shown cells (columns * rows, 3), relative to `origin`."""
+        """Return x, y, z [m] of all shown cells (columns * rows, 3); x, y relative to `origin`."""
         (x, y), (x0, y0) = self.grid_map.geometry.axes_in_map_order(), np.asarray(origin)
         if self._step > 1:
             rows, columns = self._kept
@@ -186,7 +186,7 @@ class Surface:
         """Indices of the shown rows and columns, in map order."""
         kept = []
         for axis in self.grid_map.geometry.axes_in_map_order():
-            # Centers usually lie at whole or half cells; an offset of 1/4 avoids rounding errors.
+            # The quotient is usually a whole or half number; adding 1/4 guards against rounding.
             first = int(np.floor(axis[0] / self.grid_map.resolution + 0.25))
             stays = (first - np.arange(len(axis))) % self._step == 0
             stays[[0, -1]] = True
@@ -195,7 +195,11 @@ class Surface:
 
 
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
-    """Yield a mask of squares, and the corner offsets, for each of the four types of triangle."""
+    """Yield the triangles of each of the four types.
+
+    Each item is a mask of the squares with such a triangle, in flattened order, and the offsets of
+    its corners from the first cell of the square.
+    """
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)
     is_first[:, -1] = False
@@ -218,7 +222,7 @@ def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, i
     kept = inside & row & column & ~turned
     yield kept & first, (0, 1, rows)
     yield kept & both, (1, rows + 1, rows)
-    # Triangles along the other diagonal, if it is better or a corner of the usual one is missing.
+    # Use the other diagonal if it is better, or if a corner of the usual one is a hole.
     crossed = inside & first & both
     yield crossed & column & (turned | ~row), (0, rows + 1, rows)
     yield crossed & row & (turned | ~column), (0, 1, rows + 1)

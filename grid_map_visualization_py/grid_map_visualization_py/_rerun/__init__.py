@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Write maps and messages to Rerun recordings, and serve these to browsers."""
+"""Write maps and messages to Rerun recordings, and serve recordings to browsers."""

@@ -19,14 +19,14 @@ Origin: TypeAlias = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placed:
-    """Archetypes to log for a message or for a part of it, with entity path, frame and time.
+    """Archetypes to log for all or part of a message, with their entity path, frame and time.
 
     Attributes:
         time: time in the message header [ns]; 0 if there is none.
         path: parts of the entity path below the topic, or from the root if `is_global`.
         frame: ROS frame; None if the archetypes are not drawn in a frame.
-        archetypes: function that receives an origin (3,) in the frame [m], and returns the
-            archetypes relative to it or raises `MessageError`.
+        archetypes: function that returns the archetypes, with positions relative to a given
+            origin (3,) in `frame` [m]. It raises `MessageError` if the message is invalid.
         is_global: True if the path starts at the root, not at the topic.
     """
 

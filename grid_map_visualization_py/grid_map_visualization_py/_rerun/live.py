@@ -15,10 +15,10 @@ QUEUES = {
     "visualization_msgs/msg/Marker": 100,
     "visualization_msgs/msg/MarkerArray": 100,
 }
-"""Queue size of a topic, by message type; topics of other types keep only the newest message.
+"""Queue length per topic, by message type; for other types, only the newest message is kept.
 
-Transforms and diagnostics come from many nodes, and a marker usually adds to earlier markers, so no
-message may replace the previous one.
+Transforms and diagnostics come from many nodes, and a marker usually adds to earlier markers, so a
+new message must not simply replace the previous one.
 """
 
 FLUSH_TIME = 0.2

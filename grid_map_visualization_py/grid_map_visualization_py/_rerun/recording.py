@@ -52,9 +52,9 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
 
 @contextmanager
 def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
-    """Yield the path of a pipe that a thread copies to `target`, and a list of write errors.
+    """Yield the path of a pipe and a list of write errors; a thread copies the pipe to `target`.
 
-    Without the pipe, Rerun would block forever if a write fails, for example on a full disk.
+    Without the pipe, Rerun would block forever after a failed write, for example on a full disk.
     """
     source, sink = os.pipe()
     errors: list[OSError] = []
@@ -90,8 +90,8 @@ def log_bag(
 ) -> int:
     """Write the messages of a bag to a scene, in time order.
 
-    Messages that cannot be shown, such as a pose with NaN, are skipped, as in RViz, and warnings
-    name their topics. A damaged map raises an error instead, unless `recover` is true.
+    As in RViz, messages that cannot be shown, such as a pose with NaN, are skipped; a warning names
+    each affected topic. A damaged map raises an error instead, unless `recover` is true.
 
     Args:
         scene: scene to write to.

@@ -3,7 +3,7 @@
 
 Each topic becomes an entity path, such as `grid_map` for `/grid_map`. Below it, a map consists of:
 
-- `surface`: a mesh with the colors of each layer.
+- `surface`: a mesh with one set of vertex colors per layer.
 - `layers/NAME/color`: image of a layer (x right, y up); cells without a value are transparent.
 - `layers/NAME`: invisible image above `color`, with the values that the viewer shows on hovering.
 - `legend/NAME`: color bar of a layer, labeled with the values at its ends.
@@ -47,7 +47,7 @@ SHOWN_TYPES = frozenset({GRID_MAP_TYPE, *SHOWN})
 """Message types that `Scene.log_message` can show."""
 
 _FAR = 1000.0
-"""Local origins near distant maps are multiples of this length [m], which are exact in float32."""
+"""Local origins near distant maps are rounded to multiples of this length [m], exact in float32."""
 
 _LARGEST_IMAGE = 4096
 """Largest image width and height that all graphics hardware supports [pixels]."""
@@ -79,7 +79,8 @@ class Style:
         exaggeration: factor by which the 3-D view scales heights.
         max_drawn_cells: maximum number of cells in a surface, and of points in a point cloud; both
             are thinned out if they are larger. 0 means no limit.
-        max_image_cells: maximum number of cells in the image of each layer; 0 means no limit.
+        max_image_cells: maximum number of cells in the image of each layer; larger layers are
+            thinned out. If 0, only the width and the height are limited, to 4096 pixels.
     """
 
     height_layer: str = ""
@@ -98,12 +99,12 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return the height layer of a map with `layers`; empty if none is set or available."""
+        """Return `height_layer`, or else the default among `layers`; empty if there is neither."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
     def coloring(self, layer: str, *, is_chosen: bool = True) -> Coloring:
-        """Return the coloring of a layer; one whose name ends in `color` contains packed colors."""
+        """Return the coloring of a layer, with packed colors if its name ends in `color`."""
         if layer.endswith("color"):
             return Coloring(mode="color", layer=layer)
         if not is_chosen:
@@ -184,8 +185,8 @@ class Scene:
             True if messages of this type can be shown.
 
         Raises:
-            MessageError: the message is damaged or inconsistent. If only one transform or marker in
-                the message is invalid, all others are written.
+            MessageError: the message is damaged or inconsistent. If only some of its transforms or
+                markers are invalid, the others are still written.
             LimitError: a map has too many cells.
         """
         if kind == GRID_MAP_TYPE:
@@ -499,7 +500,7 @@ def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:
     sums = [
         np.bincount(every, np.repeat(faces[:, axis], 3), len(mesh.vertices)) for axis in range(3)
     ]
-    # The normal of a vertex without faces points upwards; the square of 1e-150 is not zero.
+    # Make normals of vertices without faces point upwards; 1e-150 squared does not underflow.
     normals = np.stack(sums, axis=-1) + [0.0, 0.0, 1e-150]
     unit: npt.NDArray[np.float64] = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     return unit.astype(np.float32)

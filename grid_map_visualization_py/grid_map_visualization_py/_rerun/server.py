@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Serves a Rerun recording to browsers.
 
-The program `rerun` accepts requests under any host name from rerun.io and from the pages of all
-local programs. The server therefore runs `rerun` at a random local address, behind a relay that
-accepts requests from browsers only if they come from its own page.
+The program `rerun` does not check host names, and it accepts requests from rerun.io and from pages
+of any local program. The server therefore runs `rerun` at a random local address, behind a relay
+that accepts requests from browsers only if they come from its own page.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from .scene import rerun
 
 SETTINGS = Path(__file__).with_name("settings")
-"""Read-only settings folder for the program `rerun`, in which usage statistics are disabled."""
+"""Read-only settings folder that disables the usage statistics of the program `rerun`."""
 
 START_TIME = 30.0
 """Maximum startup time of the program `rerun` [s]."""
@@ -36,12 +36,12 @@ FAREWELL = 0.3
 """Maximum time to send the last data to the program when the server closes [s]."""
 
 BUFFER, STEP = 8_000_000, 250_000
-"""Maximum size of the queue of a connection, and size of a step (see `STALL`) [bytes]."""
+"""Queue limit of a connection, and how far a full queue must shrink within `STALL` [bytes]."""
 
 STALL = 10.0
-"""Time in which a full queue must shrink by `STEP` bytes [s].
+"""Time within which a full queue must shrink by `STEP` bytes [s].
 
-Slower connections are closed, because they block all pages.
+Slower connections are closed, because they would block all pages.
 """
 
 Address = tuple[str, int]
@@ -50,8 +50,8 @@ Address = tuple[str, int]
 class Server:
     """Serves a recording to browsers and to the native Rerun viewer.
 
-    The program `rerun` stores the recording and ends with this process. The thread that creates the
-    server must outlive the server.
+    The program `rerun` stores the recording. Linux ends it together with the thread that creates
+    the server, so this thread must outlive the server.
 
     Args:
         host: host name or IP address at which the page is served.

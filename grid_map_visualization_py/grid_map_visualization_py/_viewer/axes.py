@@ -10,7 +10,7 @@ import numpy.typing as npt
 from grid_map_core_py._arrays import Positions
 
 TICKS, HEIGHT_TICKS = 8, 3
-"""Maximum number of tick distances in the longer side of a map, and in its height range."""
+"""Maximum number of tick intervals along the longer side of a map, and along its height range."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from .scene import SurfaceScene, View, ViewSettings
 from .texts import as_note, legend
 
 LARGEST_MESSAGE = 16_000_000
-"""Maximum size of a browser message, such as a screenshot [bytes]; a larger one disconnects."""
+"""Maximum size of a message, such as a screenshot [bytes]. Larger ones end the connection."""
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
 """Color maps at the top of the drop-down list."""
@@ -109,7 +109,7 @@ class Page:
         scene = self._server.scene
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
-        # Both lights add up to pi on level ground, because viser divides intensities by pi.
+        # On level ground, the intensities add up to pi, because viser divides them by pi.
         scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
         sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
         scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
@@ -154,7 +154,8 @@ class Page:
         """Load a scene into the browsers, but leave it hidden until the next `turn`.
 
         The previous scene stays visible while the browsers load the new surface. If `replaces` is
-        true, the scene shows the same map as the previous scene, and takes its place.
+        true, both show the same map, and `turn` removes the previous scene. Otherwise, the previous
+        scene becomes part of the history, whose length `turn` limits.
         """
         # A scene that was loaded but never shown is also replaced.
         self._replaces = replaces and (self._loading is None or self._replaces)
@@ -290,7 +291,7 @@ class Page:
         return frame
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
-        """Multiply the heights of points (..., 3) above the base by the exaggeration."""
+        """Return points (..., 3) with heights above the base multiplied by the exaggeration."""
         lifted = np.array(points, np.float64)
         lifted[..., 2] = self._base + self._exaggeration * (lifted[..., 2] - self._base)
         return lifted
@@ -484,7 +485,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Set options; keep the selection if possible, or select `preferred` or the first option."""
+    """Set options; if the selected one is missing, select `preferred` or else the first option."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

@@ -80,7 +80,7 @@ class View:
         return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
     def loses(self, other: "View") -> bool:
-        """Return True if the map of `other` is out of sight, or its size differs 3-fold or more."""
+        """Return True if the map of `other` is out of sight, or >= 3 times larger or smaller."""
         # Heights are ignored, because outliers would make the camera jump.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / 3 < other.reach / self.reach < 3
@@ -95,8 +95,8 @@ class SurfaceScene:
         glb: content of a GLB file with the surface; None if the surface has no faces.
         grid_lines: (N, 2, 3) lines between neighboring cells; empty unless requested.
         vectors: (N, 2, 3) start and end points of the vectors; empty unless requested.
-        bounds: values at the ends of the color map, from all cells; NaN if no value is finite, None
-            without a color map.
+        bounds: values at the ends of the color map, computed from all cells; None without a color
+            map. Both are NaN if a bound is not set and no value is finite.
         box: lowest and highest corner (3,) of the bounding box [m], map frame.
         size: number of shown rows and columns.
         spacing: mean distance between neighboring shown cells [m].

@@ -80,9 +80,9 @@ class Viewer:
         self._arrivals.append(time.monotonic())
 
     def update(self) -> str:
-        """Update the page; return an error message about the map or settings, empty if none.
+        """Update the page; return an error message, or an empty text if there is no error.
 
-        The page also shows the message, and the last map remains visible.
+        After an error in the map or the settings, the page shows the message and the last map.
         """
         page = self._page
         if page.is_watched:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Draw a layer from above, with hillshading, holes, a scale bar and a north arrow.
 
-Maps larger than the picture are reduced first. Each block of cells becomes one pixel with the mean
-of the finite values (or of red, green and blue). A block with missing values is drawn half
-transparent, so that single holes and single values remain visible.
+Maps larger than the picture are reduced first. Each block of cells becomes one pixel that shows the
+mean of the finite values or, for packed colors, of red, green and blue. Blocks with some missing
+values are drawn half transparent, so that single holes and single values remain visible.
 """
 
 import math
@@ -136,7 +136,7 @@ def paint(
 
 
 def add_color_bar(axes: Any, coloring: Coloring, values: Layer, label: str, **look: Any) -> Any:
-    """Add a color bar with the title of the layer; without a finite value, it has no ticks."""
+    """Add a color bar with the title of the layer; it has no ticks if `is_empty` returns True."""
     without = is_empty(coloring, values)
     look["label"] = titled(coloring.layer, label, is_empty=without)
     look |= {"ticks": []} if without else {}
@@ -229,7 +229,7 @@ def add_scale_bar(axes: Any, *, has_north: bool) -> None:
     x0, x1 = axes.get_xlim()
     most = (x1 - x0) / 4
     power = 10.0 ** math.floor(math.log10(most))
-    # The default applies if no multiple fits, and may exceed `most` by a rounding error.
+    # The power itself always fits, except for a rounding error of the logarithm.
     length = max((n * power for n in (2, 5) if n * power <= most), default=power)
     units = {1000.0: "km", 1.0: "m", 0.01: "cm", 0.001: "mm"}
     unit = next((unit for unit in units if length >= unit), 0.001)

@@ -74,9 +74,11 @@ def plot(
         hillshade: name of the height layer [m] used for hillshading. If None, `layer` is shaded
             only if it is itself a height layer: its name starts with elevation, height, altitude,
             DEM, DSM or DTM and contains no word such as variance, slope or color. If True, other
-            layers are shaded too, by `elevation` or the first height layer. False means no shading.
+            layers are shaded too, using `elevation` or else the first height layer. False means no
+            shading.
         exaggeration: factor by which the heights are scaled for hillshading.
-        max_drawn_cells: maximum number of blocks; None means one per pixel, 0 means no limit.
+        max_drawn_cells: maximum number of blocks. None adapts the blocks to the pixels, as
+            described above; 0 draws every cell.
         scale_bar: draw a scale bar, and a north arrow if the map has a reference system.
         label: label of the color bar; empty means the layer name, with [m] for heights and [rad]
             for slopes.

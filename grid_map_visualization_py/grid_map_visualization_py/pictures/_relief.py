@@ -75,7 +75,7 @@ def draw_relief(
 def _draw(
     picture: Floats, heights: Floats, colors: Floats, azimuth: float, elevation: float
 ) -> None:
-    """Draw terrain to `picture`; heights are in cells, and the smallest height is 0."""
+    """Draw the terrain into `picture`; heights are in cells, and the smallest height is 0."""
     rows, columns, _ = picture.shape
     last = np.array(heights.shape) - 1.0
     diagonal = float(np.hypot(*last))
