@@ -2,13 +2,13 @@
 """`gridMapFilters/InflationFilter`"""
 
 import math
+from ast import literal_eval
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
-import yaml
 
 from grid_map_core_py._arrays import Layer
 from grid_map_core_py.conversions._costmap import INSCRIBED, LETHAL
@@ -68,8 +68,8 @@ class Inflation(LayerFilter):
         expected = "corners [x, y] [m] of a polygon around the origin (0, 0)"
         corners: Any = self.footprint
         try:
-            polygon = Polygon(yaml.safe_load(corners) if isinstance(corners, str) else corners)
-        except (GeometryError, yaml.YAMLError):
+            polygon = Polygon(literal_eval(corners) if isinstance(corners, str) else corners)
+        except (GeometryError, SyntaxError, ValueError):
             polygon = Polygon([])
         check(bool(polygon.is_inside((0.0, 0.0))), "footprint", expected, self.footprint)
         start = polygon.vertices
