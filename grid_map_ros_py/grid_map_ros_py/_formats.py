@@ -19,7 +19,7 @@ from .messages import load_octomap
 def _describe_bag(
     path: str | PathLike[str], *, topic: str | None = None, index: int = -1, recover: bool = False
 ) -> dict[str, Any]:
-    """Describe the topics of a bag, and the map at `index` of each topic with maps."""
+    """Describe the topics of a bag and, for each topic with maps, the map at `index`."""
     chosen = [one for one in bag_topics(path, recover=recover) if topic in (None, one.name)]
     if topic is not None and not chosen:
         BagReader(path, topic, recover=recover)  # raises: the topic does not exist

@@ -28,12 +28,12 @@ T = TypeVar("T")
 
 @contextmanager
 def place_below(directory: str, path: str) -> Iterator[Path]:
-    """Yield the resolved bag path; errors in the context become a `RequestError` with `path`.
+    """Yield the resolved path; errors in the `with` block become a `RequestError` naming `path`.
 
     Args:
         directory: root directory; an empty string rejects all requests.
-        path: requested path, absolute or relative to `directory`. Symbolic links must not lead out
-            of the directory.
+        path: requested path, absolute or relative to `directory`. After symbolic links are
+            resolved, it must be inside the directory.
     """
     if not directory:
         raise RequestError("files are refused: the parameter 'directory' is not set")
@@ -79,7 +79,7 @@ def part(
 
 
 def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | None:
-    """Return a function that opens the map in the parameter `source`, or None if it is empty."""
+    """Return a function that opens the map in the parameter `source`; None if `source` is empty."""
     kind: Any = str | list[str]
     about = f"map of any size: a Zarr store, or one or more GeoTIFF files; {note}"
     source = read_parameter(node, "source", kind, "", description=about)
@@ -166,12 +166,12 @@ class LatestOnly(Generic[T]):
             self._change.notify()
 
     def outcomes(self) -> Iterator[Exception | None]:
-        """Yield the error of each finished call, or None if the call succeeded."""
+        """Yield the outcome of each newly finished call: its error, or None if it succeeded."""
         while self._outcomes:
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item and stop; return True if it ends within `timeout` [s]."""
+        """Stop after the waiting item; return True if the thread has ended within `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs work on parts of a map in several threads.
+"""Processes parts of a map in several threads.
 
-NumPy, OpenCV and compiled loops release the global interpreter lock, so that threads run in
-parallel. Parts and results do not depend on the number of threads.
+NumPy, OpenCV and compiled loops release the global interpreter lock, so the threads run in
+parallel. Neither the parts nor the results depend on the number of threads.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -17,7 +17,7 @@ import numpy as np
 T = TypeVar("T")
 
 CELLS = 2**17
-"""Number of cells per part; for smaller parts, waking a thread takes longer than the work."""
+"""Number of cells per part; waking a thread takes longer than processing a smaller part."""
 
 _threads: ContextVar[int] = ContextVar("_threads", default=1)
 """Number of threads of the running chain, including the calling thread."""
@@ -42,11 +42,11 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     """Call `function` with each part, in as many threads as the running chain may use.
 
     Outside a chain with several threads, this function is a plain loop. All threads use the
-    `numpy.errstate` settings of the caller, and `warn` names the step of the caller.
+    `numpy.errstate` settings of the caller, and `warn` names the filter that the caller runs.
 
     Args:
-        function: called by several threads at the same time, in no particular order.
-        parts: one argument for each call; only one thread at a time takes the next part.
+        function: called by several threads at once, with one part per call, in no particular order.
+        parts: may be an iterator that is not thread-safe; only one thread at a time advances it.
 
     Raises:
         Exception: a call failed; no further calls are started.

@@ -86,7 +86,7 @@ class Session:
 
 
 def message_class(types: Sequence[str]) -> Any:
-    """Return the message class of a topic from its types.
+    """Return the message class of a topic, given the names of its message types.
 
     Raises:
         CommandError: the topic has several types, or the type is not installed.
@@ -94,7 +94,7 @@ def message_class(types: Sequence[str]) -> Any:
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")
     found = None
-    # The name comes from a bag or from another machine: import only message packages.
+    # Import only message packages, because the name comes from a bag or from another machine.
     if (match := _TYPE.fullmatch(types[0])) and has_resource("rosidl_interfaces", match["package"]):
         found = getattr(messages_of(match["package"], kind=match["kind"]), match["name"], None)
     if not hasattr(found, "get_fields_and_field_types"):

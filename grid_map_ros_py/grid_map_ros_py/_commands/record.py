@@ -23,7 +23,7 @@ _LOOK_PERIOD = 0.2
 """Time between two checks for new publishers [s]."""
 
 _REST = 0.2
-"""Time after a recording ends to process messages that have already arrived [s]."""
+"""Time to process messages that have already arrived when a recording ends [s]."""
 
 _DEPTH = 100
 """Queue depth of a subscription, for messages that arrive while the disk is busy."""
@@ -93,7 +93,7 @@ class _Recorder:
         return sum(self.counts.values())
 
     def record(self, seconds: float, most: float) -> None:
-        """Record for `seconds` [s] or `most` messages; a signal or a full disk ends it earlier."""
+        """Record for `seconds` [s] or `most` messages; a signal or a full disk stops it early."""
         self._most = most
         end = time.monotonic() + seconds
         while not self._session.ended and (left := end - time.monotonic()) > 0:
@@ -105,7 +105,10 @@ class _Recorder:
         self._session.spin(_REST, until_ended=False)
 
     def _follow(self, topic: str, types: list[str]) -> None:
-        """Subscribe with the strictest QoS that all publishers offer; resubscribe if it weakens."""
+        """Subscribe to a topic; resubscribe if a new publisher offers less.
+
+        Each subscription requests the strictest QoS that all current publishers offer.
+        """
         publishers = self._session.publishers(topic)
         if not publishers:
             return

@@ -125,9 +125,9 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest distance from the optical axis, at depth 1, that is visible in the image.
+        """Largest distance from the optical axis, at depth 1, of a point visible in the image.
 
-        The distortion model may project points beyond it into the image by mistake.
+        The distortion model may wrongly project points farther from the axis into the image.
         """
         height, width = self.size
         u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
@@ -203,7 +203,7 @@ class CameraImages:
     Attributes:
         stride: only every n-th row and column of a depth image is used.
         camera: the camera; None until a `CameraInfo` arrives.
-        topic: returns a description of the `CameraInfo` topic, for error texts.
+        topic: function that returns a description of the `CameraInfo` topic, for error texts.
     """
 
     stride: int = 1
@@ -232,7 +232,7 @@ class CameraImages:
         return Picture(message.header.frame_id, stamp, pixels, self.camera)
 
     def read_depths(self, message: Any) -> Cloud:
-        """Return a point for each positive, finite depth in an `Image`, or in its bytes."""
+        """Convert the positive, finite depths in an `Image`, or a serialized `Image`, to points."""
         if isinstance(message, bytes):
             message = view(message, Image)
         picture = self.read_picture(message)

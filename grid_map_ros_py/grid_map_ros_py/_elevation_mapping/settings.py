@@ -53,7 +53,7 @@ class Settings:
         track_point_x, track_point_y, track_point_z: coordinate of this point [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. Without tf, empty means `/pose`.
-            With tf, only the covariances are used; empty means exact poses.
+            With tf, only the covariances are used; if empty, poses are taken as exact.
         pose_type: message type of `robot_pose_with_covariance_topic`.
         robot_pose_cache_size: number of latest poses to keep.
         pose_timeout: maximum time a scan waits for its pose [s].
@@ -72,8 +72,8 @@ class Settings:
         directory: directory for maps that services load and save; empty disables these services.
         storage: file format of saved bags.
         min_update_rate: rate at which the raw map is published if it has changed [Hz].
-        fused_map_publishing_rate: publication rate of the filtered map [Hz]; 0 means only on
-            `trigger_fusion`, `.inf` means after every scan that publishes the raw map.
+        fused_map_publishing_rate: rate at which the filtered map is published [Hz]; with 0, only by
+            `trigger_fusion`; with `.inf`, after every scan that publishes the raw map.
     """
 
     map_frame_id: str = "map"
@@ -170,7 +170,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; on its first use on a machine, compilation may take some seconds."""
+    """Create the fusion; the first time on a machine, compilation may take some seconds."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
@@ -210,7 +210,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
 
 
 def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
-    """Return each parameter that is set but has no effect, followed by the reason."""
+    """Return a text for each parameter that is set but has no effect: its name and the reason."""
     given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
     for name in given:
         value = node._parameter_overrides[name].value

@@ -39,7 +39,7 @@ _OLD_MODELS = {
     "Stereo": "stereo",
     "Perfect": "perfect",
 }
-"""Current values of `type`, by the values in parameter files for C++ versions before 0.7."""
+"""Current values of `type`, by their names in the parameter files of C++ versions before 0.7."""
 
 _UNUSED = {
     "apply_voxelgrid_filter": "all points are fused",
@@ -72,7 +72,7 @@ class SensorProcessor:
 
     Attributes:
         model: the sensor model.
-        above, below: heights relative to the robot above or below which points are ignored [m].
+        above, below: ignore points above or below these heights relative to the robot [m].
         unused: parameters without effect, each with the reason.
     """
 
@@ -181,14 +181,14 @@ class InputSource:
 
     @property
     def queue_size(self) -> int:
-        """Maximum number of waiting messages; 100 if the parameter is 0 (no limit in ROS 1)."""
+        """Maximum number of waiting messages; 0, meaning no limit in ROS 1, is replaced by 100."""
         return self.settings.queue_size or 100
 
 
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a flat mapping from name patterns to fusion methods; `default` becomes the last.
+    """Return a flat mapping from name patterns to fusion methods; `default` becomes a final `.*`.
 
-    Patterns such as `feat_.*` contain dots, which ROS reads as nested parameters.
+    ROS splits patterns such as `feat_.*` at the dots, into nested parameters.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

@@ -5,7 +5,7 @@ Topics: `~/elevation_map_raw`, and `~/elevation_map` with the result of the filt
 
 Services:
     ~/get_submap, ~/get_raw_submap: `grid_map_msgs/GetGridMap`, return the map or a part of it.
-    ~/masked_replace: `grid_map_msgs/SetGridMap`, replaces cells.
+    ~/masked_replace: `grid_map_msgs/SetGridMap`, replaces the cells that a mask selects.
     ~/save_map, ~/load_map: `grid_map_msgs/ProcessFile`, save both maps, or load the raw map.
     ~/clear_map, ~/trigger_fusion, ~/disable_updates, ~/enable_updates: `std_srvs/Empty`.
     ~/reload_parameters: `std_srvs/Trigger`, applies changed parameters.

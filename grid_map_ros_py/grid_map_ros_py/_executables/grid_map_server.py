@@ -8,8 +8,8 @@ Services:
     ~/load_map: `grid_map_msgs/ProcessFile`, loads the last map of a bag.
     ~/save_map: `grid_map_msgs/ProcessFile`, saves the map to a bag.
 
-With the parameter `source`, the node serves a map of any size: each response reads a part of the
-map, the map is not published, and requests cannot replace it.
+If the parameter `source` is set, the node serves a map of any size: it reads only the requested
+part for each response. The map is not published, and requests cannot replace it.
 
 A failed request is logged and changes nothing. Its response contains `success: false`, or a map
 with resolution 0 and no layers.

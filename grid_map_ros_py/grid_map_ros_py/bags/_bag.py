@@ -77,12 +77,13 @@ def save_to_bag(
 class BagWriter:
     """Context manager that writes maps to a bag, one at a time.
 
-    The new bag replaces an existing bag when the context ends; after an exception, the existing bag
-    stays unchanged. The other arguments are those of `save_to_bag`.
+    When the context ends without an exception, the new bag replaces an existing bag. For the other
+    arguments, see `save_to_bag`.
 
     Args:
-        in_place: delete an existing bag and write directly to `path`, for long MCAP recordings. The
-            bag can be completed even if the disk is full; `recover=True` reads it after a crash.
+        in_place: for long MCAP recordings: delete an existing bag first, and write directly to
+            `path`. The bag can be completed even if the disk is full; after a crash,
+            `recover=True` can read it.
     """
 
     def __init__(
@@ -141,7 +142,7 @@ class BagWriter:
             bag_storage.save(self._folder, document)
 
     def check(self, topic: str) -> None:
-        """Raise `BagError` if a map could not be written to `topic`, without writing anything."""
+        """Raise `BagError` if writing a map to `topic` would fail; nothing is written."""
         self._check_topic(topic)
         with bag_errors(self._path, "written"):
             self._check_parent()
@@ -203,7 +204,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_parent(self) -> None:
-        """Raise `BagError` inside another bag, which then could not be replaced any more."""
+        """Raise `BagError` if the path is in another bag, which could then not be replaced."""
         parent = self._path.resolve().parent
         if Path(parent, bag_storage.FILE_NAME).is_file() and any(
             file.suffix in _BAG_ENDINGS for file in parent.iterdir()
@@ -246,9 +247,9 @@ def load_from_bag(
         layers: names of the layers to read; None means all.
         index: index of the map in time order: 0 is the first, -1 the last.
         time: load the last map recorded at or before this time [ns] and ignore `index`.
-        unwrap: as for `from_message`.
-        recover: read a damaged MCAP file, for example from a killed recorder, up to the last
-            complete chunk, with a warning.
+        unwrap: see `from_message`.
+        recover: if an MCAP file is damaged, for example because the recorder was killed, issue a
+            warning and read the file up to the last complete chunk.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -305,7 +306,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """A recorded message in CDR, with its recording time [ns]; errors identify it by `place`."""
+    """A recorded message: CDR data and recording time [ns]; `place` identifies it in errors."""
 
     topic: str
     type: str
@@ -382,7 +383,7 @@ class BagFiles:
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Return an open file; closes the previous one, as bags may exceed the open-file limit."""
+        """Return an open file; only one is open at a time, since a bag may have too many files."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)
@@ -493,5 +494,5 @@ def _open(path: Path, *, recover: bool) -> _Storage:
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return layer names as a tuple, which can be iterated again for each map."""
+    """Return layer names as a tuple, so that they can be used again for each map."""
     return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)

@@ -78,7 +78,7 @@ def ros_distro() -> str:
 def information(
     topics: Mapping[str, Topic], times: Mapping[str, list[int]], file: str, storage: str
 ) -> dict[str, Any]:
-    """Return the metadata of a bag with one file; `times` are the message times [ns] by topic."""
+    """Return the metadata of a single-file bag, given the message times [ns] of each topic."""
     every = list(chain(*times.values()))
     time = {
         "duration": {"nanoseconds": max(every) - min(every)},

@@ -24,7 +24,7 @@ from ._definition import FIELDS_BY_TYPE
 from ._packages import messages_of
 
 MessageType: TypeAlias = type | str
-"""Message class, or the name of a type in `FIELDS_BY_TYPE`, which needs no message package."""
+"""Message class, or a name in `FIELDS_BY_TYPE`; these types need no message package."""
 
 Buffer: TypeAlias = "bytes | bytearray | memoryview | array.array[Any]"
 """Types that hold contiguous bytes, such as a serialized message."""
@@ -53,7 +53,7 @@ _TYPE = re.compile(
     r"|string(<(?P<length>\d+)>)?"
     r"|(?P<package>\w+)/(?P<name>\w+)"
 )
-"""Pattern of the field types in `get_fields_and_field_types`, except those in `_CODES`."""
+"""Matches the field types that `get_fields_and_field_types` returns, except those in `_CODES`."""
 
 _NONE: Mapping[str, npt.NDArray[Any]] = {}
 
@@ -65,14 +65,14 @@ def serialize(
 ) -> bytes:
     """Serialize a message to CDR; `arrays` can supply the values of sequence fields.
 
-    Publishers accept the bytes in place of a message. No Python object is created for each element
-    of `arrays`.
+    Publishers accept the bytes in place of a message. With `arrays`, no Python object per
+    element is needed.
 
     Args:
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
         arrays: values of sequence fields by field name, used instead of those in the message: (N,)
             for a sequence of N numbers, (N, k) for a sequence of N messages that consist of k
-            numbers of one type. The dtype must be that of the numbers in the field.
+            numbers of one type. The dtype must match the numbers in the field.
         message_type: type of the message, as for `view`; None means the class of `message`.
     """
     for name in arrays:
@@ -85,8 +85,8 @@ def serialize(
 def view(data: Buffer, message_type: MessageType) -> Any:
     """Deserialize a CDR message to an object with the attributes of the message.
 
-    Nested messages become such objects, too. Sequences and arrays of numbers become NumPy arrays;
-    in little-endian messages, they share the memory of `data`. Bytes after the message are ignored.
+    Nested messages are converted likewise. Sequences and arrays of numbers become NumPy arrays,
+    which share the memory of `data` if it is little-endian. Bytes after the message are ignored.
 
     Args:
         data: the serialized message, little- or big-endian.
@@ -98,7 +98,7 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
 @dataclass(frozen=True)
 class Reordered:
-    """Values (N,) to serialize in another order: `write` copies them to an array in that order."""
+    """Values (N,) to serialize in another order; `write` fills an array with them in that order."""
 
     values: npt.NDArray[Any]
     write: Callable[[npt.NDArray[Any]], object]
@@ -180,7 +180,7 @@ class _Reader:
         return self.data[begin : begin + size]
 
     def count(self, bound: int, smallest: int) -> int:
-        """Read a sequence length; raise `MessageError` if above `bound` or the remaining data."""
+        """Read a sequence length; raise `MessageError` if it exceeds `bound` or the data left."""
         number: int = _COUNT.read(self)
         if number > bound:
             raise MessageError("", f"at most {bound} values", number)

@@ -118,8 +118,8 @@ def to_costmap(
 def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     """Create a map with one layer from a costmap.
 
-    The costmap stores the resolution as float32; the map gets the float64 with the same shortest
-    decimal form, such as 0.05.
+    A resolution stored as float32 is converted to the float64 with the same shortest decimal form:
+    0.05 instead of 0.05000000074505806.
 
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander. Up to Jazzy, a

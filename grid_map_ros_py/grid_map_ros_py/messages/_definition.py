@@ -91,7 +91,7 @@ def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
 
 
 _NUMBERS = {"bool": "boolean", "byte": "octet", "float32": "float", "float64": "double"}
-"""Names of primitive types in message classes, for those that definitions name differently."""
+"""Primitive types whose names in message definitions and in message classes differ."""
 
 FIELDS_BY_TYPE = {name: _fields(name.partition("/")[0], lines) for name, lines in _LINES.items()}
 """Field types by field name, for each message type that needs no message package."""

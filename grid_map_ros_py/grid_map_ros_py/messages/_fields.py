@@ -41,7 +41,7 @@ LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
 """Latest time that a message can represent [ns]; its seconds are int32."""
 
 ROTATION_TOLERANCE = 1e-6
-"""Largest magnitude of x, y and z of a quaternion, relative to w, that means no rotation."""
+"""Largest ratio of |x|, |y| or |z| to |w| at which a quaternion still means no rotation."""
 
 
 # --- times ----------------------------------------------------------------------------------------
@@ -123,7 +123,10 @@ def check_finite(
     expected: str = "finite coordinates",
     found: npt.NDArray[np.float64] | None = None,
 ) -> Any:
-    """Return `rows` (N, k); if one is not finite, raise an error that shows this row of `found`."""
+    """Return `rows` (N, k), or raise a `MessageError` that shows the first row that is not finite.
+
+    If `found` is given, the error shows the same row of `found` instead.
+    """
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
@@ -183,7 +186,7 @@ def as_float32(field: str, value: float) -> float:
 def as_written(value: float) -> float:
     """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1.
 
-    Values outside the float32 range become 0 or infinity; only unsent messages can hold them.
+    Values outside the float32 range become 0 or infinity; received messages contain none.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))
@@ -238,7 +241,7 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
 
 
 def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
-    """Return the (4, 4) matrix of `message`, or of the innermost of its fields named `inner`."""
+    """Return the (4, 4) matrix of `message`, or of its innermost nested field `inner`."""
     from scipy.spatial.transform import Rotation  # slow to import
 
     path = ""

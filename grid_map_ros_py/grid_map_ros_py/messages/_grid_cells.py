@@ -71,7 +71,7 @@ def from_grid_cells(
             the float64 with the same shortest decimal form.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
             None means the smallest grid that covers all cells. If the centers lie on a lattice, as
-            in messages from `to_grid_cells`, this grid has the same cells as the message.
+            in messages from `to_grid_cells`, its cells coincide with those of the message.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)
@@ -110,7 +110,7 @@ def centers_between(
     chosen &= np.isfinite(values)
     rows, columns = grid_map.size
     x, y = grid_map.axes()
-    # Process a few columns at a time: they fit in the cache, and one array of x serves them all.
+    # Process a few columns at a time, so that they fit in the cache and can share one array of x.
     width = max(1, min(BLOCK // rows, columns))
     x = np.tile(x, width)
     centers = np.zeros((np.count_nonzero(chosen), 3))
