@@ -45,7 +45,7 @@ LOCK_PORTS = 32768
 """Base port; a socket bound to TCP port `LOCK_PORTS + domain` reserves a ROS domain."""
 
 OTHER_WAS_FASTER = "open_and_lock_file failed"
-"""Harmless Fast DDS error text: two processes chose the same port, so that one takes the next."""
+"""Harmless Fast DDS error text: another process took the same port first; the next one is used."""
 
 TIMEOUT = 100.0
 """Default time to wait before a test fails [s]."""
@@ -67,7 +67,7 @@ for main, words in starts:
 def reserve_domain() -> tuple[int, socket.socket]:
     """Reserve a ROS domain other than `ROS_DOMAIN_ID`; return the domain and its lock socket."""
     for k in range(DOMAINS):
-        # The number depends on the process id, so that a domain is not reused immediately.
+        # The first candidate depends on the process ID, so that no domain is reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS
         if str(domain) == os.environ.get("ROS_DOMAIN_ID"):
             continue
@@ -87,7 +87,7 @@ reserved_domain = cache(reserve_domain)
 
 
 def environment(domain: int | None = None) -> dict[str, str]:
-    """Return environment variables with which processes discover only each other.
+    """Return environment variables that let processes discover only each other.
 
     Other ROS settings of the caller's shell, such as a discovery server, are removed.
 

@@ -68,8 +68,8 @@ def to_image(
 
     Args:
         grid_map, layer, lower, upper: as in `grid_map_core_py.to_image`.
-        encoding: any name in `ENCODINGS`. If the encoding has color channels, all three are equal.
-            The alpha channel, if there is one, is 0 for NaN.
+        encoding: any name in `ENCODINGS`. Three color channels all contain the gray value; an
+            alpha channel is 0 where the layer is NaN.
     """
     kind = _encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
@@ -82,7 +82,7 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
     Args:
         grid_map: the map.
         layer: layer of packed colors, see `color_vector_to_value`.
-        encoding: encoding with three color channels. An alpha channel, if present, is 0 for NaN.
+        encoding: encoding with three color channels. An alpha channel is 0 for NaN cells.
     """
     kind = _encoding_of(encoding)
     if kind.channels < 3:

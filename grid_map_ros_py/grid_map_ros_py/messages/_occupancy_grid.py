@@ -30,7 +30,7 @@ PIECE = 1 << 15
 
 VALUES = np.arange(256).astype(np.int8).astype(np.float32)
 VALUES[UNKNOWN] = np.nan
-"""Layer values of all occupancies; the index is an int8 occupancy viewed as uint8. -1 is NaN."""
+"""Layer value of each occupancy, NaN for -1; the index is the int8 occupancy viewed as uint8."""
 
 
 def to_occupancy_grid(
@@ -58,7 +58,7 @@ def to_occupancy_grid(
         stored = OCCUPANCY_OF_COST[codec.to_costs(grid_map[layer])]
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
     data = array.array("b")
-    # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
+    # An occupancy grid starts with the cell of smallest x and y, which is the last one of a map.
     data.frombytes(values.ravel("F")[::-1].tobytes())
     message = messages_of("nav_msgs").OccupancyGrid(header=to_header(grid_map))
     message.info.map_load_time = message.header.stamp
@@ -73,13 +73,13 @@ def to_occupancy_grid(
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Create a map with one layer from an occupancy grid.
 
-    -1 becomes NaN; all other values are kept. The float32 resolution of the message is converted
-    through its shortest decimal form, so that 0.1 in the message is exactly 0.1 in the map.
+    Values of -1 become NaN; all others are kept. The resolution of the message, a float32, is read
+    as the shortest decimal number that it represents, so that 0.1 is exactly 0.1 in the map.
     """
     check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
     timestamp = from_stamp(message.header.stamp)
-    # The first cell of an occupancy grid has the smallest x and y; it is the last cell of a map.
+    # An occupancy grid starts with the cell of smallest x and y, which is the last one of a map.
     values = VALUES.take(np.frombuffer(message.data, np.uint8)[::-1])
     return GridMap.from_geometry(
         geometry, frame_id=message.header.frame_id, timestamp=timestamp
@@ -89,7 +89,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
 
-    The computation uses float32, so that results equal those of the C++ library.
+    The computation uses float32, so that the results match those of the C++ library.
     """
     data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Create grid maps from `octomap_msgs/Octomap` messages and from OctoMap files.
 
-Files are binary (.bt) or full (.ot). A text header is followed by the same bytes as in a message:
+Files are binary (.bt) or full (.ot). After a text header, they contain the same bytes as a message:
 
     # Octomap OcTree binary file
     # comments
@@ -72,16 +72,16 @@ def from_octomap(
 ) -> GridMap:
     """Create an elevation map from the highest occupied voxel of each column of an octree.
 
-    Each cell is a column of voxels. Its height is the center of the highest occupied voxel within
-    the bounds, or NaN if there is none. The map covers the whole tree, including free space; on
-    a side with a bound, it ends at that bound instead.
+    Each cell stands for a column of voxels. Its height is that of the center of the highest
+    occupied voxel within the bounds, or NaN if there is none. The map extends to the bounds; on
+    sides without a bound, it extends to the edge of the tree, including free space.
 
     Args:
         message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or
             full, of class OcTree, OcTreeStamped or ColorOcTree.
         layer: name of the layer.
-        resolution: cell size [m]; must not be smaller than a voxel. None means the voxel size. A
-            larger cell gets the maximum height of the columns whose centers are in the cell.
+        resolution: cell size [m], at least the voxel size; None means the voxel size. A larger cell
+            gets the maximum height of the columns whose centers it contains.
         min_bound, max_bound: bounds (3,) x, y, z [m] of the voxel centers; NaN means no bound.
     """
     leaves = _leaves(message)
@@ -117,7 +117,7 @@ def from_octomap(
 def octomap_to_points(
     message: "Octomap", *, min_bound: npt.ArrayLike = ANYWHERE, max_bound: npt.ArrayLike = ANYWHERE
 ) -> Points:
-    """Return the centers (N, 3) x, y, z [m] of the occupied voxels; bounds: see `from_octomap`."""
+    """Return the centers (N, 3) [m] of occupied voxels within the bounds; see `from_octomap`."""
     leaves = _leaves(message)
     if not leaves:
         return np.empty((0, 3))
@@ -181,7 +181,7 @@ def _leaves(message: "Octomap") -> Leaves:
 def _box(
     leaves: Leaves, resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
 ) -> tuple[Voxel, Voxel]:
-    """Return the first and last voxel (3,) within the bounds; NaN means the extent of the tree."""
+    """Return the first and last voxel (3,) within the bounds; NaN means the edge of the tree."""
     bounds = np.empty((2, 3))
     for row, name, bound in ((0, "min_bound", min_bound), (1, "max_bound", max_bound)):
         values = as_array(bound, np.float64, name)

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reader of the octrees in OctoMap messages and files.
 
-Nodes are stored in preorder: each node precedes its children. In the binary form, a node has 16
-bits, two per child: 0 unknown, 1 free, 2 occupied, 3 inner node; only inner nodes are stored. In
-the full form, a node stores the log-odds as a float32, three color bytes (in trees with colors),
-and a byte with one bit per child. Both forms are little-endian. The root is a cube around the
-origin with 65536 voxels per side, and a voxel is a node of depth 16. Bit 0, 1 or 2 of a child
-number is set if the child is in the half of its parent with the larger x, y or z, respectively.
+Nodes are stored in preorder: each node precedes its children. The binary form stores only inner
+nodes, with two bits for each of the eight children: unknown (0), free (1), occupied (2) or inner
+node (3). The full form stores all nodes: the log-odds as a float32, three color bytes (in trees
+with colors), and a byte whose bits mark existing children. Both forms are little-endian. The root
+is a cube around the origin with 65536 voxels per side, and a voxel is a node of depth 16. Bit 0, 1
+or 2 of a child number is set if the child is in the half of its parent with the larger x, y or z,
+respectively.
 
 The reader first checks the whole tree, then reads all nodes of one depth at a time.
 """
@@ -22,13 +23,13 @@ from grid_map_core_py.limits import check_cells
 from ..errors import MessageError
 
 Keys = npt.NDArray[np.int32]
-"""Node indices (3, N) along x, y, z from the root corner, in units of the node side."""
+"""Indices (3, N) of nodes of one depth, counted from the root corner with the smallest x, y, z."""
 
 Voxel = npt.NDArray[np.int32]
-"""Voxel indices (3,) along x, y, z, counted from the root corner."""
+"""Indices (3,) of a voxel, counted from the root corner with the smallest x, y, z."""
 
 Leaves = dict[int, tuple[Keys, npt.NDArray[np.bool_]]]
-"""Keys (3, N) of the leaves and a mask (N,) of occupied leaves, by depth (0 is the root)."""
+"""Leaves by depth (0 is the root): their keys (3, N), and a mask (N,) of the occupied ones."""
 
 DEPTH = 16
 """Depth of a voxel."""
@@ -52,7 +53,7 @@ _FREE, _OCCUPIED, _INNER = 1, 2, 3
 
 
 def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
-    """Read the leaves of a tree in binary form, by depth; empty data contains no leaves."""
+    """Return the leaves of a tree in binary form; there are none if `data` is empty."""
     words = _records(data, np.dtype("<u2"))
     labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
     if not labels.any(axis=1).all():
@@ -67,9 +68,9 @@ def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
 
 
 def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
-    """Read the leaves of a tree in full form, by depth; empty data contains no leaves.
+    """Return the leaves of a tree in full form; there are none if `data` is empty.
 
-    Leaves with an occupancy probability of at least 0.5 (log-odds of at least 0) are occupied.
+    A leaf is occupied if its log-odds are at least 0, that is, its probability is at least 0.5.
     """
     records = _records(data, node_type)
     if np.isnan(records["value"]).any():
@@ -92,9 +93,9 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield each depth with the numbers (M,) and the keys (3, M) of its nodes.
+    """Yield each depth with the positions (M,) in the data and the keys (3, M) of its nodes.
 
-    `children` (N, 8) tells for each node which of its children are stored as nodes.
+    `children` (N, 8) marks which children of each node are themselves stored as nodes.
     """
     if not len(children):
         return
@@ -111,8 +112,8 @@ def _levels(
 
 
 def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp]:
-    """Return the depth (N,) of each node in preorder; `counts` (N,) are the numbers of children."""
-    # Number of nodes that must still follow each node to complete the tree.
+    """Return the depths (N,) of nodes in preorder, given their numbers of children (N,)."""
+    # Number of nodes that are still expected at each position, including the node there.
     open_ends = np.append(0, np.cumsum(counts - 1)) + 1
     closed = np.flatnonzero(open_ends == 0)
     if not len(closed):
@@ -120,8 +121,8 @@ def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp
     if closed[0] != len(counts):
         found = f"{len(counts) * node_size} bytes"
         raise MessageError("data", f"{closed[0] * node_size} bytes, where the tree ends", found)
-    # The subtree of a node ends at the first later position where one node fewer must follow.
-    # Sorting by (nodes to follow, number) allows a binary search for that position.
+    # The subtree of a node ends at the first later position where one node fewer is expected.
+    # Sorting by (expected nodes, position) allows a binary search for that position.
     numbers, count = np.arange(len(open_ends)), len(open_ends)
     by_open_ends = np.sort(open_ends * count + numbers)
     one_less = (open_ends[:-1] - 1) * count + numbers[:-1]
@@ -159,10 +160,10 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 
 
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
-    """Return z of the highest occupied voxel of each column in a box, -1 if there is none.
+    """Return the z index of the highest occupied voxel in each column of a box, -1 if none.
 
-    `first` and `last` (3,) are opposite corner voxels of the box; element (0, 0) of the result
-    (x, y) is the column of `first`.
+    The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The axes of the
+    result are x and y, counted from `first`.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):

@@ -55,9 +55,9 @@ def to_point_cloud(
     """Convert a map to a point cloud with one point per valid cell.
 
     A cell is valid if the point layer and all basic layers are finite. Points are in column-major
-    order of the map buffer. Each layer becomes a float32 field of the same name, in the order of
-    the layers, with two exceptions: the fields x, y, z [m] replace the point layer, and `color` is
-    called `rgb`, which viewers expect, unless a layer `rgb` is also sent.
+    order of the map buffer. The layers become float32 fields with the same names and order, except
+    that x, y, z [m] replace the point layer, and `color` is renamed to `rgb`, as viewers expect,
+    unless a layer `rgb` is also sent.
 
     Args:
         grid_map: the map.
@@ -81,14 +81,14 @@ def to_point_cloud(
 
 
 def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2":
-    """Convert a map to a point cloud at constant height [m], with all layers as fields.
+    """Convert a map to a point cloud at a constant height [m], with all layers as fields.
 
     x, y, z are the last fields. Cells where a basic layer is not finite are omitted.
     """
     if not abs(height) <= float(np.finfo(np.float32).max):
         raise MessageError("height", "a finite number", height)
     flat = np.full(grid_map.size, height, dtype=np.float32, order="F")
-    # The flat layer replaces a layer of the same name and is the last layer.
+    # The flat layer comes last, and replaces any layer of the same name.
     others = [name for name in grid_map.layers if name != FLAT_LAYER]
     return to_point_cloud(
         grid_map.with_layers({FLAT_LAYER: flat}), FLAT_LAYER, [*others, FLAT_LAYER]
@@ -98,15 +98,15 @@ def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2"
 def _interleaved(
     grid_map: GridMap, names: tuple[str, ...], point_layer: str, valid: Mask
 ) -> "array.array[int]":
-    """Return an array (N, fields), one row per valid cell, as little-endian float32 bytes."""
+    """Return the little-endian float32 bytes of an array (N, fields), one row per valid cell."""
     rows, columns = grid_map.size
     with np.errstate(over="ignore"):
         x, y = (axis.astype(FLOAT) for axis in grid_map.axes())
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
-    # Process only as many columns of cells at a time as fit in the cache. Select the valid cells
-    # with a mask, because it is faster than indices.
+    # Process only as many columns of cells at a time as fit in the cache. A mask selects the valid
+    # cells faster than indices would.
     block = np.empty((max(1, min(BLOCK // rows, columns)), rows, len(names) + 2), FLOAT)
     block[:, :, field_of_x] = x
     cells = block.reshape(-1, len(names) + 2)
@@ -122,7 +122,7 @@ def _interleaved(
 
 
 def write_points(names: Sequence[str], data: "array.array[int]", header: "Header") -> "PointCloud2":
-    """Create an unorganized cloud from an array (N, fields) of little-endian float32 bytes."""
+    """Create an unorganized cloud from the little-endian float32 bytes of an array (N, fields)."""
     messages = messages_of("sensor_msgs")
     float32 = messages.PointField.FLOAT32
     step = FLOAT.itemsize * len(names)
@@ -174,9 +174,9 @@ def from_point_cloud(
         resolution: cell size [m].
         reduction: statistic of the heights in a cell: `max`, `min`, `mean`, `median`, `first`,
             `last`, `variance` or `count`.
-        onto: geometry of the result, or a map in the cloud frame whose geometry and other layers
-            the result keeps; use it instead of `resolution`, `length` and `position`.
-        more_layers: reductions of the heights for additional layers, by layer name.
+        onto: geometry of the result, or a map in the frame of the cloud, whose geometry and other
+            layers are kept. Use it instead of `resolution`, `length` and `position`.
+        more_layers: statistics of the heights for additional layers, by layer name.
         fields: names of the fields that become layers, besides the heights; None means all fields
             with one number per point. The packed colors `rgb` or `rgba` become the layer `color`
             unless the cloud has a field `color`.
@@ -271,7 +271,7 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return layer names by field name; `rgb` or else `rgba` becomes `color` if that is unused."""
+    """Return layer names by field name; if there is no `color`, `rgb` or else `rgba` becomes it."""
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():
@@ -308,7 +308,7 @@ def check_layout(message: "PointCloud2") -> None:
 def _view(
     message: "PointCloud2", first: "PointField", count: int | None = None
 ) -> npt.NDArray[Any]:
-    """Return `count` adjacent numbers of each point from field `first` on: (N,) or (N, count)."""
+    """Return `count` adjacent numbers per point, starting at field `first`: (N,) or (N, count)."""
     count = first.count if count is None else count
     shape = (count,) if count > 1 else ()
     rows, dtype = (message.height, message.width), TYPES[first.datatype]

@@ -69,7 +69,7 @@ def quiet_start() -> None:
     """
     # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    # `python -m` sets this value while it imports the package of the module to run.
+    # This is true while `python -m` imports the package of the module that it will run.
     is_executable |= sys.argv[0] == "-m"
     if is_executable:
         signal.signal(signal.SIGINT, signal.SIG_DFL)

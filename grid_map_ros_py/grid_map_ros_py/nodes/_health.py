@@ -135,7 +135,7 @@ def health_of(node: Node) -> Health:
 
 
 class LogThrottle:
-    """Logs similar texts at most once per period, with the number of suppressed texts.
+    """Logs similar texts at most once per period; the next one tells how many were suppressed.
 
     Texts are similar if they are equal up to the second colon, such as "get_grid_map: frame_id:
     expected ...". At most `LIMIT` different texts are logged per period. (rclpy throttles per line

@@ -47,8 +47,8 @@ def read_parameter(
 ) -> T:
     """Declare a parameter on the node and return its value.
 
-    Integers are converted to floats, and whole numbers such as 3.0 to integers, as `kind` requires.
-    An empty list in a file has no type: if `kind` is a list, the value is an empty list; otherwise,
+    If `kind` requires it, integers become floats, and whole numbers such as 3.0 become integers. An
+    empty list in a file has no type: if `kind` is a list, the value is an empty list; otherwise,
     the parameter counts as not set.
 
     Args:
@@ -57,7 +57,7 @@ def read_parameter(
         kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
         default: value if the parameter is not set; None makes the parameter required.
         description: text that `ros2 param describe` shows.
-        read_only: False allows setting the parameter later, to a value of any type.
+        read_only: if False, the parameter can be set later, to a value of any type.
 
     Raises:
         ConfigError: the parameter is required but not set, or has the wrong type.
@@ -81,7 +81,7 @@ def read_fields(
     defaults: Mapping[str, object] | None = None,
     read_only: bool = True,
 ) -> T:
-    """Create a dataclass from one parameter per field; its `Attributes:` describe the parameters.
+    """Create a dataclass from one parameter per field, described in its `Attributes:` section.
 
     Args:
         node: the node.
@@ -155,11 +155,11 @@ def read_parameter_tree(
     Args:
         node: the node.
         prefix: root of the tree.
-        read_only: False allows setting the parameters later, to values of any type; for example,
-            the integer of `radius: 1` may become 1.5.
+        read_only: if False, the parameters can be set later, to values of any type; for example,
+            `radius: 1` can be changed to 1.5.
         description: text that `ros2 param describe` shows for each parameter.
-        describe: function that takes the result and returns descriptions by name (without prefix),
-            which replace `description`.
+        describe: function that takes the result and returns descriptions by name (without prefix);
+            `description` is used for all other parameters.
 
     Raises:
         ConfigError: a name has both a value and parameters below it.
@@ -190,8 +190,8 @@ def check_topic(node: "Node", name: str, topic: str) -> str:
 
 
 def _given(node: "Node") -> dict[str, Any]:
-    # rclpy has no public list of the overrides, unless it declares all of them automatically; but
-    # then, the node fails to start if its parameter file contains an empty list.
+    # rclpy makes the overrides public only if it declares them all automatically. In that case, a
+    # node fails to start if its parameter file contains an empty list.
     given = {**node._parameter_overrides, **node.get_parameters_by_prefix("")}
     return {
         name: list(entry.value) if isinstance(entry.value, array.array) else entry.value
@@ -208,7 +208,7 @@ def _declare(
             read_only=read_only,
             dynamic_typing=value is None or not read_only,
         )
-        # `value` is the override, already converted, such as an int in the file to a float.
+        # `value` is the override after conversion, for example from an int in the file to a float.
         node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 

@@ -33,7 +33,7 @@ POSE_TYPES = {
 """Message types of robot poses, by the names used in parameters."""
 
 POSE_QUEUE = 100
-"""Queue depth of pose subscriptions; poses arrive faster than scans are fused."""
+"""Queue depth of pose subscriptions; it is large, as poses arrive faster than scans are fused."""
 
 Covariance = npt.NDArray[np.float64]
 """(6, 6) covariance of x, y, z [m] and of the rotations about the axes x, y, z [rad]."""
@@ -84,7 +84,7 @@ class Poses:
         return Placement(np.eye(4))
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the transform from a robot or other frame to the map frame; see `place`."""
+        """Return the transform from a frame, such as that of the robot, to the map; see `place`."""
         placement = self.place(frame_id, stamp)
         return None if placement is None else placement.transform
 
@@ -100,10 +100,10 @@ class PoseHistory(Poses):
         sensor: (4, 4) transform from the frame of the scans to the robot frame.
         limit: maximum number of stored poses.
         track_point: (3,) point that the map follows [m], robot frame.
-        with_covariances: add the covariances of the poses to placements.
+        with_covariances: include the covariances of the poses in placements.
 
     Attributes:
-        topic: returns a description of the topic of the poses; empty if there is none.
+        topic: function that returns a description of the pose topic, or "" if there is none.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the robot pose at a time [ns] (0: the latest); None if no pose is that recent.
+        """Return the robot pose at a time [ns] (0: the latest); None if all poses are earlier.
 
         Raises:
             GridMapError: all poses are later.
@@ -203,7 +203,7 @@ class PoseHistory(Poses):
     def covariance_at(self, stamp: int) -> Covariance | None:
         """Return the covariance of the robot pose at a time [ns] (0: the latest); None if unknown.
 
-        The value is interpolated between poses, and constant before the first and after the last.
+        Between poses, it is interpolated; before the first and after the last, it is constant.
         """
         if not self._stamps:
             return None
@@ -214,7 +214,7 @@ class PoseHistory(Poses):
         return (1 - share) * begin + share * end
 
     def _around(self, stamp: int) -> tuple[int, int, float]:
-        """Return the indices of the poses around a time, and the weight of the later pose."""
+        """Return the indices of the poses before and after a time, and the weight of the latter."""
         last = len(self._stamps) - 1
         after = min(bisect_left(self._stamps, stamp), last) if stamp else last
         if after == 0 or stamp == 0 or stamp >= self._stamps[after]:

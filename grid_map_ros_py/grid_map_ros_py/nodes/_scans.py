@@ -53,10 +53,10 @@ class Statistics:
 
 
 FEW = 0.01
-"""Share of used points below which a node warns."""
+"""Smallest share of used points in a scan for which a node does not warn."""
 
 FARTHEST = 200.0
-"""Median range above which points are probably in millimeters [m]."""
+"""Median range [m] above which points are probably in millimeters."""
 
 REMEDIES = {
     "outside the map": "Check the pose of the sensor and the size of the map",
@@ -65,7 +65,7 @@ REMEDIES = {
     "in contradiction to the map": "Check the pose of the sensor",
     "without a depth": "Check the camera",
 }
-"""Remedies by the reason of most unused points; other reasons name a parameter."""
+"""Remedies by main reason for unused points; any other reason names the parameter to check."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,9 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return why fewer than `FEW` of the points are used, with a remedy; else "".
+        """Return cause and remedy if the share of used points is less than `FEW`, "" otherwise.
 
-        `unused` is the number of unused points by reason.
+        `unused` contains the number of unused points for each reason.
         """
         total = len(self) + self.missing
         counts = Counter({**unused, "without a depth": self.missing}).most_common()
@@ -131,7 +131,7 @@ class ScanQueue:
         queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
         clock: returns the time [s]; the default clock continues while a simulation is paused.
         statistics: counts of scans.
-        problem: `Cloud.usage` of the last fused scan.
+        problem: text from `Cloud.usage` about the last fused scan; empty if there is no problem.
     """
 
     poses: Poses
@@ -308,7 +308,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """A sensor; `heard` is the time of its last message [s], infinite after silence is reported."""
+    """A sensor; `heard` is the time of its last message [s], infinite once reported as silent."""
 
     name: str
     topic: str

@@ -58,15 +58,17 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
     Call this in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
-    callback; a second signal interrupts the callback. (The handlers of rclpy are not used: they
-    shut ROS down during a callback, which a spinning executor may miss.) If SIGHUP is ignored, as
-    under `nohup`, it stays ignored. The node reports its state on `/diagnostics`; see `Health`.
+    callback; a second signal interrupts it. (The signal handlers of rclpy are not used, because
+    they shut ROS down during a callback, and a spinning executor may not notice that.) An ignored
+    SIGHUP, as under `nohup`, stays ignored. The node reports its state on `/diagnostics`; see
+    `Health`.
 
     Args:
         create_node: class of the node, or a function that returns the node. A `GridMapError` or a
-            ROS error (invalid name, missing security keys) raised here means a wrong configuration.
-            Such an error, or a `NodeFailedError` from a callback, is logged as one message; other
-            exceptions propagate. Given parameters that the node does not declare cause a warning.
+            ROS error (invalid name, missing security keys) raised by this call counts as a wrong
+            configuration. Such an error, or a `NodeFailedError` from a callback, is logged as one
+            message; other exceptions propagate. Parameters that are set but not declared by the
+            node cause a warning.
         args: command line arguments; None means `sys.argv`.
 
     Returns:

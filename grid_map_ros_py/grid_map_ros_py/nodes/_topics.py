@@ -28,9 +28,9 @@ def map_qos(*, transient_local: bool = True) -> QoSProfile:
     """Return the quality of service of map topics: reliable, depth 1, and latched by default.
 
     Args:
-        transient_local: True for a latched topic: publishers keep the last map for late-joining
-            subscribers, and subscribers request that map. Map publishers always use True. With
-            False, a subscriber also receives from volatile publishers, but misses earlier maps.
+        transient_local: if True, the topic is latched: publishers keep the last map for subscribers
+            that join late, and subscribers request it. Map publishers always use True. If False, a
+            subscriber also receives from volatile publishers, but misses earlier maps.
     """
     durability = DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
@@ -48,7 +48,7 @@ def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
 
 
 def describe_topic(node: Node, topic: str, message_type: type) -> str:
-    """Return the full name of a topic with its publishers, or with topics to use instead."""
+    """Return a text with the full name of a topic, and its publishers or alternative topics."""
     name, package = node.resolve_topic_name(topic), message_type.__module__.partition(".")[0]
     kind = f"{package}/msg/{message_type.__name__}"
     types = [info.topic_type for info in node.get_publishers_info_by_topic(name)]
@@ -76,9 +76,8 @@ def listen(
 ) -> Callable[[], str]:
     """Subscribe to a topic (best effort); drop and log messages that the callback rejects.
 
-    Returns a function that describes the topic, for texts about missing messages.
-
-    Unlike in `LatchedSubscription`, the messages do not count in the `Health` of the node.
+    Unlike those of a `LatchedSubscription`, the messages are not counted in the `Health` of the
+    node. Returns a function that describes the topic, for texts about missing messages.
     """
 
     def receive(message: Any) -> None:
@@ -107,8 +106,8 @@ class LatchedSubscription:
         callback: called with each message.
         qos: fixed quality of service; None adapts the quality of service as described above.
         raw: pass serialized messages (bytes) to the callback.
-        hears_best_effort: also become best effort when a best-effort publisher appears; if False,
-            only log the publisher.
+        hears_best_effort: also switch to best effort when a best-effort publisher appears; if
+            False, only log a warning about that publisher.
         depth: queue depth if `qos` is None.
 
     Attributes:

@@ -14,7 +14,7 @@ from grid_map_ros_py.messages import to_flat_point_cloud
 
 @dataclass(frozen=True, kw_only=True)
 class FlatPointCloudVisualization:
-    """Draw all cells with finite basic layers as points at constant height.
+    """Draw cells as points at a constant height; skip cells where a basic layer is not finite.
 
     Attributes:
         height: height of the points [m].

@@ -16,7 +16,7 @@ from ..colors import DEFAULT_COLOR_MAP, Coloring
 
 @dataclass(frozen=True, kw_only=True)
 class ImageVisualization:
-    """Show a layer as an image with one pixel per cell; up is +x and left is +y.
+    """Show a layer as an image with one pixel per cell; +x points up and +y points left.
 
     Attributes:
         layer: layer to show.

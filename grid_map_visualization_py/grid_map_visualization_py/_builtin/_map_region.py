@@ -19,7 +19,7 @@ class MapRegionVisualization(LineMarker):
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the outline of a map as a serialized `visualization_msgs/Marker`."""
-        # Single precision as in the C++ node, so that the points are bitwise equal.
+        # Round to single precision like the C++ node, so that the points are bitwise equal.
         half_length = (grid_map.length / 2).astype(np.float32).astype(np.float64)
         points = np.zeros((len(_CORNERS), 3))
         points[:, :2] = grid_map.position + _CORNERS * half_length

@@ -18,7 +18,7 @@ class PointCloudVisualization:
 
     Attributes:
         layer: layer with the heights [m]; cells without a finite height are left out.
-        flat: draw all cells at height zero.
+        flat: draw the cells at height zero, even those without a height.
     """
 
     message_type: ClassVar[type] = PointCloud2

@@ -37,7 +37,7 @@ _STYLES_OF = {
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
     "max_drawn_cells": (("flat", "surface"), "without --relief"),
 }
-"""Options that only some picture styles support, each with these styles and a text for errors."""
+"""Options that not all styles support: the styles that do, and how error messages name them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,7 +96,7 @@ def complete_color_maps(**_: Any) -> list[str]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run `grid-map plot`: draw the picture or video and print its path."""
+    """Run `grid-map plot`: draw the picture or video and report its path."""
     is_animated = options.picture.suffix.lower() in _ANIMATED
     check_style(options, options.picture, ENDINGS + _ANIMATED)
     if is_animated and options.style:
@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
-    """Return the map; stores and rasters are opened as tiled maps, to read only what is drawn."""
+    """Return the map; for stores and rasters, a tiled map, so that only what is drawn is read."""
     # Without Dask, only maps that are too large for memory are opened as tiled maps.
     tiled_map = tiled_source(options, also_small=find_spec("dask") is not None)
     if tiled_map is not None:
@@ -128,7 +128,7 @@ def _animate(options: argparse.Namespace) -> None:
     from ..pictures import save_animation
 
     with ExitStack() as stack, open_recording(options) as records, _telling(options.picture):
-        # Show the bar from the first map on, so that earlier errors do not follow an empty bar.
+        # Start the progress bar at the first map, so that no empty bar precedes an earlier error.
         start = cache(lambda: stack.enter_context(ProgressBar()))
         progress = lambda done, total: start()(done, total)  # noqa: E731
         if not len(records):

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap
 
 _SIDE = 1000
-"""Maximum number of shown rows and columns of a map that is too large for memory."""
+"""Maximum number of rows and of columns to show if a map is too large for memory."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

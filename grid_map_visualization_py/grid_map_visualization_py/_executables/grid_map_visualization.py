@@ -26,10 +26,10 @@ from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(ConfiguredNode):
-    """Subscribes to maps while any output has subscribers; publishes only outputs with subscribers.
+    """Visualizes maps on demand: publishes only outputs that have subscribers.
 
-    While subscribed, the node keeps the last map, so that late-joining subscribers of an output
-    receive a message immediately.
+    The node subscribes to maps while any output has subscribers. Meanwhile, it keeps the last map,
+    so that late-joining subscribers of an output receive a message immediately.
     """
 
     def __init__(self) -> None:
@@ -81,9 +81,9 @@ class GridMapVisualizationNode(ConfiguredNode):
         return outputs
 
     def _match(self, output: "Output", status: Any) -> None:
-        # A new subscriber needs the last map even if another one has just left, so that the number
-        # of subscribers is unchanged. Latching alone does not help subscribers with volatile
-        # durability, which is the default of RViz.
+        # A new subscriber needs the last map even if another one has just left and the number of
+        # subscribers is therefore unchanged. Latching alone is not enough, because subscribers with
+        # volatile durability, the default of RViz, do not receive latched messages.
         output.is_due |= status.total_count_change > 0
         self._follow_subscribers()
 

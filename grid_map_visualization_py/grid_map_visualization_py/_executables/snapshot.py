@@ -2,7 +2,7 @@
 """Executable `snapshot`: saves a picture of the next map on a topic.
 
 The picture options are those of `grid-map plot`, which draws maps from files. The picture file is
-written completely or not at all. The exit code is 0 only if the file was written.
+written completely or not at all. The exit code is 0 if the file was written, or after Ctrl-C.
 """
 
 import argparse
