@@ -116,7 +116,14 @@ def covariance_at(seconds: float) -> Matrix:
 
 
 def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -> GridMap:
-    """Return a square of true terrain around a position (2,), in the drifting odometry frame."""
+    """Return a square of the true terrain, shifted into the odometry frame, which drifts.
+
+    Args:
+        ground: true terrain in the world frame.
+        position: (2,) center of the square in the world frame [m].
+        length: side length of the square [m].
+        seconds: time since the start, which determines the drift [s].
+    """
     block = ground.get_submap(position, (length, length))
     block.position = block.position + DRIFT[:2] * seconds
     block["elevation"] += np.float32(DRIFT[2] * seconds)

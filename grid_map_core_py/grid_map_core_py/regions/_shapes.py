@@ -327,7 +327,10 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) of ranges from `first` to `stop`, and their concatenation (N,)."""
+    """Return the lengths (R,) of integer ranges, and all ranges concatenated (N,).
+
+    `first` and `stop` (R,) are the bounds; `stop` is exclusive.
+    """
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)

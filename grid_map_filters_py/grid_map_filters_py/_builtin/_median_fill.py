@@ -108,7 +108,10 @@ class MedianFill:
 
 
 def _mask(layer: Layer, iterations: int) -> Layer:
-    """Return a mask that is 1 in cells that may change, else 0, closed in `iterations` steps."""
+    """Return a mask that is 1 in cells that may change, and 0 elsewhere.
+
+    The mask of the finite cells is opened, then closed with this many dilations and erosions.
+    """
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))
 

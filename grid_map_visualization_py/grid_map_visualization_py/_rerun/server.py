@@ -184,7 +184,7 @@ class _Relay:
         _, target, _ = line.decode("latin-1").split(" ")
         headers = parse_headers(io.BytesIO(rest))
         if not is_allowed(headers, self._names):
-            text = "The page is not served under this name, or to another page.\n"
+            text = "This host name is not allowed, or the request comes from another web page.\n"
             writer.write(_reply("403 Forbidden", text))
         elif target.startswith("/?url=") or (target != "/" and not target.startswith("/?")):
             del headers["Connection"]

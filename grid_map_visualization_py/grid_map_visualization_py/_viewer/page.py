@@ -354,7 +354,7 @@ class Page:
 
         gui.main_panel.dock_right()
         self._topic = gui.add_dropdown("Topic", (topic,))
-        self._status = gui.add_html(as_note("No map has come yet."))
+        self._status = gui.add_html(as_note("No map has arrived yet."))
         self._legend = gui.add_html("")
         self._factor = gui.add_slider("Exaggeration", 1.0, MOST_EXAGGERATED, 0.5, 1.0)
         self._paused = gui.add_checkbox("Pause", False)
@@ -462,7 +462,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
         def check_first(connection: Any, request: Any) -> Any:
             if is_allowed(request.headers, names):
                 return process_request(connection, request)
-            text = "The page is not served under this name, or to another page.\n"
+            text = "This host name is not allowed, or the request comes from another web page.\n"
             return connection.respond(HTTPStatus.FORBIDDEN, text)
 
         guards = {"process_request": check_first, "max_size": LARGEST_MESSAGE}

@@ -61,7 +61,7 @@ class Viewer:
         self._latest = self._shown = self._settings = self._drawn = self._selected = None
         self._problem = self._refusal = ""
         self._page.turn(0)
-        self._page.tell(as_note("No map has come yet."))
+        self._page.tell(as_note("No map has arrived yet."))
         self._page.tell_values(as_note("Click on the map."))
 
     def receive(self, received: ReceivedMap) -> None:
