@@ -2,7 +2,7 @@
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
 The file is read again for each message, so the next message shows any edits. The image may be gray
-or in color, with or without alpha; each channel has 8 bits, 16 bits or floats.
+or in color, with or without an alpha channel; the values are 8-bit or 16-bit integers or floats.
 """
 
 from pathlib import Path
@@ -30,7 +30,7 @@ NAMES = (
     *("32FC1", "32FC3", "32FC4", "64FC1", "64FC3", "64FC4"),
 )
 ENCODING_OF = {(ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name in NAMES}
-"""ROS encodings by data type and number of channels; OpenCV stores colors in BGR order."""
+"""ROS encodings by data type and number of channels; colors are in BGR order, as in OpenCV."""
 
 
 def read_message(path: Path) -> Image:

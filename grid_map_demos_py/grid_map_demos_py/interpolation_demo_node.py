@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_interpolation_demo`: compares four interpolation methods with the truth.
 
-A world is a surface given by a formula. The demo samples one on a fine grid (the truth) and on a
-coarse grid (the data), and interpolates the data to a fine grid. At startup, it publishes three
-latched maps with the heights in the layer `demo`:
+A world is a surface given by a formula. The demo samples a world on a fine grid (the truth) and on
+a coarse grid (the data), and interpolates the data at the cells of a fine grid. At startup, it
+publishes three latched maps with the heights in the layer `demo`:
 
     ground_truth: the fine samples.
     data_sparse: the coarse samples.

@@ -48,7 +48,7 @@ class NodesDemo:
         name: name of the executable.
         about: one-sentence description for `--help`.
         report: name of the report in `report_node`.
-        nodes: for each node module, its parameter file in `config`.
+        nodes: names of the parameter files in `config`, by node module.
     """
 
     name: str
@@ -67,8 +67,8 @@ class NodesDemo:
 
         Args:
             arguments: command line arguments; None means `sys.argv[1:]`.
-            steps: iterable that does preparatory work when consumed; an interrupt skips the rest.
-            parameters: for each node module, an additional parameter `name:=value`.
+            steps: iterable that prepares the demo step by step; an interrupt skips the other steps.
+            parameters: one additional parameter `name:=value` per node, by node module.
         """
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
         about = "write pictures there, print a table and end"

@@ -7,8 +7,8 @@ to the heights, smooths them, and runs a filter chain that computes the normals 
 
 Publishes all layers on `grid_map`, 10 times a second: `elevation`, `noise`, `elevation_noisy`,
 `elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*` and `normal_raster_*`, and
-the errors `directionalErrorArea` and `directionalErrorRaster`. Logs the error sums (running means
-over about 20 maps). At startup, prints a table of the angular errors on all shapes.
+the errors `directionalErrorArea` and `directionalErrorRaster`. Logs the sum of each error layer,
+as a running mean over about 20 maps. At startup, prints a table of angular errors for all shapes.
 """
 
 from collections.abc import Callable, Iterator
@@ -65,7 +65,7 @@ SHAPES: dict[str, Shape] = {"wave": wave, "plane": plane, "hill": hill, "cone": 
 
 
 def surface_map(shape: str, seconds: float) -> GridMap:
-    """Return a map of a surface at a time [s], with `elevation` and `normal_analytic_*`."""
+    """Return a map of a surface at a time [s]: `elevation` and true normals `normal_analytic_*`."""
     grid_map = GridMap((2.5, 4.0), 0.02, frame_id="map")
     x, y = grid_map.axes()
     height, *slopes = SHAPES[shape](x[:, None], y[None, :], seconds)

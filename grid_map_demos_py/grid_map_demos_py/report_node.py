@@ -259,7 +259,7 @@ class ElevationMappingReportNode(ReportNode):
 
 
 def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
-    """Return a map with `truth`, `estimate`, `error` and `deviation`, and tables of the accuracy.
+    """Return a map with `truth`, `estimate`, `error` and `deviation`, and accuracy tables.
 
     Args:
         estimate: map with `elevation` and `variance`.
@@ -301,8 +301,9 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
 
 
 def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
-    """Return table rows that show when the person was on the terrain and in the map."""
-    # Times [s] count from `begin` [ns]. `delays`: how long cells stay high once the person is gone.
+    """Return table rows with the times when the person was on the terrain, and in the map."""
+    # Times are in seconds since `begin` [ns]. `delays` contains the times for which cells stay high
+    # in the map after the person has left them.
     way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
     walk: list[float] = []
     shown: list[float] = []

@@ -2,9 +2,10 @@
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
 Subscribes to maps. The field extends from just below the lowest cell of a map to just above the
-highest cell. The `intensity` of each point is the signed distance to the surface [m]. Under
-the topic prefix, `full_sdf` contains all points, `free_space` the points above the surface, and
-`occupied_space` all other points. Cells without a height get the lowest height of the map.
+highest cell. The `intensity` of each point is the signed distance to the surface [m]. The
+topic `full_sdf` contains all points, `free_space` the points above the surface, and
+`occupied_space` all other points; a parameter sets the prefix of these topics. Cells without a
+height get the lowest height of the map.
 """
 
 import array
@@ -55,7 +56,7 @@ def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
 
 
 def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
-    """Convert (N, 4) points with the columns `FIELDS` to a message in the map's frame and time."""
+    """Convert (N, 4) points with the columns `FIELDS` to a message with the map's header."""
     data = array.array("B", points.astype("<f4", copy=False).tobytes())
     message = write_points(FIELDS, data, to_header(grid_map))
     message.is_dense = True

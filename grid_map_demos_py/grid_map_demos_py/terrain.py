@@ -24,8 +24,8 @@ def load_terrain(
     """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution`.
 
     Args:
-        path: elevation model, an .npz file with the array `elevation` [m] (rows run south, columns
-            run east).
+        path: elevation model, an .npz file with the array `elevation` [m] (row indices
+            increase southward, column indices eastward).
         resolution: side of a cell [m]. Heights are scaled down like lengths along x and y, and then
             multiplied by `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.

@@ -23,7 +23,7 @@ from .errors import FilterConfigError
 from .parts._side_by_side import use_threads
 
 _FEWEST_CELLS = 1000**2
-"""Maps with fewer cells are filtered by one thread, because waking up others takes too long."""
+"""Maps with fewer cells are filtered by one thread, because waking other threads takes too long."""
 
 _MOST_THREADS = 1000
 """Maximum number of threads; all threads are started, even if some get no work."""
@@ -178,8 +178,8 @@ class FilterChain:
         """Return the reach of the chain [cells]: the sum of all filter reaches.
 
         A cell of the result depends only on input cells that are at most this number of rows and
-        columns away. Only its rounding may depend on the whole layer, because some filters subtract
-        a typical value of the layer. The reach is `WHOLE_MAP` if a filter needs the whole map.
+        columns away. Rounding may also depend on other cells, because some filters subtract a
+        typical value of the layer. The reach is `WHOLE_MAP` if a filter needs the whole map.
 
         Args:
             resolution: side of a cell [m].

@@ -188,7 +188,7 @@ def in_map_order(call: C) -> C:
         check_map(grid_map)
         # Freeing a large block makes glibc retain up to twice its size for later arrays. The block
         # here has 64 bytes per cell, at most 32 MB. Without it, the system would have to zero the
-        # pages of all temporary arrays: half the run time of a chain on a 400 x 400 map.
+        # pages of all temporary arrays, which takes half the run time on a 400 x 400 map.
         block = min(64 * math.prod(grid_map.size), 2**25 - 2**16)
         if block > _kept[0]:
             _kept[0] = block

@@ -87,7 +87,7 @@ StepObserver = Callable[[Step, float], None]
 
 
 def message_of(error: Exception) -> str:
-    """Return the message of an error; for errors of other packages, the type comes first."""
+    """Return the message of an error, preceded by the type unless it is a `GridMapError`."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
 
 
@@ -100,11 +100,11 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a writeable view of a layer, or a copy if the layer is read-only or shares memory.
+    """Return a writeable view of a layer, or a copy if it is read-only or its memory is taken.
 
     Args:
         layer: layer returned by a filter, or a layer of the input.
-        taken: memory addresses that are in use already; the address of `layer` is added.
+        taken: memory addresses of layers already in use; the address of `layer` is added.
     """
     own, address = layer.view(), address_of(layer)
     try:

@@ -59,7 +59,7 @@ _WARPING: dict[str, Any] = {
     # By default, the size of the interpolation kernel depends on the window.
     "XSCALE": 1,
     "YSCALE": 1,
-    # By default, a nodata value is not replaced with NaN where another band has a value.
+    # By default, a nodata value becomes NaN only where no other band has a value.
     "UNIFIED_SRC_NODATA": "NO",
 }
 """GDAL options for projected rasters; `tolerance` is the allowed position error [pixels]."""
@@ -131,7 +131,7 @@ class RasterSource:
     def _read_part(
         self, part: _Part, place: Window, bands: Sequence[int], images: Sequence[Layer]
     ) -> None:
-        """Copy the values of a raster in the window `place` into `images`."""
+        """Read the part of a raster that covers the map window `place` into `images`."""
         rows, columns = within(place, part.place)
         width = shape(part.place)[0]
         pixels = columns, slice(width - rows.stop, width - rows.start)
@@ -149,7 +149,7 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """First row and column of each raster, and last row and column plus 1; both are (N, 2)."""
+        """Start and stop of the rows and columns that each raster covers, as two (N, 2) arrays."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
@@ -260,7 +260,7 @@ class _Header(NamedTuple):
     crs: str
     stamp: tuple[int, int] | None
     origin: tuple[float, float] | None = None
-    """Coordinates of the map frame origin in the reference system [m]."""
+    """Coordinates of the origin of the map frame, in the reference system [m]."""
 
     @property
     def geometry(self) -> GridGeometry:
@@ -313,11 +313,11 @@ def _warn(raster: Any, path: str) -> None:
 
 
 def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
-    """Return the west, north, east and south sides of a raster on the grid of a mosaic [cells].
+    """Return the sides of a raster in the grid of a mosaic: west, north, east, south [cells].
 
     Args:
         header, first: headers of the raster and of the first raster of the mosaic. The sides are
-            counted in cells to the east and south of the north-west corner of `first`.
+            measured to the east and south from the north-west corner of `first`.
         exact: require the raster to lie on the grid. If False, include all cells that it touches.
 
     Raises:
@@ -461,7 +461,7 @@ def _check_complete(file: Path) -> None:
                     raise OSError("a block is missing, perhaps because the disk is full")
                 if level is None:
                     last = max(last, (int(offset), band, row, column))
-        # GDAL 3.6 records an offset even if it could not write the block; reading then fails.
+        # GDAL 3.6 records the offset of a block even if writing it failed; reading then fails.
         _, band, row, column = last
         raster.read(
             band, window=tuple((n * _FILE_BLOCK, n * _FILE_BLOCK + 1) for n in (row, column))

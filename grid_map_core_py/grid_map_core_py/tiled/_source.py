@@ -39,7 +39,7 @@ class Source(Protocol):
         """Layer names, in order."""
 
     def describe(self) -> str:
-        """Return text that identifies the data; a resumed run compares it with the first run's."""
+        """Return text that identifies the data; if it has changed, a run cannot be resumed."""
 
     def prepare(self) -> None:
         """Prepare data shared by all windows; called once before windows are read in parallel."""
@@ -107,7 +107,7 @@ class TiledData:
 
 
 class Tiles(Sequence[Window]):
-    """Sequence of the tiles of a map, row by row: windows of at most `side` rows and columns."""
+    """Tiles of a map, row by row; each is a window of at most `side` rows and columns."""
 
     def __init__(self, size: Size, side: Size) -> None:
         self.size, self.side = size, side

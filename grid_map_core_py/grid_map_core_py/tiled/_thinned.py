@@ -51,7 +51,7 @@ def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridM
 
 
 def _runs(size: int, side: int, step: int) -> list[_Run]:
-    """Return the runs along a side of the map, one per tile that contributes to the result."""
+    """Return the runs along one axis of the map, one per tile that contributes to the result."""
     lines = np.arange(min(step // 2, size - 1), size, step)
     begins = np.flatnonzero(np.diff(lines // side, prepend=-1)).tolist()
     return [

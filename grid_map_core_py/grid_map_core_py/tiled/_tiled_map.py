@@ -85,7 +85,7 @@ class TiledMap(TiledData):
         timestamp: int = 0,
         crs: str = "",
     ) -> TiledMap:
-        """Create an empty Zarr store, to be filled with `write`, and return the store as a map.
+        """Create an empty Zarr store and return it as a map; use `write` to fill it.
 
         The empty store uses a few kilobytes, regardless of the map size. A chunk uses disk space
         only once it is written; the cells of unwritten chunks are NaN.
@@ -271,8 +271,8 @@ class TiledMap(TiledData):
             options: see `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter needs the whole map in memory, or the chain fails even on a small
-                map of zeros.
+            FilterError: a filter needs the whole map in memory, or the chain fails when tried on a
+                small map of zeros.
         """
         source = chain.on_tiles(self, **options)
         return replace(self, source=source, basic_layers=source.basic_layers)

@@ -35,7 +35,7 @@ from ._engine import REMEDY, in_any_order
 from ._source import Progress, TiledData, data_errors, tile_name
 
 _RUN = ".run.json"
-"""File in an unfinished store describing the run. The process that writes the store locks it."""
+"""File that describes the run in an unfinished store; locked by the process that is writing."""
 
 _NEAR = 4
 """Tiles are computed in square groups with this side length [tiles]."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 _OPENED = 16
-"""Number of stores that a process keeps open, since opening one is as slow as reading a window."""
+"""Number of stores that a process keeps open; opening one takes as long as reading a window."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Maximum relative difference between resolutions that count as equal."""
@@ -151,7 +151,8 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 
     Returns:
         window: cells of the store.
-        lines: buffer row of the map for each row of the window, buffer column for each column.
+        lines: two arrays: the buffer row of the map for each row of the window, and the buffer
+            column for each column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution

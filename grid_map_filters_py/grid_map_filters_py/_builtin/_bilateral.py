@@ -16,11 +16,11 @@ from ..parts._side_by_side import side_by_side
 # table too coarse to preserve edges.
 
 _FAR = np.float32(12.0)
-"""Limit of value differences [standard deviations]. A difference at the limit, such as one to a
-missing value, has the weight 5e-32."""
+"""Limit to which value differences are clipped [standard deviations]. A clipped difference, such as
+one to a missing value, has the weight 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Smaller mean differences [standard deviations] become 0, as missing values may cause them."""
+"""Mean differences below this [standard deviations] become 0: missing values can cause them."""
 
 _PIECE = 2**16
 """Number of cells computed at once, small enough that temporary arrays fit into the cache."""

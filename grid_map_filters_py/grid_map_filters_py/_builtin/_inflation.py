@@ -31,8 +31,8 @@ class Inflation(LayerFilter):
     Attributes:
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
-        inscribed_radius: radius of the largest circle about the robot's origin in its footprint
-            [m]; for Nav2's `robot_radius`, multiply it by cos(pi / 16) = 0.9808.
+        inscribed_radius: radius of the largest circle around the robot's origin that fits into the
+            footprint [m]; if Nav2 uses `robot_radius`, multiply its value by cos(pi / 16) = 0.9808.
         footprint: corners [x, y] [m], as a list or (as in Nav2) a string; replaces
             `inscribed_radius`.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.

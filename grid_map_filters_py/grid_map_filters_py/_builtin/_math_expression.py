@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap
 
 _CELLS = 4 * CELLS
-"""Number of cells per block, large enough that the syntax tree adds little overhead."""
+"""Number of cells per block, large enough that walking the syntax tree adds little overhead."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from ..parts._medians import put_window_medians
 
 _BLOCK = np.ones((3, 3), np.uint8)
 _TOLERANCE = 1e-9
-"""Added to radii [cells] before they are rounded down, to allow for rounding errors."""
+"""Number added to radii [cells] before rounding down, to allow for rounding errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +38,9 @@ class MedianFill:
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
         fill_mask_layer: mask of the cells that may change; computed if the layer is missing.
-        num_erode_dilation_iterations: number of one-cell dilations, then erosions, in the closing.
-        debug: also store the mask before the closing.
+        num_erode_dilation_iterations: number of one-cell dilations, and of subsequent erosions,
+            that bridge gaps in the mask.
+        debug: also store the mask before gaps are bridged.
         debug_infill_mask_layer: layer for the debug mask; required with `debug`.
     """
 
@@ -110,7 +111,8 @@ class MedianFill:
 def _mask(layer: Layer, iterations: int) -> Layer:
     """Return a mask that is 1 in cells that may change, and 0 elsewhere.
 
-    The mask of the finite cells is opened, then closed with this many dilations and erosions.
+    Starting with the finite cells, a morphological opening removes narrow areas; a closing with
+    `iterations` dilations and as many erosions then bridges gaps.
     """
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Detects cellwise expressions: each result cell depends only on the same cell of the layers.
+"""Detects cellwise expressions, whose result in a cell depends only on that cell of the layers.
 
 Reductions such as `max(elevation)` depend on all cells, but return a number. An expression may
 become cellwise when its reductions are replaced by these numbers.
@@ -25,9 +25,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers. A layer hides the function or constant of the same name. None
-            if the names are unknown: constants are then not hidden, but a call that may be an
-            index into a layer, such as `mean(2, 3)`, is treated as an index.
+        layers: names of the layers, which hide functions and constants of the same name. If None,
+            the names are unknown: a call that may be an index into a layer, such as `mean(2, 3)`,
+            is then treated as an index, but no constant is treated as hidden.
         reduced: treat reductions as numbers.
     """
 
@@ -39,7 +39,7 @@ class Analysis:
         return self._kind(root) is not _Kind.OTHER
 
     def culprit(self, root: Node) -> Node | None:
-        """Return the first innermost part that is neither a number nor cellwise, or None."""
+        """Return the first innermost part that prevents cellwise evaluation, or None."""
         if self.is_cellwise(root):
             return None
         inner = (self.culprit(child) for child in root.children())

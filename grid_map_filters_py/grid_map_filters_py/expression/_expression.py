@@ -159,7 +159,7 @@ class Expression:
 
         Args:
             out: (rows, columns) float32 array for the result.
-            layers: (rows, columns) arrays by name: exactly the layers that the expression names.
+            layers: (rows, columns) arrays by name, one for each layer that the expression names.
         """
         values = {name: _bind(name, layers[name], self._places[name]) for name in layers}
         with _faults_as_errors(self.text):
@@ -266,9 +266,9 @@ def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
 
 @contextmanager
 def _faults_as_errors(text: str) -> Iterator[None]:
-    """Convert faults to errors that show the expression with a caret.
+    """Convert faults to errors that show the expression, with a caret under the fault.
 
-    Within the context, infinities and NaN raise no warnings.
+    Within the context, infinities and NaN cause no warnings.
     """
     try:
         with np.errstate(all="ignore"):

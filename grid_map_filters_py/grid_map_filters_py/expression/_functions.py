@@ -187,8 +187,8 @@ class Function:
         elementwise: each element of the result depends only on the same element of the arguments.
         keeps_nan: elementwise, and the result is NaN wherever an argument is NaN.
         skips_nan: accepts one argument and ignores its NaN elements.
-        reduces: number of arguments with which the function returns a single number, computed from
-            the elements or the shape of the first argument; 0 if there is no such number.
+        reduces: number of arguments in calls that reduce the elements or the shape of the first
+            argument to a single number; 0 if no call does.
     """
 
     apply: Callable[..., Any]

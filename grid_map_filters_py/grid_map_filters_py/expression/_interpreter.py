@@ -150,7 +150,7 @@ class Interpreter:
 
 
 def _as_places(value: Value, length: int | None = None) -> NDArray[np.intp]:
-    """Convert a number or vector to indices, which must be below `length` unless it is None."""
+    """Convert a number or a vector to indices that are less than `length` (None: no limit)."""
     numbers = np.atleast_2d(np.asarray(value, np.float64))
     if 1 not in numbers.shape:
         raise Fault(f"an index is a number or a vector, not {' x '.join(map(str, numbers.shape))}")
@@ -187,7 +187,7 @@ def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
 
     Args:
         node: root of the tree, or of a subtree at `depth`.
-        indexing: the node may be part of an index.
+        indexing: True if the node may be part of an index.
     """
     if depth > _DEEPEST:
         raise Fault("the expression is nested too deeply", position=node.position)

@@ -92,7 +92,7 @@ class DeviatingWindow(WindowMatrix):
 
 
 class SquaredDeviations(WindowMatrix):
-    """Squared differences between a sliding window and a number per cell, as in a variance."""
+    """Squared differences between each window and the number of its cell, as in a variance."""
 
     def __init__(self, deviations: DeviatingWindow) -> None:
         super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
@@ -182,7 +182,7 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
 
 
 class WindowMatrices(Matrices):
-    """Operations on per-cell matrices; values that all cells share stay numbers or matrices."""
+    """Operations on one matrix per cell; values shared by all cells stay numbers or matrices."""
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         if not any(isinstance(value, WindowMatrix) for value in values):
@@ -240,7 +240,7 @@ class WindowMatrices(Matrices):
 
 
 def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix | None:
-    """Return an elementwise result as a subclass with faster folds; None if none applies."""
+    """Return an elementwise result as a `WindowMatrix` subclass with faster folds, or None."""
     if all(isinstance(value, SlidingWindow | float) for value in values):
         shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
         sources = [
@@ -323,7 +323,7 @@ def _as_element(total: Any) -> Element:
 
 
 def _matrix(shape: Shape, at: Callable[[int, int], Element]) -> Value:
-    """Return a matrix whose elements are computed on demand, or at once if it is 1 x 1."""
+    """Return a matrix whose elements are computed on demand, or immediately if it is 1 x 1."""
     return _field(at(0, 0)) if shape == SCALAR else WindowMatrix(shape, at)
 
 
