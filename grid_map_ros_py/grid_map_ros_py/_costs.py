@@ -15,14 +15,14 @@ from grid_map_core_py.limits import check_cells
 from .messages._fields import Matrix
 
 TOLERANCE = 1e-6
-"""Overlap below which two cells do not touch [cells]."""
+"""Cells touch if they overlap by more than this [cells]."""
 
 Planar = tuple[float, float, float]
 """Pose of a frame in another frame: x, y [m] and yaw [rad]."""
 
 
 def planar(matrix: Matrix, source: str, target: str) -> Planar:
-    """Return the planar part of a (4, 4) transform; refuse roll or pitch above 5 degrees."""
+    """Return the planar part of a (4, 4) transform; reject roll or pitch above 5 degrees."""
     roll = math.degrees(math.atan2(matrix[2, 1], matrix[2, 2]))
     pitch = math.degrees(math.asin(np.clip(-matrix[2, 0], -1.0, 1.0)))
     if max(abs(roll), abs(pitch)) > 5.0:
@@ -47,12 +47,12 @@ def check_costs(grid_map: GridMap, layer: str) -> None:
 
 
 def aligned(grid_map: GridMap, step: int) -> GridMap:
-    """Return the largest window with borders at multiples of `step` cells from the origin."""
+    """Return the largest part of a map with borders at multiples of `step` cells from (0, 0)."""
     if step == 1:
         return grid_map
     slices = []
     lower = (grid_map.position - 0.5 * grid_map.length) / grid_map.resolution
-    # Cells usually begin at 0 or 1/2; a quarter keeps both away from the next whole number.
+    # `lower` is usually a multiple of 1/2; with 1/4 added, rounding errors do not change its floor.
     for begin, size in zip(np.floor(lower + 0.25).astype(int), grid_map.size, strict=True):
         first, end = -(-begin // step) * step - begin, (begin + size) // step * step - begin
         if end <= first:
@@ -73,10 +73,10 @@ def resampled(
     resolution: float,
     unknown_is_worst: bool = True,
 ) -> GridMap:
-    """Return costs in another frame or resolution, on a grid that begins at whole cells.
+    """Return costs in another frame or resolution, on a grid aligned with the frame origin.
 
-    Each cell gets the worst cost of the cells of the map that it touches, or is unknown. With
-    `unknown_is_worst`, unknown is worse than all costs; otherwise, it is only worse than free.
+    Each cell gets the worst cost of the map cells that it touches; if it touches none, it becomes
+    unknown. If `unknown_is_worst`, unknown is worse than all costs, otherwise only worse than free.
 
     Args:
         grid_map, layer: the costs.
@@ -94,10 +94,10 @@ def resampled(
     geometry = GridGeometry.from_size(size, resolution, 0.5 * resolution * (lower + upper))
     x = resolution * (lower[0] + 0.5 + np.arange(size[0]))[:, None] - center[0]
     y = resolution * (lower[1] + 0.5 + np.arange(size[1])) - center[1]
-    # Centers of the result's cells, in cells of the source from the center of its first cell.
+    # Centers of the new cells relative to the center of the first source cell [source cells].
     u = (cos * x + sin * y) / source + 0.5 * (grid_map.size[0] - 1)
     v = (cos * y - sin * x) / source + 0.5 * (grid_map.size[1] - 1)
-    # Ranks leave 0 for cells that touch none, and 2 for unknown cells that are better than cost 1.
+    # Rank 0 means that no cell is touched; rank 2, between costs 0 and 1, is kept for unknown.
     ranks = np.array([1, *range(3, 257)] + [257 if unknown_is_worst else 2], np.int16)
     values = np.full(258, np.nan, np.float32)
     values[ranks[:UNKNOWN]] = np.arange(UNKNOWN)
@@ -114,12 +114,12 @@ def _worst(
     direction: tuple[float, float],
     side: float,
 ) -> npt.NDArray[np.int16]:
-    """Return the largest rank of the unit squares that each square touches, or 0.
+    """For each square, return the largest rank of the unit squares that it touches, or 0.
 
     Unit square (i, j) has its center at i, j and the rank `ranks[i, j]`. The other squares have
-    their centers at u, v (n, m), the side `side`, and are turned by the angle with the cosine and
-    sine `direction`. Two squares touch unless one of the four directions of their sides separates
-    them. The loop runs over the few neighbors that can touch a square, for all squares at once.
+    centers (u, v), each (n, m), and side `side`. They are rotated by an angle; `direction` is its
+    cosine and sine. Two squares touch unless their projections on one of the four directions of
+    the sides are disjoint. Each iteration tests one of the few possible neighbors of all squares.
     """
     (cos, sin), extent = direction, abs(direction[0]) + abs(direction[1])
     reach, turned_reach = 0.5 * (1 + side * extent) - TOLERANCE, 0.5 * (side + extent) - TOLERANCE

@@ -171,7 +171,7 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Stop after the waiting item; return True if the thread has ended within `timeout` [s]."""
+        """Process a waiting item, then stop; return True if this takes at most `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

@@ -58,7 +58,7 @@ class SlidingWindow(WindowMatrix):
         source.flags.writeable = False
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold along each axis in turn, in rows + columns steps (a separable filter)."""
+        """Fold along one axis, then along the other, which takes only rows + columns steps."""
         return [_fold_box(fold, self.source, self.shape) for fold in folds]
 
 
@@ -71,7 +71,7 @@ class WeightedWindow(WindowMatrix):
         self._window = window
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; finite values are summed by correlating the kernel with the source."""
+        """Fold the elements; correlate the source with the kernel to sum the finite values."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
@@ -100,7 +100,7 @@ class SquaredDeviations(WindowMatrix):
         self._number = deviations.number.at(0, 0)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; finite squares are summed in rows + columns steps."""
+        """Fold the elements; summing finite squares takes only rows + columns steps."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
             return super().reduce(folds)
         total = self._sum()
@@ -167,7 +167,7 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
     margin, shape = size // 2, (size, size)
     source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)
     outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
-    # Index of the first element of every window, and the step to the next column.
+    # Index in `flat` of the first element of each window, and distance between columns.
     first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(source)
     flat = source.ravel("F")
     count, total = (

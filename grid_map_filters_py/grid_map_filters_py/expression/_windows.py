@@ -47,7 +47,7 @@ def evaluate_over_windows(
         result.T[border.T] = number(mean_padded_window(layer, border, size))
         return result
     if edge_handling == "inside":
-        # Evaluate for zero cells, so that a wrong expression fails even if no window fits.
+        # Check the expression with zero windows, so that errors are found even if none fits.
         number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
     result = np.full(layer.shape, np.nan, np.float32, order="F")
     row_spans, column_spans = (_spans(length, size, edge_handling) for length in layer.shape)
@@ -89,14 +89,14 @@ def _spans(length: int, size: int, edge_handling: EdgeHandling) -> list[_Span]:
     near = range(min(margin, length) + 1)
     spans = []
     for start, stop in pairwise(sorted({*near, *(length - cell for cell in near)})):
-        # Window of the first cell, cropped on both sides as far as any window of the span.
+        # Window of the cell `start`; all windows of a span are cropped in the same way.
         first, last = max(0, start - margin), start + min(size - margin, length - stop + 1)
         spans.append(_Span(start, stop, first, last - first))
     return [span for span in spans if edge_handling == "crop" or span.window == size]
 
 
 def _number(root: Node, name: str, window: WindowMatrix) -> Any:
-    """Evaluate the expression for all windows; return an array, or one number for all cells."""
+    """Evaluate the expression; return one value per window, or a number that all cells share."""
     available = f"{name} (a window expression knows only its input layer)"
     value = Interpreter(WindowMatrices(), {name: window}, available)(root)
     if shape_of(value) != SCALAR:

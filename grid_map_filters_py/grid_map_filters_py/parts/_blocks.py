@@ -18,16 +18,16 @@ from grid_map_core_py._arrays import Layer, Size, slices
 from ._side_by_side import CELLS, side_by_side
 
 Block = tuple[tuple[slice, slice], tuple[slice, slice]]
-"""Rows and columns of a block, first without and then with the border."""
+"""Rows and columns of a block without its border, and rows and columns with the border."""
 
 _SIDE = 512
-"""Maximum side of blocks with a narrow border [cells]; small maps use half of this value."""
+"""Maximum side of blocks with a narrow border [cells]; in small maps, half of this value."""
 
 _SMALL = 2**20
 """Number of cells below which a map is small."""
 
 _SHARE = 16
-"""Blocks may be at least this many border widths long, as border cells are computed twice."""
+"""Maximum side of blocks with a wide border [border widths]; border cells are computed twice."""
 
 
 def blockwise(function: Callable[..., npt.NDArray[Any]], *layers: Layer, reach: float = 0) -> Layer:
@@ -74,7 +74,7 @@ def fill_blocks(
 
 
 def blocks_of(size: Size, reach: float) -> list[Block]:
-    """Divide a map into blocks of about equal size, which are larger if `reach` is large.
+    """Divide a map into blocks of about equal size; a large `reach` gives larger blocks.
 
     Args:
         size: rows and columns of the map.

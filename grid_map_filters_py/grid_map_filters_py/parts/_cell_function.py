@@ -3,8 +3,8 @@
 
 A function uses only operators and helpers such as `choose` and `clamp`, so that it works for both
 numbers and arrays. If numba is installed, it is compiled to a loop over the cells on first use.
-Otherwise, NumPy evaluates it piece by piece. The results are bitwise equal, but take several times
-as long to compute.
+Otherwise, NumPy evaluates it for one part of the map at a time. The results are bitwise equal, but
+computing them takes several times as long.
 """
 
 import functools

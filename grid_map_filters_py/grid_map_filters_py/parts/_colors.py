@@ -40,7 +40,7 @@ def _byte(channel: Value) -> Value:
 
 
 def or_none(color: Value, exists: Value) -> Value:
-    """Return the bits of a color where `exists` is true, else the bits of NaN."""
+    """Return the bits of a color where `exists` is true, and the bits of NaN elsewhere."""
     return choose(exists, color, NO_COLOR)
 
 

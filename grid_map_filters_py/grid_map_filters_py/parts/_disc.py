@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sums over the disc around every cell.
 
-The rim belongs to the disc: a cell center up to 1e-9 m beyond it is still inside. Cells outside the
-map count as missing.
+A disc contains the cells whose centers are inside, on the rim, or at most 1e-9 m beyond the rim.
+Cells outside the map count as missing.
 
 Sums are never differences of running sums (as in an integral image), so that a huge value affects
 the precision only in discs that contain the value.
@@ -26,7 +26,7 @@ from .._filter import WHOLE_MAP, warn
 Field = npt.NDArray[Any]
 
 _LARGEST = 2**31
-"""Side length that exceeds any map [cells]."""
+"""Radius from which a disc counts as larger than any map [cells]."""
 
 
 def disc_reach(radius: float, resolution: float) -> float:
@@ -146,11 +146,12 @@ class Disc:
 
         Yields:
             distance: distance of the line from the center [cells].
-            ahead: for every cell, the sum over the line that is this distance after the center. The
-                array is laid out like the flat array of `totals`; the next iteration overwrites it.
-            behind: likewise for the line before the center; at distance 0, it is the same line.
+            ahead: for the disc around each cell, the sum over the line at this distance after the
+                center. The array is laid out like the flat array of `totals`; the next iteration
+                overwrites it.
+            behind: the same for the line before the center; at distance 0, equal to `ahead`.
         """
-        # In a flat array, the neighbors at a given offset from all cells form a single slice.
+        # In a flat array, a single slice contains the neighbors of all cells at a given offset.
         flat, strides = values.T.reshape(-1), (1, len(values))
         along, across = strides[axis], strides[1 - axis]
         widths, margin = self.half_widths[axis], along * self.reach[axis]
@@ -172,7 +173,7 @@ class Disc:
             yield distance, line[first + shift :][:length], line[first - shift :][:length]
 
     def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
-        """Return a (rows, columns) array of zeros, and a flat view with gaps between columns."""
+        """Return zeros (rows, columns), and a flat view of them that has gaps between columns."""
         (height, width), (rows, _) = self.size, self.reach
         stride = height + 2 * rows
         flat = np.zeros(width * stride, dtype)

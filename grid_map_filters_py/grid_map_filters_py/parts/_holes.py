@@ -50,7 +50,7 @@ class Holes:
 
 
 def find_holes(missing: Mask) -> tuple[Integers, Holes]:
-    """Label the holes of a layer; return (rows, cols) hole numbers, and the holes.
+    """Find the holes of a layer; return the hole number of each cell (rows, cols), and the holes.
 
     Args:
         missing: (rows, cols) mask of missing cells. Holes are numbered from 1; other cells get 0.
@@ -66,7 +66,7 @@ def find_holes(missing: Mask) -> tuple[Integers, Holes]:
 
 
 def place_of(tile: GridMap, whole: GridGeometry) -> Size:
-    """Return the row and column of the first cell of a tile in the whole map."""
+    """Return the row and column in the whole map at which a tile begins."""
     return whole.cell_at(tile.geometry.center_of((0, 0))) or (0, 0)
 
 
@@ -90,7 +90,7 @@ class Edge(NamedTuple):
         return cls(len(numbers), cells.astype(np.int32), numbers[cells].astype(np.int32))
 
     def shifted(self, first: int) -> Integers:
-        """Return an array of all cells: hole number plus `first`, or 0 outside holes."""
+        """Return the hole number of every cell of the edge plus `first`, or 0 outside holes."""
         numbers = np.zeros(self.length, np.int64)
         numbers[self.cells] = self.numbers + np.int64(first)
         return numbers
@@ -102,7 +102,7 @@ class HolesOfTile(NamedTuple):
     Args:
         lowest, highest: extremes of the finite values; NaN if there are none.
         holes: long holes and holes that touch the tile border, positioned in the whole map.
-        edges: first and last row, first and last column.
+        edges: edges of the tile, in the order first row, last row, first column, last column.
     """
 
     lowest: float
@@ -118,8 +118,8 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: holes that do not touch the tile border are omitted if the longer side of their
-            bounding box is at most this long [cells].
+        length: holes whose bounding box is at most this long on its longer side [cells] are
+            omitted, unless they touch the tile border.
     """
 
     layer: str
@@ -175,8 +175,8 @@ def _roots(count: int, ones: Integers, others: Integers) -> Integers:
     """Return, for each number below `count`, the smallest number in the same group.
 
     Args:
-        count: exclusive upper bound of the numbers.
-        ones, others: pairs of numbers that belong to the same group.
+        count: all numbers are less than this.
+        ones, others: arrays of equal length; `ones[i]` and `others[i]` are in the same group.
     """
     roots = np.arange(count)
     while True:

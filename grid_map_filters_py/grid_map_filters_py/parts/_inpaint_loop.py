@@ -21,8 +21,8 @@ from grid_map_core_py._loops import loop
 
 _ZERO, _ONE, _UNKNOWN = np.float32(0), np.float32(1), np.float32(np.inf)
 _OUTSIDE = np.float32(1e6)  # arrival time of cells outside the image
-# OpenCV constants for gray values from 0 to 255: a cell is flat if `change` is at most `_FLAT`. The
-# others are the weight factor of a flat cell and the initial value of the sum of weights.
+# OpenCV constants for gray values from 0 to 255: largest `change` at which a cell counts as flat,
+# weight factor of a flat cell, and initial value of the sum of weights.
 _FLAT, _WEIGHT_OF_FLAT, _LEAST_WEIGHT = np.float32(0.01), np.float32(1e-6), np.float32(1e-20)
 
 
@@ -46,7 +46,7 @@ def inpainted(
 
 
 def _change(before: Any, here: Any, after: Any, has_before: Any, has_after: Any) -> Any:
-    """Sum the absolute differences from both neighbors; if only one is known, it counts twice."""
+    """Sum the absolute differences to two neighbors; if one is unknown, count the other twice."""
     change = (abs(after - here) if has_after else _ZERO) + (
         abs(here - before) if has_before else _ZERO
     )
@@ -66,8 +66,8 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
             cell = first + y * width + x
             if square > reach * reach or times[np.uintp(cell)] == _UNKNOWN:
                 continue
-            # Unsigned indices avoid numba's slow check for negative indices. At borders,
-            # OpenCV uses the changes one cell further inside.
+            # Unsigned indices avoid numba's slow check for negative indices. At image
+            # borders, OpenCV uses the changes of the next cell further inside.
             inner_column, inner_row = first + max(x, 1), first + max(y, 1) * width
             across = _change(
                 grays[np.uintp(inner_column + max(y - 1, 0) * width)],

@@ -49,7 +49,7 @@ class LayerFilter(ABC):
         """Return the reach of the filter in rows and columns; see `LocalFilter.reach`."""
 
     def _for_blocks_of(self, _layer: Layer) -> Callable[[Layer, float], Values]:
-        """Return the function that filters blocks; its arguments are a block and the resolution."""
+        """Return a function that filters one block, given the block and the resolution."""
         return self._filter
 
     @abstractmethod

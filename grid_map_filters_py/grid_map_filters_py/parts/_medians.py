@@ -15,7 +15,7 @@ from grid_map_core_py._loops import loop
 Values = npt.NDArray[np.float32]
 
 _SCATTERED = 0.3
-"""Fraction of chosen cells up to which sorting each window is faster than sliding a window."""
+"""If at most this fraction of cells is chosen, sorting each window is faster than sliding one."""
 
 _LARGEST_BLUR = 5
 """Maximum window side that `cv2.medianBlur` supports for float32."""

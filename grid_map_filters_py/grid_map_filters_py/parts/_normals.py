@@ -24,10 +24,10 @@ _SMALLEST_SPREAD = 1e-8
 """Points define a plane if their variance across the main direction exceeds this value [m^2]."""
 
 _SMALLEST_GAP = 0.03
-"""Product of relative eigenvalue gaps below which `_smallest_eigenvectors` is imprecise."""
+"""If the product of relative eigenvalue gaps is smaller, `_smallest_eigenvectors` is imprecise."""
 
 _SMALLEST_Z = 0.01
-"""Z component of the normal below which `_smallest_eigenvectors` is imprecise."""
+"""If the z component of the normal is smaller, `_smallest_eigenvectors` is imprecise."""
 
 _PIECE = 2**14  # number of cells whose normals are computed at once, to fit the cache
 
@@ -49,9 +49,9 @@ def area_normals(layer: Layer, offset: float, radius: float, resolution: float) 
 def raster_normals(layer: Layer, resolution: float) -> Fields:
     """Return the normals computed from slopes between neighboring cells.
 
-    A slope is the central difference of both neighbors, even if the cell between them is unknown.
-    If one neighbor is unknown, the slope is the one-sided difference between the cell and the
-    other. Normals are NaN at the layer border, and where too few cells are known for a slope.
+    A slope is the central difference between both neighbors of a cell, even if the cell itself is
+    unknown. If one neighbor is unknown, the slope is the one-sided difference between the cell and
+    the other neighbor. Normals are NaN at the layer border, and where a slope cannot be computed.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Indices increase towards -x and -y, so the slopes are -dz/dx and -dz/dy.
@@ -95,10 +95,10 @@ def _planes(
     """Fit least-squares planes to the points in the discs.
 
     Yields:
-        part: slice of columns; the other values are given for these columns.
+        part: slice of columns to which the following values belong.
         normals: unit vectors; NaN where the layer is not finite.
-        covariances: elements xx, xy, xz, yy, yz, zz of the covariance matrices of the points, times
-            the squared number of points [cells^2].
+        covariances: elements xx, xy, xz, yy, yz, zz of the covariance matrices of the points
+            [cells^2], multiplied by the square of `count`.
         count: number of points.
     """
     known, sums = _sums(layer, offset, disc)
@@ -126,8 +126,8 @@ def _sums(
     The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
     """
     known, heights = disc.padded(layer, offset)
-    # In units of cells, x and y are integers. Indices increase towards -x and -y. Negating
-    # the heights too reverses all three axes, which leaves the covariances unchanged.
+    # x and y are integer index offsets, measured towards -x and -y because indices increase that
+    # way. With negated heights, all three axes are reversed: the covariances do not change.
     heights *= -1.0 / disc.resolution
     z, xz = _moments(disc, heights, 1, (0, 1))
     (yz,) = _moments(disc, heights, 1, (0,), along=True)
@@ -174,7 +174,7 @@ def _moments(
     *,
     along: bool = False,
 ) -> list[npt.NDArray[Any]]:
-    """Return moments of values over the disc around every cell: sums of value * distance^order.
+    """Return the sums of value * distance^order over the disc around every cell, for each order.
 
     Args:
         disc: disc around every cell.
@@ -207,8 +207,8 @@ def _smallest_eigenvectors(
     the eigenvector with itself; the eigenvector is the normalized last column.
 
     Returns:
-        x, y and z components, and a mask of the precise eigenvectors. Eigenvectors are imprecise
-        at vertical walls and for close eigenvalues.
+        x, y and z components, and a mask of the precise eigenvectors. An eigenvector is imprecise
+        at a vertical wall, or if two eigenvalues are close to each other.
     """
     mean = (xx + yy + zz) * (1.0 / 3.0)
     a, b, c = xx - mean, yy - mean, zz - mean

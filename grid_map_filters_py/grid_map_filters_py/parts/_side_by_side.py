@@ -17,7 +17,7 @@ import numpy as np
 T = TypeVar("T")
 
 CELLS = 2**17
-"""Number of cells per part; waking a thread takes longer than processing a smaller part."""
+"""Number of cells per part; for smaller parts, waking a thread takes longer than the work."""
 
 _threads: ContextVar[int] = ContextVar("_threads", default=1)
 """Number of threads of the running chain, including the calling thread."""

@@ -23,7 +23,7 @@ _LOOK_PERIOD = 0.2
 """Time between two checks for new publishers [s]."""
 
 _REST = 0.2
-"""Time to process messages that have already arrived when a recording ends [s]."""
+"""Time after the end of a recording to process messages that have already arrived [s]."""
 
 _DEPTH = 100
 """Queue depth of a subscription, for messages that arrive while the disk is busy."""
@@ -93,7 +93,7 @@ class _Recorder:
         return sum(self.counts.values())
 
     def record(self, seconds: float, most: float) -> None:
-        """Record for `seconds` [s] or `most` messages; a signal or a full disk stops it early."""
+        """Record at most `most` messages in `seconds`; stop early on a signal or a full disk."""
         self._most = most
         end = time.monotonic() + seconds
         while not self._session.ended and (left := end - time.monotonic()) > 0:
@@ -105,7 +105,7 @@ class _Recorder:
         self._session.spin(_REST, until_ended=False)
 
     def _follow(self, topic: str, types: list[str]) -> None:
-        """Subscribe to a topic; resubscribe if a new publisher offers less.
+        """Subscribe to a topic; resubscribe if a new publisher offers a weaker QoS.
 
         Each subscription requests the strictest QoS that all current publishers offer.
         """

@@ -76,7 +76,7 @@ class Camera:
         return np.where(is_seen[:, None], pixels, np.nan)
 
     def rays(self, stride: int = 1) -> npt.NDArray[np.float32]:
-        """Return the ray through every `stride`-th pixel, (rows, cols, 2): x and y at depth 1.
+        """Return the rays (rows, cols, 2) through every `stride`-th pixel: x and y at depth 1.
 
         A ray is NaN if the distortion of its pixel cannot be inverted.
         """
@@ -125,7 +125,7 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest distance from the optical axis, at depth 1, of a point visible in the image.
+        """Largest distance from the optical axis at which a point of depth 1 is in the image.
 
         The distortion model may wrongly project points farther from the axis into the image.
         """
@@ -285,7 +285,7 @@ def seen_cells(
 
 
 def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt.NDArray[np.bool_]:
-    """Return a mask (N,): True for points (N, 3) that map cells hide from `eye` (3,)."""
+    """Return a mask (N,) of the points (N, 3) that are hidden from `eye` (3,) by map cells."""
     hidden = np.zeros(len(points), bool)
     if not len(points):
         return hidden

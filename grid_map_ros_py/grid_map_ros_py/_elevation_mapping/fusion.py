@@ -93,7 +93,7 @@ class ElevationFusion:
     def fuse(self, source: InputSource, cloud: Cloud, placement: Placement) -> dict[str, int]:
         """Fuse a cloud into the map; after an error, the map is unchanged.
 
-        Returns the number of unused points by reason.
+        Returns the number of points that were not used, by reason.
         """
         begin = time.perf_counter()
         if cloud.stamp == 0:
@@ -205,7 +205,7 @@ class ElevationFusion:
         self._note({})
 
     def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
-        """Return the mapper parameters, with the limits of a source where those are stricter."""
+        """Return the mapper parameters; limits of the source apply where they are stricter."""
         given, own, processor = self.mapper.parameters, source.settings, source.processor
         # Source limits are relative to the robot, but mapper limits are relative to the sensor.
         above, below = processor.above, processor.below

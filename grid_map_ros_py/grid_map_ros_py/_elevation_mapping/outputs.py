@@ -35,7 +35,7 @@ class Chain(Protocol):
     def without_copies(
         self, grid_map: GridMap, *, warnings: list[str] | None = None
     ) -> tuple[GridMap, Size]:
-        """Return the filtered map with start index (0, 0), and the start index for its message.
+        """Return the filtered map, unwrapped, and the start index to use in its message.
 
         Warnings of the filters are appended to `warnings`.
         """
@@ -57,7 +57,8 @@ class MapOutputs:
     Args:
         chain: filter chain of the filtered map; if None, the map is published unfiltered.
         raw_rate, filtered_rate: rates at which changed maps are published [Hz]. If `filtered_rate`
-            is 0, only `trigger` publishes the filtered map; if infinite, `on_scan` also does.
+            is 0, only `trigger` publishes the filtered map; if it is infinite, `trigger` and
+            `on_scan` publish it.
     """
 
     def __init__(

@@ -72,8 +72,8 @@ class Settings:
         directory: directory for maps that services load and save; empty disables these services.
         storage: file format of saved bags.
         min_update_rate: rate at which the raw map is published if it has changed [Hz].
-        fused_map_publishing_rate: rate at which the filtered map is published [Hz]; with 0, only by
-            `trigger_fusion`; with `.inf`, after every scan that publishes the raw map.
+        fused_map_publishing_rate: rate at which the filtered map is published [Hz]. If 0, only
+            `trigger_fusion` publishes it; if `.inf`, so does every scan that publishes the raw map.
     """
 
     map_frame_id: str = "map"
@@ -170,7 +170,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first time on a machine, compilation may take some seconds."""
+    """Create the fusion; the first call on a machine may spend some seconds on compilation."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
@@ -210,7 +210,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
 
 
 def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
-    """Return a text for each parameter that is set but has no effect: its name and the reason."""
+    """For each parameter that is set but has no effect, return its name and the reason as text."""
     given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
     for name in given:
         value = node._parameter_overrides[name].value

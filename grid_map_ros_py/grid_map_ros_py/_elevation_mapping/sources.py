@@ -39,7 +39,7 @@ _OLD_MODELS = {
     "Stereo": "stereo",
     "Perfect": "perfect",
 }
-"""Current values of `type`, by their names in the parameter files of C++ versions before 0.7."""
+"""Values of `type`, by the names that C++ versions before 0.7 use in parameter files."""
 
 _UNUSED = {
     "apply_voxelgrid_filter": "all points are fused",
@@ -181,14 +181,14 @@ class InputSource:
 
     @property
     def queue_size(self) -> int:
-        """Maximum number of waiting messages; 0, meaning no limit in ROS 1, is replaced by 100."""
+        """Maximum number of waiting messages; 0 (no limit in ROS 1) is replaced by 100."""
         return self.settings.queue_size or 100
 
 
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a flat mapping from name patterns to fusion methods; `default` becomes a final `.*`.
+    """Return the fusion methods by name pattern; `default` becomes the last pattern, `.*`.
 
-    ROS splits patterns such as `feat_.*` at the dots, into nested parameters.
+    ROS splits patterns such as `feat_.*` at the dots; nested parameters are joined again.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

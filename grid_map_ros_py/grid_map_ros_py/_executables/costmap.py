@@ -34,7 +34,7 @@ from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
 
 PATIENCE, QUEUE = 1.0, 10
-"""Maximum time a map waits for its transform [s]; number of waiting maps and latched updates."""
+"""Maximum wait for a transform [s]; maximum number of waiting maps and of latched updates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,10 +46,11 @@ class CostmapSettings:
         frame_id: frame of the costmap; empty means that of the map. Another frame needs tf2.
         resolution: cell size of the costmap [m]; 0 means that of the map.
         origin_grid: send the largest window whose borders are multiples of this number of cells.
-        unknown: rank of unknown among the cells of the map that a cell touches, if the frame or
-            resolution differs: `worst`, or `above_free`, below all other costs.
-        stale_after: time without a usable map until all cells become unknown [s]; 0 means never.
-        always_send_full: send no updates.
+        unknown: rank of unknown if a new frame or resolution combines several map cells: `worst` is
+            above all costs, `above_free` only above 0 (free).
+        stale_after: time without a usable map after which all cells become unknown [s]; 0 means
+            never.
+        always_send_full: send full grids instead of updates.
     """
 
     layer: str = "cost"
@@ -67,10 +68,10 @@ class CostmapSettings:
 
 
 class Output:
-    """Latched full grids of type `kind`, and updates of type `update`, if it is not None.
+    """Publishes latched full grids of type `kind`, and updates of type `update` unless it is None.
 
-    An update expires after `period` [s], and two full grids follow it at intervals of `period`. A
-    late subscriber thus keeps no update that is older than its grid.
+    An update expires after `period` [s], and is followed by two full grids, one per `period`. If a
+    late subscriber applies an update to a newer grid, another full grid soon replaces the result.
     """
 
     def __init__(self, node: Node, topic: str, kind: type, update: Any, period: float) -> None:
@@ -155,7 +156,7 @@ class CostmapNode(ConfiguredNode):
         return SetParametersResult(successful=True)
 
     def _apply_changes(self, _changes: list[Parameter]) -> None:
-        """Apply the settings to the next map; a latched map arrives again."""
+        """Apply changed settings to the next map; resubscribe to receive a latched map again."""
         if self._next != self._settings:
             self._settings = self._next
             self._waiting.clear()

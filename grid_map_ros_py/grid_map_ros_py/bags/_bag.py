@@ -204,7 +204,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_parent(self) -> None:
-        """Raise `BagError` if the path is in another bag, which could then not be replaced."""
+        """Raise `BagError` if the path is in another bag: that bag could not be replaced later."""
         parent = self._path.resolve().parent
         if Path(parent, bag_storage.FILE_NAME).is_file() and any(
             file.suffix in _BAG_ENDINGS for file in parent.iterdir()
@@ -306,7 +306,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """A recorded message: CDR data and recording time [ns]; `place` identifies it in errors."""
+    """Recorded message in CDR, with its recording time [ns]; errors identify it by `place`."""
 
     topic: str
     type: str
@@ -383,7 +383,7 @@ class BagFiles:
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Return an open file; only one is open at a time, since a bag may have too many files."""
+        """Return an open file; the previous one is closed, since a bag may have very many."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)

@@ -219,7 +219,7 @@ class McapWriter:
     """Writes serialized messages to a new MCAP file.
 
     If `reserve` is true, the writer allocates disk space before each message, so that the file can
-    be completed even if the disk is full.
+    be completed even if the disk fills up.
     """
 
     def __init__(self, path: Path, compression: str = "none", *, reserve: bool = False) -> None:

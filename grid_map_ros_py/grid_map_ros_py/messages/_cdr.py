@@ -65,8 +65,8 @@ def serialize(
 ) -> bytes:
     """Serialize a message to CDR; `arrays` can supply the values of sequence fields.
 
-    Publishers accept the bytes in place of a message. With `arrays`, no Python object per
-    element is needed.
+    Publishers accept the bytes in place of a message. `arrays` avoids creating a Python object for
+    each element.
 
     Args:
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
@@ -180,7 +180,7 @@ class _Reader:
         return self.data[begin : begin + size]
 
     def count(self, bound: int, smallest: int) -> int:
-        """Read a sequence length; raise `MessageError` if it exceeds `bound` or the data left."""
+        """Read a length; raise `MessageError` if it exceeds `bound` or the remaining data."""
         number: int = _COUNT.read(self)
         if number > bound:
             raise MessageError("", f"at most {bound} values", number)

@@ -41,7 +41,7 @@ COSTS = CostRange(FREE, LETHAL)
 
 @dataclass(frozen=True, eq=False)
 class _Occupancies:
-    """Codec of occupancies 0 to 100; `costs` (102,) are those of each occupancy and of unknown."""
+    """Codec of occupancies; `costs` (102,) holds the costs of 0 to 100 and of unknown."""
 
     costs: Costs
 
@@ -60,19 +60,22 @@ class _Occupancies:
 
 
 def _published(occupancy: int) -> Any:
-    """Return the cost nearest to a linear scale among those that Nav2 publishes so."""
+    """Return the cost that Nav2 publishes as `occupancy`.
+
+    If Nav2 publishes several costs as this occupancy, return the closest to a linear scale.
+    """
     same = np.flatnonzero(occupancy == OCCUPANCY_OF_COST)
     return same[np.abs(99 * same - 253 * occupancy).argmin()]
 
 
 OCCUPANCIES = _Occupancies(np.array([_published(o) for o in (*range(101), UNKNOWN)], np.uint8))
-"""Codec for occupancies 0 to 100 as a Nav2 costmap publishes them: 99 becomes 253.
+"""Codec for layers of occupancies from 0 to 100, such as those that `from_occupancy_grid` returns.
 
-The costs become the same occupancies again. `from_occupancy_grid` returns such layers.
+An occupancy becomes a cost that Nav2 publishes as this occupancy, so 99 becomes 253.
 """
 
 STATIC_LAYER = _Occupancies(np.append(LETHAL * np.arange(101) // OCCUPIED, 255).astype(np.uint8))
-"""Codec with the costs that a `StaticLayer` uses with `trinary_costmap: false`: 99 becomes 251."""
+"""Codec with the costs of a Nav2 `StaticLayer` if `trinary_costmap` is false: 99 becomes 251."""
 
 
 def to_costmap(
@@ -123,8 +126,8 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
 
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander. Up to Jazzy, a
-            `PyCostmap2D` holds the occupancies of an `OccupancyGrid`; they become the costs of
-            `OCCUPANCIES`.
+            `PyCostmap2D` holds the occupancies of an `OccupancyGrid`; `OCCUPANCIES` converts
+            them to costs.
         layer: name of the layer.
         codec: converts costs to layer values; the default keeps the costs, with NaN for unknown.
     """

@@ -41,7 +41,7 @@ LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
 """Latest time that a message can represent [ns]; its seconds are int32."""
 
 ROTATION_TOLERANCE = 1e-6
-"""Largest ratio of |x|, |y| or |z| to |w| at which a quaternion still means no rotation."""
+"""Largest ratio of |x|, |y| or |z| to |w| at which a quaternion counts as unrotated."""
 
 
 # --- times ----------------------------------------------------------------------------------------
@@ -186,7 +186,7 @@ def as_float32(field: str, value: float) -> float:
 def as_written(value: float) -> float:
     """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1.
 
-    Values outside the float32 range become 0 or infinity; received messages contain none.
+    Values outside the float32 range become 0 or infinity; received messages never contain any.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))

@@ -47,8 +47,8 @@ def to_occupancy_grid(
         grid_map: the map.
         layer: name of the layer to convert.
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
-            Values outside this range are clamped; NaN becomes -1 (unknown). Required without
-            `codec`.
+            Values outside this range are clamped; NaN becomes -1 (unknown). Required if
+            `codec` is None.
         codec: used instead of `data_min` and `data_max`; converts values to costs, which become
             the occupancies that Nav2 publishes. For a layer of costs, pass `CostRange()`.
     """
@@ -73,8 +73,8 @@ def to_occupancy_grid(
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Create a map with one layer from an occupancy grid.
 
-    Values of -1 become NaN; all others are kept. The resolution of the message, a float32, is read
-    as the shortest decimal number that it represents, so that 0.1 is exactly 0.1 in the map.
+    Values of -1 become NaN; all others are kept. The float32 resolution becomes the float64 with
+    the same shortest decimal form, so that a resolution of 0.1 is exactly 0.1 in the map.
     """
     check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))

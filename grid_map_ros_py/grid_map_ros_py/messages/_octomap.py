@@ -72,7 +72,7 @@ def from_octomap(
 ) -> GridMap:
     """Create an elevation map from the highest occupied voxel of each column of an octree.
 
-    Each cell stands for a column of voxels. Its height is that of the center of the highest
+    Each cell represents a column of voxels. Its height is the z of the center of the highest
     occupied voxel within the bounds, or NaN if there is none. The map extends to the bounds; on
     sides without a bound, it extends to the edge of the tree, including free space.
 
