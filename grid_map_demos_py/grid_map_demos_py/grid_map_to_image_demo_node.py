@@ -59,7 +59,7 @@ class GridMapToImageDemoNode(Demo):
         self._layer = self.read("layer", "elevation", "layer to save")
         bits = self.read("bits", 8, "bits per channel, 8 or 16")
         check(bits in DTYPES, "bits", "8 or 16", bits)
-        about = "the layer holds packed colors; true by default for the layer `color`"
+        about = "the layer contains packed colors; the default for the layer `color` is true"
         is_color = self.read("is_color", self._layer == COLOR_LAYER, about)
         about = "cells without a value are transparent instead of black"
         is_transparent = self.read("use_transparency", False, about)

@@ -30,7 +30,7 @@ class MoveDemoNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("move_demo")
-        about = "duration of each method [s]"
+        about = "time for which each method is shown [s]"
         self._duration = self.read_positive("duration", 10.0, about)
         self._original = make_map()
         self._uses_move = False

@@ -31,13 +31,15 @@ class Inflation(LayerFilter):
     Attributes:
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
-        inscribed_radius: radius of the largest circle around the robot's origin that fits into the
-            footprint [m]; if Nav2 uses `robot_radius`, multiply its value by cos(pi / 16) = 0.9808.
+        inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
+            the footprint. To match `robot_radius` in Nav2, use that radius times cos(pi / 16) =
+            0.9808.
         footprint: corners [x, y] [m], as a list or (as in Nav2) a string; replaces
             `inscribed_radius`.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
-        inflate_unknown: also raise unknown cells to costs from 1 to 252, not only to 253 and 254.
+        inflate_unknown: raise unknown cells to any cost of at least 1; if false, only to 253 or
+            254.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 

@@ -38,9 +38,9 @@ class MedianFill:
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
         fill_mask_layer: mask of the cells that may change; computed if the layer is missing.
-        num_erode_dilation_iterations: number of one-cell dilations, and of subsequent erosions,
-            that bridge gaps in the mask.
-        debug: also store the mask before gaps are bridged.
+        num_erode_dilation_iterations: number of one-cell dilations in the closing, and of the
+            erosions that follow.
+        debug: also store the mask before the closing.
         debug_infill_mask_layer: layer for the debug mask; required with `debug`.
     """
 
