@@ -45,7 +45,7 @@ LOCK_PORTS = 32768
 """Base port; a socket bound to TCP port `LOCK_PORTS + domain` reserves a ROS domain."""
 
 OTHER_WAS_FASTER = "open_and_lock_file failed"
-"""Harmless Fast DDS error text: another process took the same port first; the next one is used."""
+"""Harmless Fast DDS error: another process took the port first, so Fast DDS uses the next one."""
 
 TIMEOUT = 100.0
 """Default time to wait before a test fails [s]."""

@@ -57,7 +57,7 @@ def check_color(color: int) -> None:
 
 
 def is_empty(coloring: "Coloring", values: npt.NDArray[np.float32]) -> bool:
-    """Return True if a bound of the color map depends on the values, and none of them is finite."""
+    """Return True if a bound is not set and cannot be computed, because no value is finite."""
     return None in (coloring.lower, coloring.upper) and not np.isfinite(values).any()
 
 
@@ -71,7 +71,7 @@ class Coloring:
         layer: name of the layer.
         color_map: name of the color map.
         lower, upper: values at the ends of the color map; None means the smallest and the largest
-            finite value. Values outside this range get the nearest end color.
+            finite value. Values outside this range get the color of the nearest end.
         invert: swap the ends of the color map.
         color: color for the mode "flat", 0xRRGGBB.
 
@@ -99,8 +99,8 @@ class Coloring:
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
         """Return the values at the lower and upper end of the color map for an array of values.
 
-        An end whose bound is None is the smallest or largest finite value, limited by the other
-        bound. If no value is finite, it equals the other bound, or 0 if both bounds are None.
+        If a bound is None, the smallest or largest finite value is used, but not beyond the other
+        bound. If no value is finite, both ends are the other bound, or 0 if both bounds are None.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper

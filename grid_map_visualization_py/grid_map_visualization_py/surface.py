@@ -117,7 +117,7 @@ class Surface:
     def points(
         self, origin: npt.ArrayLike = (0.0, 0.0), dtype: npt.DTypeLike = np.float64
     ) -> npt.NDArray[Any]:
-        """Return x, y, z [m] of all shown cells (columns * rows, 3); x, y relative to `origin`."""
+        """Return the shown cells as points (columns * rows, 3) [m]; x, y relative to `origin`."""
         (x, y), (x0, y0) = self.grid_map.geometry.axes_in_map_order(), np.asarray(origin)
         if self._step > 1:
             rows, columns = self._kept
@@ -130,7 +130,7 @@ class Surface:
         return points.reshape(-1, 3)
 
     def colors(self, coloring: Coloring) -> Colors:
-        """Return red, green, blue (columns * rows, 3) of all shown cells.
+        """Return the colors (columns * rows, 3) of all shown cells as red, green and blue.
 
         If the coloring has no layer, the heights determine the colors.
 
@@ -195,10 +195,10 @@ class Surface:
 
 
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
-    """Yield the triangles of each of the four types.
+    """Yield the triangles by type; each type omits another of the four corners of a square.
 
-    Each item is a mask of the squares with such a triangle, in flattened order, and the offsets of
-    its corners from the first cell of the square.
+    Each item consists of a flattened mask of the squares that contain such a triangle, and the
+    offsets of the triangle corners from the first cell of the square.
     """
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)

@@ -29,10 +29,10 @@ Voxel = npt.NDArray[np.int32]
 """Indices (3,) of a voxel, counted from the root corner with the smallest x, y, z."""
 
 Leaves = dict[int, tuple[Keys, npt.NDArray[np.bool_]]]
-"""Leaves by depth (0 is the root): their keys (3, N), and a mask (N,) of the occupied ones."""
+"""Keys (3, N) of the leaves at each depth (0: root), and a mask (N,) of the occupied leaves."""
 
 DEPTH = 16
-"""Depth of a voxel."""
+"""Depth of the voxels, which are the smallest nodes; the depth of the root is 0."""
 
 VOXELS = 2**DEPTH
 """Number of voxels along each side of the root."""
@@ -42,7 +42,7 @@ NODE_TYPES = {
     "OcTreeStamped": np.dtype([("value", "<f4"), ("children", "u1")]),
     "ColorOcTree": np.dtype([("value", "<f4"), ("color", "u1", 3), ("children", "u1")]),
 }
-"""Data type of a node in the full form, by tree class."""
+"""Data types of the nodes in full form. The keys are tree classes."""
 
 _CHILDREN = np.arange(8)
 _OFFSETS = ((_CHILDREN >> np.arange(3)[:, None]) & 1).astype(np.int32)
@@ -93,7 +93,7 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield each depth with the positions (M,) in the data and the keys (3, M) of its nodes.
+    """Yield each depth, and the data positions (M,) and keys (3, M) of the nodes at that depth.
 
     `children` (N, 8) marks which children of each node are themselves stored as nodes.
     """
@@ -112,8 +112,8 @@ def _levels(
 
 
 def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp]:
-    """Return the depths (N,) of nodes in preorder, given their numbers of children (N,)."""
-    # Number of nodes that are still expected at each position, including the node there.
+    """Return the depths (N,) of nodes in preorder. `counts` (N,) are their numbers of children."""
+    # At each position, count the nodes still to come, including the node at that position.
     open_ends = np.append(0, np.cumsum(counts - 1)) + 1
     closed = np.flatnonzero(open_ends == 0)
     if not len(closed):
@@ -121,8 +121,8 @@ def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp
     if closed[0] != len(counts):
         found = f"{len(counts) * node_size} bytes"
         raise MessageError("data", f"{closed[0] * node_size} bytes, where the tree ends", found)
-    # The subtree of a node ends at the first later position where one node fewer is expected.
-    # Sorting by (expected nodes, position) allows a binary search for that position.
+    # A subtree ends at the first later position where one node fewer is still to come.
+    # Sorting by (nodes to come, position) allows a binary search for that position.
     numbers, count = np.arange(len(open_ends)), len(open_ends)
     by_open_ends = np.sort(open_ends * count + numbers)
     one_less = (open_ends[:-1] - 1) * count + numbers[:-1]

@@ -41,7 +41,7 @@ COLOR_SIZE = 4
 """Size of a packed color [bytes]."""
 
 TYPES = dict(enumerate(map(np.dtype, ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")), 1))
-"""Data type for each `PointField.datatype`: INT8, UINT8, ... FLOAT64."""
+"""Data types by `PointField.datatype`, from 1 (INT8) to 8 (FLOAT64)."""
 
 _NONE: Mapping[str, str] = MappingProxyType({})
 
@@ -55,9 +55,9 @@ def to_point_cloud(
     """Convert a map to a point cloud with one point per valid cell.
 
     A cell is valid if the point layer and all basic layers are finite. Points are in column-major
-    order of the map buffer. The layers become float32 fields with the same names and order, except
-    that x, y, z [m] replace the point layer, and `color` is renamed to `rgb`, as viewers expect,
-    unless a layer `rgb` is also sent.
+    order of the map buffer. The layers become float32 fields in the same order and with the same
+    names, except that x, y, z [m] replace the point layer. Viewers expect packed colors in `rgb`;
+    `color` is therefore renamed to `rgb`, unless a layer `rgb` is also sent.
 
     Args:
         grid_map: the map.
@@ -271,7 +271,7 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return layer names by field name; if there is no `color`, `rgb` or else `rgba` becomes it."""
+    """Map fields to layers of the same name; `rgb` or else `rgba` becomes `color` if free."""
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():
@@ -308,7 +308,7 @@ def check_layout(message: "PointCloud2") -> None:
 def _view(
     message: "PointCloud2", first: "PointField", count: int | None = None
 ) -> npt.NDArray[Any]:
-    """Return `count` adjacent numbers per point, starting at field `first`: (N,) or (N, count)."""
+    """Return `count` numbers per point, from field `first` onwards, as (N,) or (N, count)."""
     count = first.count if count is None else count
     shape = (count,) if count > 1 else ()
     rows, dtype = (message.height, message.width), TYPES[first.datatype]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from nav_msgs.msg import OccupancyGrid
 
 GRID, COSTMAP = ("info", "width", "height", "b"), ("metadata", "size_x", "size_y", "B")
-"""Field with the grid description, its numbers of cells along x and y, and the type of a cell."""
+"""Names of the description field and of its cell counts along x and y; type code of the cells."""
 
 
 def to_occupancy_grid_update(
@@ -47,8 +47,9 @@ def apply_update(grid: Any, update: Any) -> Any:
 
     Args:
         grid: an `OccupancyGrid` or a `Costmap`.
-        update: the `OccupancyGridUpdate` or `CostmapUpdate`. `MessageError` is raised if it has
-            another frame or a wrong number of cells, or exceeds the grid; Nav2 ignores it then.
+        update: the `OccupancyGridUpdate` or `CostmapUpdate`. `MessageError` is raised if its
+            frame or number of cells is wrong, or if it extends beyond the grid; Nav2 ignores
+            such updates.
     """
     values, _, (_, *sides, _) = _read(grid)
     check_fields(update, "update of this kind of grid", "header.frame_id", "x", "y", *sides)
@@ -68,7 +69,7 @@ def apply_update(grid: Any, update: Any) -> Any:
 
 
 def with_cells(grid: Any, values: npt.NDArray[np.uint8], header: Any) -> Any:
-    """Return a copy of a grid message with other cells, as bytes, and another header."""
+    """Return a copy of a grid message with the given cells (uint8) and the given header."""
     result = copy.copy(grid)
     result.header, result.data = header, array.array(_read(grid)[2][-1], values.tobytes())
     return result
@@ -84,7 +85,7 @@ def is_same_grid(before: Any, after: Any) -> bool:
 
 
 def filled(update: Any, before: Any, after: Any) -> Any:
-    """Return `update`, filled with the changes between two grids; None if there are none."""
+    """Fill `update` with the changes between two grids and return it, or None if they are equal."""
     (old, geometry, _), (new, other, (field, *sides, kind)) = _read(before), _read(after)
     if not is_same_grid(before, after):
         expected = f"frame and grid of the first message, {before.header.frame_id!r}, {geometry}"
@@ -100,7 +101,7 @@ def filled(update: Any, before: Any, after: Any) -> Any:
 
 
 def _read(grid: Any) -> tuple[npt.NDArray[np.uint8], GridGeometry, tuple[str, str, str, str]]:
-    """Return a view of the cells (along y, along x) as bytes, the geometry and the field names."""
+    """Return a uint8 view (height, width) of the cells, the geometry, and `GRID` or `COSTMAP`."""
     names = COSTMAP if hasattr(grid, COSTMAP[0]) else GRID
     check_fields(grid, "nav_msgs/OccupancyGrid or nav2_msgs/Costmap", "data", names[0])
     geometry = check_grid(names[0], getattr(grid, names[0]), names[1:3], len(grid.data))

@@ -22,7 +22,7 @@ PERIOD = 1.0
 """Time between two reports of a node [s]."""
 
 PATIENCE = 1.0
-"""Maximum wait for the discovery of subscribers, and then for their acknowledgments [s]."""
+"""Maximum wait until subscribers are discovered, and then until they acknowledge a report [s]."""
 
 
 @dataclass
@@ -32,10 +32,10 @@ class Health:
     Attributes:
         inputs: noun for the inputs, such as "maps".
         received, used, dropped: number of received, processed and unusable inputs.
-        last_error: reason for the last dropped input; empty if there is none.
-        problem: the last problem that did not cause a drop; empty if there is none.
+        last_error: reason why the last unusable input was dropped; empty if there was none.
+        problem: current problem that does not make inputs unusable; empty if there is none.
         details: function that returns additional values for the report, by name.
-        drop_level: diagnostic level while the last input was dropped.
+        drop_level: diagnostic level that is reported if the last input was dropped.
     """
 
     inputs: str = "maps"
@@ -78,7 +78,7 @@ class Health:
         self._last_was_dropped, self.last_error = True, why
 
     def drop_used(self, why: str) -> None:
-        """Recount the last used input as dropped, after it turned out to be unusable."""
+        """Count the last used input as dropped instead, because it turned out to be unusable."""
         self.used -= 1
         self.drop(why)
 
@@ -135,7 +135,7 @@ def health_of(node: Node) -> Health:
 
 
 class LogThrottle:
-    """Logs similar texts at most once per period; the next one tells how many were suppressed.
+    """Logs similar texts at most once per period; the next one states how many were suppressed.
 
     Texts are similar if they are equal up to the second colon, such as "get_grid_map: frame_id:
     expected ...". At most `LIMIT` different texts are logged per period. (rclpy throttles per line
@@ -187,7 +187,7 @@ class LogThrottle:
 
 @contextmanager
 def dropping(log: LogThrottle, what: str) -> Iterator[None]:
-    """Suppress a `GridMapError` or `MemoryError` raised in the context; log it, prefixed by `what`.
+    """Catch a `GridMapError` or `MemoryError` from the context, and log it with the prefix `what`.
 
     A `NodeFailedError` and all other exceptions propagate.
     """

@@ -190,8 +190,8 @@ def check_topic(node: "Node", name: str, topic: str) -> str:
 
 
 def _given(node: "Node") -> dict[str, Any]:
-    # rclpy makes the overrides public only if it declares them all automatically. In that case, a
-    # node fails to start if its parameter file contains an empty list.
+    # rclpy gives public access to overrides only if a node declares them all automatically, but
+    # such a node fails to start if its parameter file contains an empty list.
     given = {**node._parameter_overrides, **node.get_parameters_by_prefix("")}
     return {
         name: list(entry.value) if isinstance(entry.value, array.array) else entry.value

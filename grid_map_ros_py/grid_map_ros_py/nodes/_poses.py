@@ -33,7 +33,7 @@ POSE_TYPES = {
 """Message types of robot poses, by the names used in parameters."""
 
 POSE_QUEUE = 100
-"""Queue depth of pose subscriptions; it is large, as poses arrive faster than scans are fused."""
+"""Queue depth of pose subscriptions; large, because poses arrive faster than scans are fused."""
 
 Covariance = npt.NDArray[np.float64]
 """(6, 6) covariance of x, y, z [m] and of the rotations about the axes x, y, z [rad]."""
@@ -63,7 +63,7 @@ class Poses:
     """Base class of pose sources; on its own, it accepts only scans in the map frame.
 
     Attributes:
-        waits_for: description of the missing pose or transform after `place` has returned None.
+        waits_for: description of the pose or transform missing when `place` last returned None.
     """
 
     waits_for = ""
@@ -84,7 +84,7 @@ class Poses:
         return Placement(np.eye(4))
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the transform from a frame, such as that of the robot, to the map; see `place`."""
+        """Return the transform from a frame to the map frame, or None; arguments as in `place`."""
         placement = self.place(frame_id, stamp)
         return None if placement is None else placement.transform
 
@@ -184,7 +184,7 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the robot pose at a time [ns] (0: the latest); None if all poses are earlier.
+        """Return the robot pose at `stamp` [ns], or the latest if 0; None if all poses are earlier.
 
         Raises:
             GridMapError: all poses are later.
@@ -201,9 +201,10 @@ class PoseHistory(Poses):
         return end if before == after else between(begin, end, share)
 
     def covariance_at(self, stamp: int) -> Covariance | None:
-        """Return the covariance of the robot pose at a time [ns] (0: the latest); None if unknown.
+        """Return the pose covariance at `stamp` [ns], or the latest if 0; None if unknown.
 
-        Between poses, it is interpolated; before the first and after the last, it is constant.
+        Between poses, it is interpolated; before the first and after the last pose, it is that of
+        the nearest pose.
         """
         if not self._stamps:
             return None
@@ -241,7 +242,7 @@ def carried(covariance: Covariance | None, lever: npt.ArrayLike) -> Covariance |
 
 
 def check_optical_frame(frame_id: str, placement: Placement) -> None:
-    """Raise a `GridMapError` if an optical frame (z forward) has the axes of the robot (z up)."""
+    """Raise a `GridMapError` if the z axis of an optical frame points up instead of forward."""
     if placement.robot is None:
         return
     rotation = placement.transform[:3, :3]

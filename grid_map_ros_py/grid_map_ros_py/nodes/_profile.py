@@ -12,10 +12,10 @@ CHOICES = (
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
 )
-"""Environment variables that override the profile."""
+"""Environment variables that select other Fast DDS settings; the profile is then not used."""
 
 SHARED_MEMORY = 2**28
-"""Free shared memory that the profile requires [bytes]; a container has 64 MB by default."""
+"""Free shared memory that the profile requires [bytes]; Docker containers have 64 MB by default."""
 
 
 def use_profile() -> None:

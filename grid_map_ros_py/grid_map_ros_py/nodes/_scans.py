@@ -37,7 +37,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Counts of fused and dropped scans; points and processing time [s] of the fused scans."""
+    """Counts of fused and dropped scans; total points and processing time [s] of fused scans."""
 
     fused: int = 0
     dropped: int = 0
@@ -53,7 +53,7 @@ class Statistics:
 
 
 FEW = 0.01
-"""Smallest share of used points in a scan for which a node does not warn."""
+"""A node warns if it uses less than this fraction of the points in a scan."""
 
 FARTHEST = 200.0
 """Median range [m] above which points are probably in millimeters."""
@@ -65,7 +65,7 @@ REMEDIES = {
     "in contradiction to the map": "Check the pose of the sensor",
     "without a depth": "Check the camera",
 }
-"""Remedies by main reason for unused points; any other reason names the parameter to check."""
+"""Remedies by the main reason why points are unused; other reasons name the parameter to check."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,9 @@ class Cloud:
         frame_id: frame of the points.
         stamp: time of the scan [ns].
         points: (N, 3) x, y, z [m].
-        columns: (N,) additional values of the points, by layer.
+        columns: additional values (N,) of the points, by layer name.
         missing: number of pixels without a depth.
-        is_optical: whether the points come from a depth image, whose frame has z forward.
+        is_optical: True if the points come from a depth image, whose frame has z forward.
     """
 
     frame_id: str
@@ -92,7 +92,7 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return cause and remedy if the share of used points is less than `FEW`, "" otherwise.
+        """Return a warning with causes and a remedy if too few points are used (see `FEW`), or "".
 
         `unused` contains the number of unused points for each reason.
         """
@@ -308,7 +308,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """A sensor; `heard` is the time of its last message [s], infinite once reported as silent."""
+    """Sensor; `heard` is the time of its last message [s], or infinity once reported as silent."""
 
     name: str
     topic: str

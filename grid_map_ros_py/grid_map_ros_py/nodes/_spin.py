@@ -48,7 +48,7 @@ T = TypeVar("T")
 N = TypeVar("N", int, float)
 
 EXTREMES = (1e-9, 1e9)
-"""Limits of `read_positive`; they ensure that a rate gives a valid ROS timer period."""
+"""Smallest and largest value in `read_positive`, so that rates give valid ROS timer periods."""
 
 _WAKE_PERIOD = 0.1
 """Time between two checks for signals while a node waits for messages [s]."""
@@ -154,7 +154,7 @@ class _Life:
             raise KeyboardInterrupt
 
     def start(self, create_node: Callable[[], Node]) -> None:
-        """Create the node; an error that the user can fix becomes a `NodeFailedError`."""
+        """Create the node; raise a `NodeFailedError` for errors that the user can fix."""
         use_profile()
         loops.addFilter(lambda record: self._logger().info(record.getMessage()) and False)
         try:
@@ -224,7 +224,7 @@ class _Life:
         gc.freeze()
 
     def _logger(self) -> Any:
-        """Return the logger of the node, or of the program until the node has one."""
+        """Return the logger of the node or, until it exists, a logger named after the program."""
         program = Path(sys.argv[0]).stem or "grid_map"
         return self._node.get_logger() if self._is_made() else get_logger(program)
 

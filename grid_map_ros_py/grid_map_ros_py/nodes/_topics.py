@@ -48,7 +48,7 @@ def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
 
 
 def describe_topic(node: Node, topic: str, message_type: type) -> str:
-    """Return a text with the full name of a topic, and its publishers or alternative topics."""
+    """Return the full name of a topic with its publisher count, or with a hint if that is zero."""
     name, package = node.resolve_topic_name(topic), message_type.__module__.partition(".")[0]
     kind = f"{package}/msg/{message_type.__name__}"
     types = [info.topic_type for info in node.get_publishers_info_by_topic(name)]
@@ -76,8 +76,8 @@ def listen(
 ) -> Callable[[], str]:
     """Subscribe to a topic (best effort); drop and log messages that the callback rejects.
 
-    Unlike those of a `LatchedSubscription`, the messages are not counted in the `Health` of the
-    node. Returns a function that describes the topic, for texts about missing messages.
+    The messages are not counted in the `Health` of the node, unlike with a `LatchedSubscription`.
+    Returns a function that describes the topic, for use in texts about missing messages.
     """
 
     def receive(message: Any) -> None:

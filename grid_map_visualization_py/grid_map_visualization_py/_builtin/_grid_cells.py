@@ -18,8 +18,8 @@ class GridCellsVisualization:
 
     Attributes:
         layer: layer with the values.
-        lower_threshold: lower values are not shown.
-        upper_threshold: higher values are not shown.
+        lower_threshold: cells with lower values are not shown.
+        upper_threshold: cells with higher values are not shown.
 
     Raises:
         ConfigError: the lower threshold is above the upper one, so that no cell would be shown.

@@ -37,7 +37,7 @@ _STYLES_OF = {
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
     "max_drawn_cells": (("flat", "surface"), "without --relief"),
 }
-"""Options that not all styles support: the styles that do, and how error messages name them."""
+"""Options for certain styles only: these styles, and the words for them in error messages."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
-    """Return the map; for stores and rasters, a tiled map, so that only what is drawn is read."""
+    """Return the map. For stores and rasters, it is a tiled map, to read only the drawn parts."""
     # Without Dask, only maps that are too large for memory are opened as tiled maps.
     tiled_map = tiled_source(options, also_small=find_spec("dask") is not None)
     if tiled_map is not None:

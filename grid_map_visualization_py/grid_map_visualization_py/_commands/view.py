@@ -120,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _is_whole_bag(options: argparse.Namespace) -> bool:
-    """Return whether to show all messages of a bag; raise an error if the bag has none to show."""
+    """Return True if all messages of a bag are to be shown; raise an error if none can be shown."""
     if source_format(options) != "bag" or options.index is not None:
         return False
     if has_rectangle(options):

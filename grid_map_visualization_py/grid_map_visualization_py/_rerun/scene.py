@@ -47,7 +47,7 @@ SHOWN_TYPES = frozenset({GRID_MAP_TYPE, *SHOWN})
 """Message types that `Scene.log_message` can show."""
 
 _FAR = 1000.0
-"""Local origins near distant maps are rounded to multiples of this length [m], exact in float32."""
+"""Local origins of distant maps are multiples of this length [m], which are exact in float32."""
 
 _LARGEST_IMAGE = 4096
 """Largest image width and height that all graphics hardware supports [pixels]."""
@@ -77,8 +77,8 @@ class Style:
         lower, upper: values at the ends of `color_map`; None means the smallest and the largest
             value of each map.
         exaggeration: factor by which the 3-D view scales heights.
-        max_drawn_cells: maximum number of cells in a surface, and of points in a point cloud; both
-            are thinned out if they are larger. 0 means no limit.
+        max_drawn_cells: maximum number of cells in a surface, and of points in a point cloud;
+            larger ones are thinned out. 0 means no limit.
         max_image_cells: maximum number of cells in the image of each layer; larger layers are
             thinned out. If 0, only the width and the height are limited, to 4096 pixels.
     """
@@ -99,12 +99,12 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return `height_layer`, or else the default among `layers`; empty if there is neither."""
+        """Return `height_layer` or, if it is empty, the default of `layers` ("" without layers)."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
     def coloring(self, layer: str, *, is_chosen: bool = True) -> Coloring:
-        """Return the coloring of a layer, with packed colors if its name ends in `color`."""
+        """Return the coloring of a layer; names that end in `color` indicate packed colors."""
         if layer.endswith("color"):
             return Coloring(mode="color", layer=layer)
         if not is_chosen:
@@ -115,8 +115,9 @@ class Style:
 class Scene:
     """Writes maps and messages to a Rerun recording and creates a matching viewer layout.
 
-    Use a scene in one thread at a time. All times are in nanoseconds since the epoch. There are two
-    timelines: `ros_time` is the time in the message header, `log_time` the time of arrival.
+    Do not use a scene in several threads at once. All times are in nanoseconds since the epoch.
+    There are two timelines: `ros_time` is the time in the message header, and `log_time` is the
+    time of arrival.
 
     Args:
         recording: a `rerun.RecordingStream`.
@@ -388,7 +389,7 @@ class Scene:
     def _place(
         self, frame: str, position: npt.NDArray[np.float64] | None = None
     ) -> tuple[str, npt.NDArray[np.float64]]:
-        """Return a Rerun frame near the maps, and its origin (3,) in the ROS frame `frame` [m]."""
+        """Return a Rerun frame with an origin near the maps, and the origin (3,) in `frame` [m]."""
         name = frame or _NO_FRAME
         is_new = frame not in self._origins
         if is_new and position is None:
@@ -411,7 +412,7 @@ class Scene:
         return maps, {**self._messages}, flags
 
     def _surface_views(self) -> Any:
-        """Return one 3-D view per layer, colored by that layer, with its legends below the view."""
+        """Return one 3-D view per layer, colored by that layer, with the color bars below."""
         rrb = self._rrb
         chosen = [
             self._style.color_layer or self._style.heights_of(layers)

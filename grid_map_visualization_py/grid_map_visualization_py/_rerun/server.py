@@ -36,7 +36,7 @@ FAREWELL = 0.3
 """Maximum time to send the last data to the program when the server closes [s]."""
 
 BUFFER, STEP = 8_000_000, 250_000
-"""Queue limit of a connection, and how far a full queue must shrink within `STALL` [bytes]."""
+"""Queue limit of a connection, and amount by which a full queue must shrink in `STALL` [bytes]."""
 
 STALL = 10.0
 """Time within which a full queue must shrink by `STEP` bytes [s].

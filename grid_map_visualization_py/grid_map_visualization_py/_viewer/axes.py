@@ -43,7 +43,7 @@ class Axes:
         return np.array([*along_y, *along_x, [(0, y[-1], 0), (0, y[-1], z[-1])]], np.float32)
 
     def labels(self) -> list[tuple[str, tuple[float, ...], str]]:
-        """Return (text, position relative to the corner [m], anchor) of each axis label."""
+        """Return the text, position relative to the corner [m], and anchor of each axis label."""
         # Labels are outside the map, next to the sides that face the initial camera.
         back = (self.high[1] - self.low[1]) * self.steps[1]
         starts = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, back, 0.0)])

@@ -31,7 +31,7 @@ FROM_FILM = np.array(
 def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
     """Convert a mesh with at least one face to the content of a GLB file.
 
-    Vertices are relative to the origin of the mesh. If `shaded` is false, colors are unlit.
+    Vertices are relative to the origin of the mesh. If `shaded` is false, lights have no effect.
     """
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
     # 16 bits keep dark colors distinct. The fourth channel aligns vertices to four bytes.

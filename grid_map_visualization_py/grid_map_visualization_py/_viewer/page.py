@@ -28,7 +28,7 @@ from .scene import SurfaceScene, View, ViewSettings
 from .texts import as_note, legend
 
 LARGEST_MESSAGE = 16_000_000
-"""Maximum size of a message, such as a screenshot [bytes]. Larger ones end the connection."""
+"""Maximum size of a message, such as a screenshot [bytes]. A larger message ends the connection."""
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
 """Color maps at the top of the drop-down list."""
@@ -37,7 +37,7 @@ MODES: dict[str, Any] = {"layer": "intensity", "packed color layer": "color", "o
 """Modes of `Coloring`, by label on the page."""
 
 LARGEST_VALUE, LARGEST_SCALE = 3e38, 1e9
-"""Maximum magnitudes that users can enter for color bounds (must fit float32) and vector scale."""
+"""Largest magnitude that users can enter for color bounds (within float32) and vector scale."""
 
 MOST_EXAGGERATED = 20.0
 """Maximum factor by which drawn heights are scaled."""
@@ -57,7 +57,7 @@ AMBIENT = 0.3
 """Fraction of the light on level ground that is ambient; the rest is sunlight."""
 
 TO_SUN = (-1.0, 0.6, 1.2)
-"""Direction to the sun, as x, y and z."""
+"""Vector towards the sun (x, y, z), of any length."""
 
 SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
@@ -153,9 +153,9 @@ class Page:
     def load(self, scene: SurfaceScene, settings: ViewSettings, *, replaces: bool) -> None:
         """Load a scene into the browsers, but leave it hidden until the next `turn`.
 
-        The previous scene stays visible while the browsers load the new surface. If `replaces` is
-        true, both show the same map, and `turn` removes the previous scene. Otherwise, the previous
-        scene becomes part of the history, whose length `turn` limits.
+        The previous scene stays visible while the browsers load the new surface. If both
+        scenes show the same map, set `replaces`, so that `turn` removes the previous scene.
+        Otherwise, the previous scene is kept in the history, whose length `turn` limits.
         """
         # A scene that was loaded but never shown is also replaced.
         self._replaces = replaces and (self._loading is None or self._replaces)
@@ -291,7 +291,7 @@ class Page:
         return frame
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
-        """Return points (..., 3) with heights above the base multiplied by the exaggeration."""
+        """Return points (..., 3) whose heights above the base are scaled by the exaggeration."""
         lifted = np.array(points, np.float64)
         lifted[..., 2] = self._base + self._exaggeration * (lifted[..., 2] - self._base)
         return lifted
@@ -485,7 +485,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Set options; if the selected one is missing, select `preferred` or else the first option."""
+    """Replace the options; if the selected one is gone, select `preferred`, or else the first."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

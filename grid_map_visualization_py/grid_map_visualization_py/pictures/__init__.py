@@ -197,7 +197,7 @@ def _animate(
         writer = FFMpegWriter(rate / every, codec="h264")
     figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
     axes = figure.add_subplot()
-    # Draw a map with a hole first, if there is one; all frames keep its layout and legend.
+    # All frames keep the layout and legend of this first plot, so prefer a map with a hole.
     plot(records[with_hole].grid_map(layers), layer, axes, **options, title=title or " ")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")

@@ -2,8 +2,8 @@
 """Draw a layer from above, with hillshading, holes, a scale bar and a north arrow.
 
 Maps larger than the picture are reduced first. Each block of cells becomes one pixel that shows the
-mean of the finite values or, for packed colors, of red, green and blue. Blocks with some missing
-values are drawn half transparent, so that single holes and single values remain visible.
+mean of the finite values; red, green and blue of packed colors are averaged separately. Blocks with
+some missing values are partly transparent, so that single holes and single values remain visible.
 """
 
 import math
@@ -41,7 +41,7 @@ _LEAST, _MOST = 1 / 3, 2 / 3
 """Minimum and maximum opacity of blocks in which only some cells have a value."""
 
 _STRIP = 1 << 18
-"""Number of cells reduced at once."""
+"""Maximum number of cells that are reduced at once, so that they fit in the cache."""
 
 _FRAME = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7}
 
@@ -59,7 +59,7 @@ class Blocks(NamedTuple):
 
 
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
-    """Return the side length [cells] of the blocks that are each drawn as one pixel.
+    """Return the side length [cells] of the square blocks, each of which is drawn as one pixel.
 
     Args:
         axes: axes on which the map is drawn.
@@ -84,7 +84,7 @@ def paint(
         axes: axes on which the map is drawn.
         grid_map: the map.
         coloring: colors of the cells.
-        side: side length [cells] of the blocks that are each drawn as one pixel.
+        side: side length [cells] of the square blocks, each of which is drawn as one pixel.
         heights: height layer for hillshading; empty means no hillshading.
         exaggeration: factor by which the heights are scaled.
 
@@ -136,7 +136,7 @@ def paint(
 
 
 def add_color_bar(axes: Any, coloring: Coloring, values: Layer, label: str, **look: Any) -> Any:
-    """Add a color bar with the title of the layer; it has no ticks if `is_empty` returns True."""
+    """Add a color bar with the title of the layer; omit the ticks if the value range is unknown."""
     without = is_empty(coloring, values)
     look["label"] = titled(coloring.layer, label, is_empty=without)
     look |= {"ticks": []} if without else {}

@@ -60,7 +60,7 @@ def plot(
 
     Cells without a finite value are hatched in gray. If a side of the map has more than twice as
     many cells as the axes have pixels, blocks of cells are averaged: each block shows the mean of
-    the finite values (or colors) and is half transparent if values are missing. A tiled map is
+    the finite values (or colors) and is partly transparent if some are missing. A tiled map is
     first thinned out to at most four cells per pixel; see `TiledMap.thinned`.
 
     Args:
@@ -244,7 +244,7 @@ def plot_relief(
     axes = _pyplot().gca() if ax is None else ax
     cells = MAX_SIDE**2 * min(site.size) / max(site.size)
     drawn_map = _loaded(site, {height_layer, layer}, cells)
-    # Flip the layers to run along +x and +y; rows and columns run along -x and -y.
+    # Rows and columns run along -x and -y; flip them to run along +x and +y.
     heights, values = (drawn_map.unwrapped(name)[::-1, ::-1] for name in (height_layer, layer))
     scale = exaggeration / drawn_map.resolution
     axes.imshow(draw_relief(heights, coloring(values), size, azimuth, elevation, scale))

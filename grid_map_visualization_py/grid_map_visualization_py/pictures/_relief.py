@@ -50,7 +50,7 @@ def draw_relief(
         size: width and height of the picture [pixels].
         azimuth: direction from the map to the camera, from +x towards +y [rad].
         elevation: elevation angle of the camera [rad].
-        scale: factor that converts the heights to cells, including exaggeration.
+        scale: factor that converts the heights to cells and exaggerates them.
     """
     width, height = (_SUPERSAMPLING * side for side in size)
     picture = np.ones((height, width, 3))
