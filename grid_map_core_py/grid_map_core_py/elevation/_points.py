@@ -44,7 +44,7 @@ class Covariance:
     level: NDArray[np.float64]
 
     def of_points(self, x: Any, y: Any) -> Any:
-        """Return the height variance of points that the uncertainty of the pose causes [m^2].
+        """Return the height variance [m^2] that the uncertainty of the pose causes at points.
 
         A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
         result is the variance of this lift, plus the variance of z.
@@ -67,7 +67,7 @@ class Covariance:
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Average the x and y variances of cells [m^2]; yaw moves a cell by `yaw * (-y, x)`."""
+        """Return the mean of the x and y variances [m^2]; yaw moves a cell by `yaw * (-y, x)`."""
         (along_x, _, x_yaw), (_, along_y, y_yaw), (_, _, yaw) = self.level.tolist()
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
