@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Packages whose names are imported on first use, so that programs start fast."""
+"""Packages that import their names on first use, so that programs start fast."""
 
 import sys
 from collections.abc import Callable, Mapping

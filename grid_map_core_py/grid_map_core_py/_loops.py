@@ -35,8 +35,8 @@ class Loop:
     """Function over flat arrays and numbers that numba can compile; created with `@loop`.
 
     Attributes:
-        function: indexes arrays with integers from 0, writes results into arrays and returns
-            nothing. It may call `math`, NumPy and other compilable Python functions.
+        function: the Python function. It indexes arrays with integers from 0, writes results to
+            arrays and returns nothing. It may call `math`, NumPy and other compilable functions.
         takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
             "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
             For other types, the loop is compiled again when it is first called with them.

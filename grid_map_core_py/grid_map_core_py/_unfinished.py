@@ -12,7 +12,7 @@ from pathlib import Path
 
 _paths: set[Path] = set()
 notes: set[str] = set()
-"""Texts shown to the user if a command fails or a signal ends it, such as how to resume it."""
+"""Hints shown to the user if a command fails or a signal ends it, such as how to resume it."""
 
 
 @contextmanager

@@ -130,7 +130,7 @@ def as_finite(
 
 
 def as_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return `values` as an array with any real dtype; masked values become NaN."""
+    """Return `values` as an array of real numbers of any dtype; masked values become NaN."""
     if type(values) is np.ndarray and values.dtype.kind in "biuf":
         return values
     try:
@@ -244,7 +244,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or (rows, cols) array to a new layer; warn of overflow and lost digits."""
+    """Copy a scalar or (rows, cols) array to a new layer; warn if it overflows or loses digits."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""
@@ -303,7 +303,7 @@ def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) 
 
 
 def as_text(values: ArrayLike) -> str:
-    """Format a pair of numbers for messages: a tuple with at most 12 significant digits each."""
+    """Format a pair of numbers as a tuple for messages, with at most 12 significant digits each."""
     return str(tuple(float(f"{value:.12g}") for value in np.asarray(values, dtype=np.float64)))
 
 

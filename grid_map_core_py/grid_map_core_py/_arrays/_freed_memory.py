@@ -11,7 +11,7 @@ LARGEST_BLOCK = 2**25
 
 
 def keep_memory() -> None:
-    """Make glibc keep up to 1 GB of freed memory, which tiles and messages above 32 MB can reuse.
+    """Make glibc keep up to 1 GB of freed memory for reuse by tiles and messages above 32 MB.
 
     By default, glibc returns each large freed block to the system. The kernel then clears the pages
     of the next block, which takes longer than copying a message. The subscriptions of this suite

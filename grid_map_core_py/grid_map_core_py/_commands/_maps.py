@@ -38,7 +38,7 @@ _WRITING = (
     *("black", "white", "data_min", "data_max"),
 )
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
-"""Format options by the command-line options that set them, where the names differ."""
+"""Maps command-line options to the format options that they set, where the names differ."""
 
 _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 
@@ -213,7 +213,7 @@ class Destination:
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:
-        """Return whether to copy the whole bag: no part is selected, and the format allows it."""
+        """Return True if no part of the bag is selected and the format can copy whole bags."""
         chosen = (options.topic, options.index, options.layers)
         is_whole = all(one is None for one in chosen)
         return self.format.save_all is not None and self._holds_many and is_whole

@@ -21,7 +21,7 @@ class CommandError(GridMapError):
 
 
 class UsageError(CommandError):
-    """Arguments that are invalid regardless of the file contents; exit code 2."""
+    """Raised for arguments that are invalid regardless of the file contents; exit code 2."""
 
 
 def message(text: str) -> None:

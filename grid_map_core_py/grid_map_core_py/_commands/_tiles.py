@@ -106,9 +106,9 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    The source, and the destination if there is one, must be a Zarr store or a GeoTIFF file. If
-    there is no destination, or both are GeoTIFF files, a source within `max_cells` is nevertheless
-    read as a whole, unless `also_small` or an option in `_OPTIONS` is set.
+    Windows can be read only if the source, and the destination if there is one, is a Zarr store or
+    a GeoTIFF file. A source within `max_cells` is read as a whole if there is no destination, or if
+    both are GeoTIFF files, unless `also_small` or an option in `_OPTIONS` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name

@@ -115,7 +115,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Format a time [ns] as a date; return "" if it is no system time (before 2001, after 2106)."""
+    """Format a time [ns] as a date; return "" before 2001 or after 2106 (not a system time)."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""

@@ -173,7 +173,7 @@ def _range(
     """Return `lower` and `upper`, with None replaced by the smallest or largest finite value."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
-    # If no value is finite, or all lie beyond the given bound, that bound is used for both.
+    # If one bound is given and no finite value lies on its inner side, both become this bound.
     if lower is None:
         low = float(np.fmin(min_of_finites(values), high))
     if upper is None:

@@ -66,7 +66,7 @@ def join_channels(red: Any, green: Any, blue: Any) -> Any:
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Split bits into uint32 with red, green or blue in the low byte; also compiled with numba.
+    """Return three uint32 values whose low bytes are red, green and blue; numba compiles this too.
 
     Args:
         bits: uint32 number or array, 0x00RRGGBB.

@@ -223,7 +223,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks of whole cells; skip cells beyond the limits."""
+        """Yield point indices (n,) in chunks of whole cells whose number of points is allowed."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -404,8 +404,9 @@ def _missing_links(
     """Return links that join clusters of the same group through their `crowded` points.
 
     `crowded` are the indices of points that already have the maximum number of links. Few clusters
-    contain such points, so this is cheap. In each pair of clusters, every crowded point of the
-    cluster with fewer of them is linked to the nearest one of the other, if it is within `reach`.
+    contain such points, so this is cheap. For each pair of clusters, the crowded points of the
+    cluster that has fewer of them are each linked to the nearest crowded point of the other
+    cluster, if its distance is less than `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -436,7 +437,7 @@ def _missing_links(
 
 
 def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
-    """Add a fourth coordinate to points that keeps different groups more than `reach` apart."""
+    """Add a fourth coordinate that keeps points of different groups more than `reach` apart."""
     return np.column_stack([points, 2.0 * reach * groups])
 
 

@@ -48,7 +48,7 @@ HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
 """Default of `layers` in `rasterize`: `elevation`, the largest height in each cell."""
 
 COLOR_FIELDS = ("rgb", "rgba", "color")
-"""Names of fields that hold packed colors, which are 0x00RRGGBB as integers or float32 bits."""
+"""Names of fields with packed colors: 0xAARRGGBB, as integers or as the bits of float32 values."""
 
 _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
@@ -270,7 +270,7 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return the flat cells (n,) of points on the map and within limits, and their mask (N,)."""
+    """Return flat cells (n,) and a mask (N,) of the points on the map and within height limits."""
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)
     # For comparisons, NumPy rounds the limits to the data type of the heights.

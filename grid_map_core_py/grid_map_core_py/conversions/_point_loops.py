@@ -23,7 +23,7 @@ def count(points: int) -> None:
 
 
 def ready(wanted: Loop) -> Compiled | None:
-    """Return the compiled loop if numba works and over `_MANY` points were handled, else None."""
+    """Return the compiled loop, or None before `_MANY` points are handled or if numba fails."""
     return wanted.compiled() if _handled > _MANY else None
 
 

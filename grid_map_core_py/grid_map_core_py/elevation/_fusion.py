@@ -9,9 +9,9 @@ height. Each cell with points gets one of these outcomes:
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
 - `STARTED`: the cell was unknown, and gets the height of the surface.
-- `RAISED`: the surface is higher than the old height, and replaces it. A candidate also replaces
-  it: a smaller cluster above the surface that has at least `conflict_points` points, and was seen
-  at the same height in three scans within half a second.
+- `RAISED`: the surface is higher than the old height and replaces it, or a candidate replaces it. A
+  candidate is a smaller cluster above the surface that has at least `conflict_points` points, and
+  was seen at the same height in three scans within half a second.
 - `LOWERED`: the surface is lower than the old height, and replaces it in two cases. (a) The height
   was not confirmed for `scanning_duration`, and the beams of at least `conflict_points` points of
   the surface entered the cell above the height. (b) At most `conflict_points` points ever supported
@@ -46,7 +46,7 @@ SIGHTINGS = 3
 """Number of scans that must see a candidate before it becomes the surface."""
 
 TAIL = 0.1
-"""Below this share of a neighbor's support, a cell holds only the tail of the neighbor's noise."""
+"""Share of a neighbor's support below which a cell holds only the tail of the neighbor's noise."""
 
 CANDIDATE_TIME = 500
 """Maximum time between the first and the last sighting of a candidate [ms]."""
@@ -60,10 +60,12 @@ def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> fl
 
     Cells vote if their variance is small, and their eight neighbors are known and level with them,
     because points and map differ near steps and edges even without drift. Each cluster in such a
-    cell casts one vote, its offset from the map. A vote is ignored if it exceeds `max_drift`, or
-    differs from the median vote, by more than the gate. The result is the mean of the remaining
-    votes, weighted by inverse variance. It is 0 if fewer than `min_drift_cells` votes or fewer than
-    half of the votes remain, or if the mean exceeds `max_drift`.
+    cell casts one vote, its offset from the map. Its tolerance is
+    `threshold * sqrt(height variance + cluster variance)`. A vote is ignored if it exceeds
+    `max_drift` by more than the tolerance, or differs from the median vote by more than the
+    tolerance. The result is the mean of the remaining votes, weighted by inverse variance. It is 0
+    if fewer than `min_drift_cells` votes or fewer than half of the votes remain, or if the mean
+    exceeds `max_drift`.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
@@ -192,7 +194,7 @@ class Fusion:
         old, before = state.heights[cells], state.variances[cells]
         means, new = clusters.means[self.chosen], clusters.variances[self.chosen]
         rise, merged = means - old, before * new / (before + new)
-        # If scan and map agree only within the relief, their variances are too small.
+        # A cluster that agrees only within the relief shows that the variances are too small.
         doubt = np.maximum((rise / clusters.threshold) ** 2 / (before + new), 1.0)
         fits, stays = self.outcomes == Outcome.CONFIRMED, ~self.is_seen
         heights = np.where(fits, old + rise * merged / new, np.where(stays, old, means))
@@ -208,9 +210,9 @@ class Fusion:
         support[grown] = SIGHTINGS * clusters.counts[found[grown]]
 
         state.heights[cells], state.memory.support[cells] = heights, support
-        # Points are spread over the cell, so the mean height of n points has the variance
-        # u^2 / (12 n) around the height at the center; u is the largest height difference to a
-        # neighbor, limited to the resolution. A cell with far fewer points than a neighbor contains
+        # Points are spread over the cell. Let u be the largest height difference to a neighbor,
+        # limited to the resolution: the mean height of n points then has the variance u^2 / (12 n)
+        # around the height at the center. A cell with far fewer points than a neighbor contains
         # only the tail of the neighbor's noise, which does not average out.
         size, low = self.geometry.size, heights.astype(np.float32)
         above = highest_around(state.heights, size)[cells] - low
@@ -225,7 +227,7 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return each cell's candidate (m,) if seen often enough, else `NONE`; store the others."""
+        """Return the candidates (m,) that enough scans have seen, else `NONE`; store the others."""
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])

@@ -34,7 +34,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 
     Args:
         heights, variances: heights [m], NaN where unknown, and variances [m^2] of the cells.
-        horizontal: horizontal variance of each cell along x and y [m^2].
+        horizontal: horizontal variance of each cell, used along both x and y [m^2].
         resolution: side of a cell [m].
 
     Raises:
@@ -63,7 +63,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield weights, heights and variances (k,) of the neighbors of all known cells, per offset."""
+    """For each offset, yield weights, heights and variances (k,) of the known cells' neighbors."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]

@@ -43,7 +43,7 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 _LOOPS = deal, grow_clusters, cover, trace
 
 LATE = 10**9
-"""The map clock restarts if timestamps stay too early for longer than this time [ns]."""
+"""Longest time for which timestamps may be too early before the map clock restarts [ns]."""
 
 KEPT = "time", *BOUNDS
 """Layers that `masked_replace` does not copy from the other map."""
@@ -171,8 +171,8 @@ class ElevationMapper:
                 at the origin are dropped.
             transform: (4, 4) transform from the sensor to the map frame.
             timestamp: time of the scan [ns]. If it is earlier than the previous timestamp, the
-                previous one is used. After a jump of more than `max_time_jump`, or if timestamps
-                stay too early for more than a second, the map clock restarts at this timestamp, and
+                previous one is used. After a jump of more than `max_time_jump`, or once timestamps
+                have been too early for more than a second, the map clock restarts at this time, and
                 all cells count as just confirmed. If the previous timestamp exceeds
                 `max_time_jump`, a timestamp of 0 counts as missing, and all points are dropped.
                 Restarts and missing timestamps cause a `RuntimeWarning`.

@@ -37,9 +37,9 @@ class Parameters:
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
         conflict_points: number of points in one scan that must agree to replace a height.
-        min_support: number of points that a cluster needs to become the surface at once, as a share
-            of the cell's densest cluster; the highest such cluster wins. Smaller clusters must be
-            seen in three scans.
+        min_support: the highest cluster with at least this share of the points of the cell's
+            densest cluster becomes the surface at once. Smaller clusters must be seen in three
+            scans.
         overhang_clearance: a cluster above a vertical gap larger than this [m] is an overhang: the
             cell keeps the ground height, and the layer `overhang` holds the underside of the
             overhang. With 0, the cell gets the highest surface.
@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Limit on the variance from relief or pose [m^2], so that neither alone clears a cell."""
+        """Largest variance [m^2] that relief or pose may add; too small to clear a cell alone."""
         return 0.25 * self.largest_variance
 
 
@@ -142,7 +142,7 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Base class that checks parameters: finite, and not negative except those in `_signed`."""
+    """Base class that checks that parameters are finite, and, unless in `_signed`, not negative."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""
@@ -216,7 +216,8 @@ class StructuredLightModel(_Camera):
     Attributes:
         cutoff_min_depth: smallest depth of the points to use [m].
         cutoff_max_depth: largest depth of the points to use [m].
-        normal_factor_a: a in a + b (z - c)^2 + d z^e, the standard deviation of the depth z [m].
+        normal_factor_a: term a of the standard deviation [m] of the depth z, which is
+            a + b (z - c)^2 + d z^e.
         normal_factor_b, normal_factor_c, normal_factor_d, normal_factor_e: see `normal_factor_a`.
         lateral_factor: standard deviation across the optical axis, per meter of depth.
     """
@@ -284,7 +285,7 @@ class PerfectModel(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantModel(_Model):
-    """Vertical variance that grows with the squared distance, independent of the direction.
+    """Sensor whose vertical variance grows with the squared distance, regardless of direction.
 
     Attributes:
         sensor_noise_factor: vertical variance at a distance of 1 m [m^2].

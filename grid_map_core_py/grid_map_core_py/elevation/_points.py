@@ -44,10 +44,10 @@ class Covariance:
     level: NDArray[np.float64]
 
     def of_points(self, x: Any, y: Any) -> Any:
-        """Return the height variance of points due to the pose [m^2].
+        """Return the height variance [m^2] that the uncertainty of the pose causes at points.
 
         A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
-        result is `J_q Q J_q^T`, with J_q = (y, -x) and Q = cov(roll, pitch), plus the z variance.
+        result is the variance of this lift, plus the variance of z.
 
         Args:
             x, y: positions relative to the sensor [m], map frame.
@@ -62,17 +62,17 @@ class Covariance:
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the height variance of cells [m^2], including cov(z, roll) and cov(z, pitch)."""
+        """Like `of_points`, for cells; include the covariances of z with roll and with pitch."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the mean x and y variance of cells [m^2]; yaw moves a cell by `yaw * (-y, x)`."""
+        """Return the mean of the x and y variances [m^2]; yaw moves a cell by `yaw * (-y, x)`."""
         (along_x, _, x_yaw), (_, along_y, y_yaw), (_, _, yaw) = self.level.tolist()
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the mean x and y variance of points at height z above the sensor [m^2].
+        """Return the mean of the x and y variances of points at height z above the sensor [m^2].
 
         Unlike `level_of_places`, this includes tilt, which moves a point by the angle times z.
         """
@@ -165,7 +165,10 @@ class Scan:
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
     def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return the height variances (k,) due to the pose at positions in the map frame [m^2]."""
+        """Return the height variances (k,) [m^2] that the uncertainty of the pose causes.
+
+        `x` and `y` (k,) are positions in the map frame [m].
+        """
         if self.noise is None:
             return np.zeros(len(x))
         with np.errstate(over="ignore", invalid="ignore"):

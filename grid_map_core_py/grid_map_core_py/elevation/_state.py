@@ -170,7 +170,7 @@ def at_centers(
     geometry: GridGeometry,
     threshold: float,
 ) -> Numbers:
-    """Return the heights (n,) that points have if moved along the slope to their cell centers [m].
+    """Return the heights (n,) of points after moving them along the slope to the cell centers [m].
 
     Along each axis, the map gives two slopes: from the preceding cell to this one, and from this
     one to the following cell. The less steep one is used. If the two have opposite signs, or if one

@@ -6,7 +6,7 @@ height is replaced loses its earlier values. Fusion methods:
 
 - `average`: mean over all scans, weighted by the inverse variances of the heights.
 - `latest`: mean over the last scan with points in the cell, with the same weights.
-- `exponential`: weighted sum of `latest` (weight `exponential_alpha`) and the old value.
+- `exponential`: weighted mean of `latest` (weight `exponential_alpha`) and the old value.
 - `max`: the largest value.
 - `color`: packed colors; the mean of each channel over the last scan with points in the cell.
 - `class_bayesian`: class probabilities. All layers that match one pattern form a set of classes.
@@ -163,7 +163,7 @@ class ValueFusion:
 def _forgotten(
     layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
 ) -> NDArray[np.float32]:
-    """Return a copy of a layer in which NaN and the values of `fresh` cells become `nothing`."""
+    """Return a copy of a layer with NaN and the values of `fresh` cells replaced by `nothing`."""
     if layer is None:
         return np.full(len(fresh), nothing, np.float32)
     copy = layer.copy()
@@ -174,7 +174,7 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of fused points, in an order independent of the scan."""
+    """Return cells, values and weights of fused points, sorted independently of the scan order."""
     points = chosen.points
     # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)

@@ -181,7 +181,7 @@ def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -
 
 
 def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
-    """Return whether the angle between a beam and the surface of a cell is large enough.
+    """Return whether the sine of the angle between a beam and a surface is at least `sine`.
 
     The sine of the angle is the beam's component along the normal, divided by the beam length.
     """

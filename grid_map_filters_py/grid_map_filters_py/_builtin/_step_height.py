@@ -32,7 +32,7 @@ class StepHeight(DiscFilter):
     Attributes:
         input_layer: heights [m].
         second_window_radius: radius of the second disc [m]; requires `critical_value`.
-        critical_value: height above which a difference counts as a step [m].
+        critical_value: height difference above which there is a step [m].
         critical_cell_number: number of cells above `critical_value` at which a step counts fully.
     """
 

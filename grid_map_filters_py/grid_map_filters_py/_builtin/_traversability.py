@@ -30,7 +30,7 @@ class Traversability(CellFilter):
         output_layer: layer for the result.
         critical_values: value of each layer at which its term reaches 0, in the unit of the layer
             (slopes in radians).
-        weights: weight of each layer, by default equal; only the ratios matter.
+        weights: weight of each layer; equal by default. Only the ratios matter.
     """
 
     input_layers: tuple[str, ...]

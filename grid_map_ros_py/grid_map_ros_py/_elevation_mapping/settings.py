@@ -69,11 +69,11 @@ class Settings:
         target_frame_init_submap: frame of the patch (tf only); empty means the robot frame.
         masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where it is
             NaN stay unchanged.
-        directory: directory for maps that services load and save; empty disables these services.
+        directory: directory in which services load and save maps; empty disables these services.
         storage: file format of saved bags.
         min_update_rate: rate at which the raw map is published if it has changed [Hz].
-        fused_map_publishing_rate: rate at which the filtered map is published [Hz]. If 0, only
-            `trigger_fusion` publishes it; if `.inf`, so does every scan that publishes the raw map.
+        fused_map_publishing_rate: rate at which the filtered map is published [Hz]; with 0, only on
+            `trigger_fusion`; with `.inf`, after every scan that publishes the raw map.
     """
 
     map_frame_id: str = "map"

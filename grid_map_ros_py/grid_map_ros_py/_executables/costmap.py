@@ -42,15 +42,15 @@ class CostmapSettings:
     """Parameters that can be changed while the node runs.
 
     Attributes:
-        layer: layer with whole costs from 0 to 254; NaN is unknown.
-        frame_id: frame of the costmap; empty means that of the map. Another frame needs tf2.
-        resolution: cell size of the costmap [m]; 0 means that of the map.
+        layer: layer with integer costs from 0 to 254; NaN means unknown.
+        frame_id: frame of the costmap; empty means the map frame. Another frame needs tf2.
+        resolution: cell size of the costmap [m]; 0 means the cell size of the map.
         origin_grid: send the largest window whose borders are multiples of this number of cells.
-        unknown: rank of unknown if a new frame or resolution combines several map cells: `worst` is
-            above all costs, `above_free` only above 0 (free).
+        unknown: rank of unknown map cells if a costmap cell touches several map cells (in another
+            frame or resolution): `worst`, or `above_free` (between costs 0 and 1).
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
             never.
-        always_send_full: send full grids instead of updates.
+        always_send_full: send only full grids.
     """
 
     layer: str = "cost"

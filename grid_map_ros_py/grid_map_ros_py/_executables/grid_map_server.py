@@ -47,7 +47,7 @@ class GridMapServerNode(ConfiguredNode):
         self._log = LogThrottle(self.get_logger())
         about = "file format of saved bags: `mcap` or `sqlite3`"
         self._storage = self.read_choice("storage", STORAGES, "mcap", about)
-        about = "directory for bags that requests load and save; required for these requests"
+        about = "directory in which requests load and save bags; empty disables these requests"
         self._directory = path = self.read("directory", "", about)
         check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
         about = "topic of the map, published whenever it changes"

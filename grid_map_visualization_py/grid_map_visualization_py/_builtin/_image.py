@@ -22,8 +22,8 @@ class ImageVisualization:
         layer: layer to show.
         color_mode: "intensity" colors the values with a color map, "color" reads packed colors.
         color_map: name of a Matplotlib color map.
-        lower: value at the lower end of the color map (default: the smallest).
-        upper: value at the upper end of the color map (default: the largest).
+        lower: value at the lower end of the color map (default: the smallest value).
+        upper: value at the upper end of the color map (default: the largest value).
         invert: swap the ends of the color map.
         encoding: channel order. Cells without a value are transparent if the encoding has an alpha
             channel, and gray otherwise.

@@ -29,8 +29,8 @@ class SurfaceVisualization:
             packed colors from `color_layer`, and "flat" draws the surface in `color`.
         color_layer: layer that determines the colors; empty means `height_layer`.
         color_map: name of a Matplotlib color map.
-        lower: value at the lower end of the color map (default: the smallest).
-        upper: value at the upper end of the color map (default: the largest).
+        lower: value at the lower end of the color map (default: the smallest value).
+        upper: value at the upper end of the color map (default: the largest value).
         invert: swap the ends of the color map.
         color: color as 0xRRGGBB.
         opacity: from 0 (invisible) to 1 (opaque).
