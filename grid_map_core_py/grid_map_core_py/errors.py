@@ -118,7 +118,7 @@ def wrong_crs(crs: object) -> ConfigError:
 
 
 def required(module: str, feature: str, remedy: str) -> Any:
-    """Import a module that a feature needs, or raise `MissingPackageError` with the remedy."""
+    """Import a module. If it is missing, `MissingPackageError` names the feature and remedy."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 FREE_BYTES = 100_000_000
-"""Size of unpacked data up to which `max_ratio` is ignored [bytes]: uniform maps compress well."""
+"""`max_ratio` is ignored up to this size of unpacked data [bytes]: uniform maps compress well."""
 
 VISITS = 4
 """Overlapping parts of a map may cover at most this many times `max_cells` cells in total."""
@@ -43,7 +43,7 @@ class Limits:
         max_cells: largest number of cells (rows times columns) in a map, or of pixels in an image.
         max_bytes: largest size [bytes] of all layers of a map together, of data that is unpacked
             at once (a message or a chunk of a bag), or of an octomap file.
-        max_ratio: largest ratio of unpacked to packed bytes; ignored for up to 100 MB unpacked.
+        max_ratio: largest ratio of unpacked to packed bytes; ignored up to 100 MB of unpacked data.
     """
 
     max_cells: float = 16_000_000

@@ -205,7 +205,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the ring width [cells] at which `RINGS` rings cover the map or the longest beam."""
+    """Return the ring width [cells]: `RINGS` rings cover all of the map that beams can reach."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -246,7 +246,7 @@ def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the beam parameter at the end of the last ring where a beam can clear cells, or 0."""
+    """Return the beam parameter after which a beam cannot clear cells; 0 if it clears none."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))
@@ -271,18 +271,18 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
     """Find the cells that beams prove to be free.
 
     Args:
-        ways: x, y and z of the vectors from the sensor to the points [m].
+        ways: x, y and z of the vectors from the sensor to the points of the beams [m].
         count: number of beams.
         frame: row, column and height of the sensor, the resolution, the sine of
             `cleanup_min_angle`, and `max_ray_length`.
         size: rows and columns of the map.
         table: result of `cover`.
-        surface: seven arrays; candidates are the cells that may be cleared.
-            ceilings: height of each cell below which beams clear it.
+        surface: the following seven arrays. Candidates are the cells that may be cleared.
+            ceilings: for each cell, the height below which a beam can clear it.
             places: index of each cell among the candidates.
-            floors: height of each candidate that clearing beams must exceed.
+            floors: for each candidate, the height above which a beam can clear it.
             normals: surface normals of the candidates, three numbers each.
-            guards: height of each cell below which beams end.
+            guards: for each cell, the height below which a beam ends there.
             proofs: result; height of the lowest beam that proves a candidate to be free.
             crossed: result; 1 if a beam crossed the candidate below its foot.
     """
@@ -333,7 +333,7 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return a beam's first row, the beam parameter at the end of the row, and the step per row."""
+    """Return a beam's first row or column, the beam parameter at its end, and the step per row."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

@@ -122,8 +122,8 @@ def load_cloud(
         height_layer: name of the height layer.
         reduction: method that combines the point heights in a cell, as in `from_points`.
         min_height, max_height: points below or above these heights [m] are ignored.
-        tight: for points; True centers the map on the points, False aligns its borders with
-            multiples of the resolution.
+        tight: for points only. If True, center the map on the points; if False, align its
+            borders with multiples of the resolution.
         frame_id: frame of the map.
     """
     mesh = None if kind == "points" else _mesh(path, required=kind == "mesh")
@@ -177,7 +177,7 @@ def _mesh(
     try:
         return load_mesh(path)
     except GridMapError:
-        # A file without faces may still contain points; any other error recurs when they are read.
+        # A file without faces may contain points. Any other error recurs when the points are read.
         if required:
             raise
         return None
@@ -204,7 +204,7 @@ def _read_meshes(file: Path) -> list[Any]:
             options = {"process": False, "skip_materials": True}
             scene = trimesh.load_scene(BytesIO(file.read_bytes()), ending, **options)
         except ImportError as error:
-            # If a text is not UTF-8, trimesh tries to import a package that guesses the encoding.
+            # For text that is not UTF-8, trimesh tries to import a package to guess the encoding.
             raise ValueError("neither valid nor text in UTF-8") from error
         except ValueError as error:
             hint = " (the faces of a binary PLY file must all have the same number of vertices)"

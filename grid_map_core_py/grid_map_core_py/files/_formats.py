@@ -46,8 +46,8 @@ class Format:
         reads: function that returns whether a path can be read; used for folders, and for endings
             that several formats share. If None, the endings decide.
         writes: function that returns whether a path can be written. If None, the endings decide.
-        load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
-        save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
+        load: `load(path, layers=None, **options)` returns one map. If None, reading is unsupported.
+        save: `save(grid_map, path, **options)` writes one map. If None, writing is unsupported.
         describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
             "map" contains the map metadata. If None, the map is loaded.
         open_maps: for formats with several maps per file: `open_maps(path, **options)` accepts the
@@ -56,8 +56,8 @@ class Format:
         save_maps: for formats with several maps: `save_maps(path, maps, **options)` writes an
             iterable of (time [ns] or None, map) pairs one by one, and returns the number of pairs.
         save_all: for formats that also store other messages: `save_all(source, path, **options)`
-            copies all messages of a file, such as the clouds and poses of a bag, and returns
-            the number of messages.
+            copies all messages of the file `source`, such as the clouds and poses of a bag, to
+            `path`, and returns their number.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the option names of a format's function: all parameters but the first `given`."""
+    """Return the option names of a format's function; the first `given` parameters do not count."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 

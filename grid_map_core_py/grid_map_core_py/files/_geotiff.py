@@ -31,7 +31,7 @@ from ._shared import StoredMap, check_ending, new_file, package_for, storage_err
 _TAG = "GRID_MAP"
 
 _LARGEST_DIFFERENCE = 1e-6
-"""Largest relative difference between the sides of a pixel that counts as square."""
+"""A pixel counts as square if its sides differ by at most this fraction."""
 
 _CACHE = 2**27
 """Size of GDAL's block cache in a process [bytes]; GDAL's default is 5 % of the memory."""
@@ -56,7 +56,7 @@ def save_geotiff(
     if not grid_map.layers:
         raise GridMapError(f"{path}: cannot be written: the map has no layers")
     grid_map = grid_map._in_crs(crs)
-    # Python writes the bytes: when GDAL closes a file on a full disk, it reports no error.
+    # Python writes the file, because GDAL does not report a full disk when it closes a file.
     with storage_errors(Path(path), "written"), rasterio.MemoryFile() as memory:
         profile = raster_profile(grid_map, len(grid_map.layers), compress=compress)
         with memory.open(**profile) as raster:
@@ -126,7 +126,7 @@ def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
 
 
 def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -> StoredMap:
-    """Return the map in an open raster; its layers are read only when they are loaded."""
+    """Return the map in an open raster without reading the layers yet."""
     tags = _tags_of(raster)
     names: list[str] = []
     for number, name in enumerate(raster.descriptions, 1):
@@ -152,7 +152,10 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 
 
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
-    """Return the stored frame origin in the reference system [m]; None if missing or outdated."""
+    """Return the frame origin stored in a raster, in coordinates of the reference system [m].
+
+    None means that no origin is stored, or that the raster has been projected since.
+    """
     tags = _tags_of(raster)
     if "origin" not in tags:
         return None
@@ -183,7 +186,7 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     """Return the geometry of an open raster.
 
     Raises:
-        ValueError: the pixels are not square with north up, or the raster has no position.
+        ValueError: the pixels are not square, north is not up, or the raster has no position.
     """
     step = raster.transform
     if step.is_identity:
@@ -244,7 +247,7 @@ def read_pixels(
 
 
 def _warn_of_fill(raster: Any, values: Layer) -> None:
-    """Warn if many pixels have the same extreme value, which is probably undeclared nodata."""
+    """Warn if many pixels share an extreme value, probably a nodata value that is not declared."""
     for fill in map(float, (values.min(initial=0.0), values.max(initial=0.0))):
         # The usual marks are at least 999 away from 0.
         others = values[values != fill].astype(np.float64) if abs(fill) > 900.0 else values[:0]
@@ -267,7 +270,7 @@ def checked_crs(crs: Any) -> str:
 
 
 def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, Any]:
-    """Return the rasterio options for a north-up raster with `layers` bands, for any map."""
+    """Return the rasterio options for storing `layers` layers of a map in a north-up raster."""
     geometry, step = described.geometry, described.resolution
     west, north = geometry.position + described.origin + [-0.5, 0.5] * geometry.length
     profile = {

@@ -146,12 +146,12 @@ def chosen_layer(grid_map: GridMap, layer: str | None, usual: str) -> str:
 
 
 def to_north_up(image: Image) -> Image:
-    """Convert an image from map order (up is +x, left is +y) to +y up and +x to the right."""
+    """Turn an image in map order (+x up, +y left) so that +y is up and +x is to the right."""
     return image.swapaxes(0, 1)[:, ::-1]
 
 
 def from_north_up(image: Image) -> Image:
-    """Convert an image with +y up and +x to the right to map order; inverse of `to_north_up`."""
+    """Turn an image with +x right and +y up back to map order; inverse of `to_north_up`."""
     return image[:, ::-1].swapaxes(0, 1)
 
 
@@ -197,7 +197,7 @@ def read_image(file: Path) -> Image:
 
 
 def _claimed_size(data: bytes) -> tuple[int, int]:
-    """Return the rows and columns declared in a PNG, BMP, PNM or TIFF header, else zeros."""
+    """Return the rows and columns that a PNG, BMP, PNM or TIFF header declares; (0, 0) if none."""
     if data.startswith(b"\x89PNG"):
         columns, rows = struct.unpack_from(">II", data, 16)
         return rows, columns

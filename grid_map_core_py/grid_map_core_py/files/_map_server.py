@@ -42,7 +42,7 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free) per mode; they preserve all values the mode can store."""
+"""Default thresholds (occupied, free) per mode; loading restores all values a mode can store."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
 """Pixel values that nav2's `map_saver` writes in `trinary` mode: occupied, unknown and free."""
@@ -266,7 +266,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the path of an existing map's image if `save_map_server` named it, else None."""
+    """Return the path of a map's image; None if missing or not named by `save_map_server`."""
     if not file.exists():
         return None
     document = load_yaml(file)

@@ -40,7 +40,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Convert errors that occur while a file is read or written to `GridMapError` with its path.
+    """Turn errors in reading or writing a file into a `GridMapError` that names its path.
 
     Args:
         file: path of the file.
@@ -65,7 +65,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 
 def _similar(file: Path) -> str:
-    """If a file does not exist, return a hint that names a similar file in its folder, or ""."""
+    """Return a hint with a similar name in the folder if `file` does not exist, otherwise ""."""
     known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
     # An equal ending alone is not similar.
     names = (one.name for one in known if errors.hint(one.stem, [file.stem]))

@@ -56,7 +56,7 @@ class Axis:
         return (offset >= 0.0) & (offset < self.length)
 
     def offset(self, x: Coordinate) -> Coordinate:
-        """Return the distances of coordinates from the + border [m], which `contains` checks."""
+        """Return the distances [m] of coordinates from the + border; `contains` relies on them."""
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
@@ -137,9 +137,9 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return the number of cells from this center to another, positive towards smaller x or y.
+        """Return the whole number of cells to another center, positive towards smaller x or y.
 
-        Halves are rounded away from zero; an infinite number becomes NaN.
+        Halves are rounded away from zero. If the number is infinite, the result is NaN.
         """
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)
@@ -160,7 +160,7 @@ class Axis:
 
 
 def both_axes(x: Axis, y: Axis) -> Axis:
-    """Combine the axes of x and y for coordinates (2, N); attributes become (2, 1) arrays."""
+    """Combine the x and y axes for use with coordinates (2, N); attributes become (2, 1) arrays."""
     size: Any = np.array([[x.size], [y.size]])
     center: Any = np.array([[x.center], [y.center]])
     return Axis(size, x.resolution, center)

@@ -173,7 +173,7 @@ class GridGeometry:
                     # Checking all cells at once is faster than searching for the few outside.
                     if not (steps.min() > self._rounding and steps.max() < size - self._rounding):
                         inside[part] &= axis.contains(coordinates)
-                        # NaN becomes 0. Just inside the far border, steps may be rounded to `size`.
+                        # NaN gets cell 0. Just inside the far border, steps may round to `size`.
                         np.fmax(steps, 0.0, out=steps)
                         np.minimum(steps, size - 1, out=steps)
                     found = cells[number, part]
@@ -292,7 +292,7 @@ class GridGeometry:
         return np.where(self.is_inside(positions)[..., None], positions, clamped)
 
     def index_shift(self, position: ArrayLike) -> Size:
-        """Return the shift in rows and columns that centers the map as near `position` as possible.
+        """Return the shift in rows and columns that brings the map center closest to `position`.
 
         The shift is rounded half away from zero, and is positive towards -x and -y.
         """
@@ -303,7 +303,7 @@ class GridGeometry:
         return int(rows), int(columns)
 
     def shifted(self, shift: Size) -> GridGeometry:
-        """Return the grid moved by a shift in rows and columns, as `index_shift` returns it."""
+        """Return the grid moved by rows and columns, positive towards -x and -y."""
         return self._of(self._x.shifted(shift[0]), self._y.shifted(shift[1]))
 
     def __reduce__(self) -> tuple[object, ...]:

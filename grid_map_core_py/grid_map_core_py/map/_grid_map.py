@@ -66,8 +66,8 @@ class GridMap(MutableMapping[str, Layer]):
     not hashable.
 
     Args:
-        length: (2,) side lengths along x and y [m], not cells: (4.0, 3.0) and a resolution of 0.05
-            make 80 x 60 cells. Rounded to whole cells, with a `UserWarning`.
+        length: (2,) side lengths along x and y in meters, not cells: 4.0 and 3.0 at a resolution of
+            0.05 make 80 x 60 cells. Rounded to whole cells, with a `UserWarning`.
         resolution: side of a cell [m].
         position: (2,) center of the map [m], in `frame_id`.
         layers: names of layers to add without data, or a mapping from names to values.
@@ -401,7 +401,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Return a new map with these layers added or replaced.
 
         The new map shares all other layers with this map; each is copied when it is first accessed
-        as `new[layer]`. Of the given arrays, float32 arrays in Fortran order are not copied.
+        as `new[layer]`. Given arrays are copied, except float32 arrays in Fortran order.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
@@ -513,7 +513,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         If a cubic method needs a cell that is not finite, linear interpolation is used instead. If
         that also needs such a cell, the result is the value of the nearest cell, which may be NaN
-        or infinite. In place of cells beyond the map border, methods use the border cell.
+        or infinite. Beyond the map border, the border cell is repeated.
 
         Args:
             layer: name of the layer.
@@ -842,7 +842,7 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`, reordered to this map's start index if they are a map of this size."""
+        """Return `layers`; a map of the same size is first reordered to this map's start index."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers

@@ -49,7 +49,7 @@ class Interpolation(Enum):
     """Bicubic Hermite polynomial between the 4 nearest cell centers.
 
     The slopes are central differences. The result differs from `CUBIC_CONVOLUTION` only within half
-    a cell of the border, where the slope beyond the border equals that at the border cell.
+    a cell of the border, because the slope at the border cell continues beyond the border.
     """
 
 
@@ -58,7 +58,7 @@ _FALLBACKS = {
     Interpolation.CUBIC_CONVOLUTION: Interpolation.LINEAR,
     Interpolation.CUBIC: Interpolation.LINEAR,
 }
-"""Simpler method that each method falls back to where it needs a cell that is not finite."""
+"""Simpler method that replaces each method where a cell that it needs is not finite."""
 
 
 def interpolate(
@@ -132,7 +132,7 @@ class Surface:
     Args:
         geometry: the grid.
         start: start index of the layer.
-        layer: (rows, cols) values, or a part of them in map order that has all needed cells.
+        layer: (rows, cols) values; or a part of them, in map order, with all cells that are needed.
         corner: row and column of the map at which `layer` begins.
     """
 
@@ -251,7 +251,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
     Args:
         t: (...) position between the two inner cells, from 0 (lower) to 1 (upper).
-        reach: number of neighbors: 2 (linear) or 4 (cubic).
+        reach: number of neighbors, 2 (linear) or 4 (cubic).
     """
     rest = 1.0 - t
     if reach == 2:
@@ -269,7 +269,10 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Return the outer weights, `far` (on the map) and `near` (beyond), for a continued slope."""
+    """Return outer weights that continue the slope at the border cell beyond the border.
+
+    `far` is the weight of the outer neighbor on the map, `near` of the one beyond the border.
+    """
     return far - near, 2.0 * near
 
 

@@ -80,7 +80,7 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
 
 
 def check_frames(grid_map: Any, other: GridMap) -> None:
-    """Raise `GridMapError` if two maps differ in frame or reference system; empty ones match any.
+    """Raise `GridMapError` if two maps name different frames or reference systems.
 
     Args:
         grid_map: a map or a tiled map.

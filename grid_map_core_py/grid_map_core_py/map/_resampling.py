@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Resampling of layers, which may contain NaN, to another number of rows and columns."""
+"""Resamples layers, with or without NaN, to another number of rows and columns."""
 
 import math
 
@@ -74,7 +74,7 @@ def _nearest(sources: int, targets: int, factor: float) -> npt.NDArray[np.intp]:
 
 
 def _resized(layer: Layer, size: Size, factor: float, interpolation: int) -> Layer:
-    # OpenCV rounds result sizes such as 2.5 down; the margin prevents the loss of a row or column.
+    # OpenCV may round the result size down (2.5 to 2); the margin keeps the last row or column.
     margins = [
         (0, math.ceil(1.0 / factor) if np.rint(sources * factor) < targets else 0)
         for sources, targets in zip(layer.shape, size, strict=True)

@@ -52,10 +52,10 @@ def place(numbers: Integers, start: int, size: int) -> None:
     if start and numbers.size < _FEW:
         lines(size, start).take(numbers, mode="clip", out=numbers)
     elif start:
-        # Two passes of arithmetic are faster than a lookup, but only for many cells.
+        # For many cells, two passes of arithmetic are faster than a lookup.
         numbers += start
         unsigned = numbers.view(np.uint64)
-        # Below `size`, the difference wraps around to a huge number, so the index is the minimum.
+        # For an index below `size`, the unsigned difference is huge, so the index is kept.
         np.minimum(unsigned, unsigned - np.uint64(size), out=unsigned)
 
 
@@ -97,10 +97,9 @@ def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
 
 
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
-    """Return the buffer regions that are reused when the map moves by `shift` cells.
+    """Return the buffer regions that hold the new cells after the map has moved by `shift` cells.
 
-    After the move, these regions contain the new cells. They are at most two strips of rows and at
-    most two strips of columns, or the whole buffer.
+    They are at most two strips of rows and two strips of columns, or the whole buffer.
     """
     (row, column), (rows, columns), (down, right) = start, size, shift
     if abs(down) >= rows or abs(right) >= columns:

@@ -89,7 +89,7 @@ class SignedDistanceField:
         levels = np.empty((self.levels.size, *heights.shape), np.float32)
         lowest, highest = heights.min(), heights.max()
         for level, z in zip(levels, self.levels, strict=True):
-            # In the air, the distance to air is 0; in the ground, the distance to ground is 0.
+            # Subtract the distance to air (0 in the air) from that to ground (0 in the ground).
             level[...] = _to_nearest(z, heights, self.resolution) if z > lowest else 0.0
             if z < highest:
                 level -= _to_nearest(heights, z, self.resolution)
@@ -110,7 +110,7 @@ class SignedDistanceField:
             for stride, count in zip(nodes.strides, nodes.shape, strict=True)
         ]
         flat = nodes.ravel(order="K")
-        # At the memory index of a cell, each of the eight views contains another of its corners.
+        # Each view is for one corner: its item at the memory index of a cell is that corner.
         offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
         self._corner_nodes = [flat[offset:] for offset in offsets]
 
@@ -244,7 +244,7 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the memory indices of cells; float64 is exact for 2**31 nodes."""
+        """Return the memory indices of cells. They are exact in float64 for up to 2**31 nodes."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -279,7 +279,7 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
-    """Return C-contiguous heights (rows, cols) in map order; NaN is an error or becomes -inf."""
+    """Return C-contiguous heights (rows, cols) in map order; NaN is refused or becomes -inf."""
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")
@@ -324,7 +324,7 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     squares: Layer = np.empty(shape, np.float32)
     np.subtract(upper, lower, out=squares, dtype=np.float64, casting="same_kind")
     np.maximum(squares, 0, out=squares)
-    # A square beyond the float32 range becomes infinite, so its cell is never the nearest one.
+    # A squared gap beyond the float32 range becomes infinite; its cell is never the nearest.
     with np.errstate(over="ignore"):
         np.multiply(squares, squares, out=squares)
     for _ in ("x", "y"):

@@ -223,7 +223,7 @@ class Polygon:
         start = corners - mean
         along = _following(start) - start
         distance = _cross(start, along)
-        # An edge whose line contains the mean cannot be scaled; convex polygons have none.
+        # An edge whose line contains the mean cannot be scaled; convex polygons have no such edge.
         scaled = np.abs(distance) > 1e-12 * np.abs(distance).max()
         normals = np.stack([along[:, 1], -along[:, 0]], axis=1)[scaled]
         a = normals / distance[scaled, None]
@@ -254,7 +254,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Return the distinct vertices (C, 2), and indices (V,) that select one per vertex."""
+        """Return the vertices without repetitions (C, 2), and each vertex's index in them (V,)."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -267,7 +267,7 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at which edges, with ends of shape (2, ...), cross `y`; rounded as in C++."""
+    """Return the x at which edges from `start` to `end` (2, ...) cross `y`, rounded as in C++."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -294,7 +294,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return `n` points (n, 2): `start` after 0 to `turns` counter-clockwise turns."""
+    """Return `n` points (n, 2) on an arc from `start`, counter-clockwise by `turns` turns."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start

@@ -214,9 +214,10 @@ def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, 
             `searchsorted` requires.
 
     Returns:
-        first_below: (N,) first row whose x (not negated) is less than that of each crossing.
+        first_below: (N,) first row on the -x side of each crossing.
         crossed: (N,) column of each crossing. As in `Polygon.is_inside`, an edge crosses a column
-            if exactly one end has a greater y, so every column has an even number of crossings.
+            if exactly one end has a greater y than the column, so the number of crossings of every
+            column is even.
     """
     vertices = -polygon._closed.T
     below = y.searchsorted(vertices[1], side="right")
@@ -272,8 +273,8 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
 def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     """Return the buffer cells of Bresenham's line between two cells of the map.
 
-    The axis with more steps, n, advances by one per cell. After k of these steps, the other axis,
-    which has m steps, has advanced by (n // 2 + k * m) // n: the algorithm in closed form.
+    In closed form: the axis with more steps, n, advances by one per cell. After k of these steps,
+    the other axis, which has m steps in total, has advanced by (n // 2 + k * m) // n.
     """
     steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))

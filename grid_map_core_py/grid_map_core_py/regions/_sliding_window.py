@@ -57,7 +57,7 @@ def window_array(
     *,
     window_length: float | None = None,
 ) -> Layer:
-    """Return the windows around all cells as one array, in map order whatever the start index.
+    """Return the windows around all cells as one array, in map order for any start index.
 
     `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a median filter.
     The arguments are as in `sliding_windows`, except that "crop" is invalid, because cropped

@@ -16,7 +16,7 @@ from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
 from ._shapes import checked_radius, circle_cells, empty_cells
 
-# Smaller spirals are cut out of a cached spiral with this many rings (0.8 MB), to avoid sorting.
+# Number of rings of a cached spiral (0.8 MB). Smaller spirals are cut out of it without sorting.
 KEPT_RINGS = 128
 
 # Limit on the row and column of a disc center outside the map; their squares must fit into int64.
@@ -80,7 +80,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
     )
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # Number of rings entirely on the map and in the disc; the center cell counts as in the disc.
+    # Number of rings entirely on the map and in the disc, which always includes the center cell.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
@@ -102,7 +102,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return a spiral (2, N) around (0, 0), and a list: item n is the size of its first n rings."""
+    """Return a spiral (2, N) around (0, 0), and the cell counts of its first 0, 1, 2 ... rings."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]

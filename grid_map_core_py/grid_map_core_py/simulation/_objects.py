@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Place objects on a terrain; the new map shares all layers with it except the height layer."""
+"""Places objects on a terrain; the new map copies the height layer and shares all others."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..map import GridMap
 from ..regions import polygon_cells
 
 _Profile: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Maps the position along the object's x axis (0 to 1) to the share of the height (0 to 1)."""
+"""Maps positions along the object's x axis (0 to 1) to fractions of its height (0 to 1)."""
 
 
 def with_box(

@@ -55,7 +55,7 @@ _DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
 """Matches the start of WKT for a geographic reference system."""
 
 _ORIGINS = WeakValueDictionary[tuple[str, str], TiledData]()
-"""Tiled maps from which Dask arrays were created, by layer name and name of the Dask array."""
+"""Maps (layer name, name of the Dask array) to the tiled map that the array was created from."""
 
 # --- from maps ------------------------------------------------------------------------------------
 
@@ -303,7 +303,7 @@ class DatasetSource:
             layers = [self.dataset.variables[name].isel(part) for name in names]
             if any(layer.chunks for layer in layers):
                 compute = required("dask.base", "a dataset of Dask", REMEDY).compute
-                # Inside a Dask task, any other scheduler would wait for threads that are in use.
+                # Compute in this thread: in a Dask task, a pool would wait for threads in use.
                 values = compute(*(layer.data for layer in layers), scheduler="synchronous")
             else:
                 values = [layer.values for layer in layers]
@@ -433,9 +433,10 @@ def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
 
 
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
-    """Return the tiled map behind these layers; None if any was changed, computed or left out.
+    """Return the tiled map that a dataset was created from; None if its layers have changed since.
 
-    Reading windows from the map is cheaper than computing whole tiles of Dask arrays.
+    A computed layer counts as changed. Reading windows from the map is cheaper than computing whole
+    tiles of Dask arrays.
     """
     arrays = {name: dataset[name].data for name in layers if dataset[name].chunks}
     found = {_ORIGINS.get((name, array.name)) for name, array in arrays.items()}

@@ -51,7 +51,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
         parts: arguments of the calls.
 
     Raises:
-        GridMapError: the cluster is lost, or several workers died while they computed one part.
+        GridMapError: the cluster is lost, or several workers died while computing the same part.
         Exception: the exception of a failed call; no further call is started.
     """
     required("dask", "tiled maps", REMEDY)

@@ -50,7 +50,7 @@ _MOST_OPEN = 64
 """Maximum number of rasters that a process keeps open."""
 
 _WIDEST_STRIP = 8192
-"""Width of compressed strips [pixels] above which users are warned that windows are read slowly."""
+"""Width of compressed strips [pixels] above which a warning says that reading windows is slow."""
 
 _WARPING: dict[str, Any] = {
     "dtype": "float32",
@@ -83,9 +83,9 @@ class _Part(NamedTuple):
     stamp: tuple[int, int] | None
     """Modification time [ns] and size [bytes] of the file; None for virtual files."""
     transform: Any
-    """`Affine` transform of the cells after projection; None reads the raster unprojected."""
+    """`Affine` transform of the cells after projection; None if the raster is not projected."""
     overview: int | None = None
-    """Number of the overview to read; None reads the raster itself."""
+    """Number of the overview to read; None for the raster itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ def _open(
 
 
 def _warped(raster: Any, crs: str, **cells: Any) -> Any:
-    """Return a virtual raster that is projected on reading, with bilinear interpolation."""
+    """Return a virtual raster that GDAL projects, with bilinear interpolation, when it is read."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
     return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)
