@@ -165,7 +165,10 @@ class Scan:
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
     def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return the height variances (k,) due to the pose at positions in the map frame [m^2]."""
+        """Return the height variances (k,) [m^2] that the uncertainty of the pose causes.
+
+        `x` and `y` (k,) are positions in the map frame [m].
+        """
         if self.noise is None:
             return np.zeros(len(x))
         with np.errstate(over="ignore", invalid="ignore"):
