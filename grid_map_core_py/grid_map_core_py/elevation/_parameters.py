@@ -216,9 +216,12 @@ class StructuredLightModel(_Camera):
     Attributes:
         cutoff_min_depth: smallest depth of the points to use [m].
         cutoff_max_depth: largest depth of the points to use [m].
-        normal_factor_a: term a of the standard deviation [m] of the depth z, which is
-            a + b (z - c)^2 + d z^e.
-        normal_factor_b, normal_factor_c, normal_factor_d, normal_factor_e: see `normal_factor_a`.
+        normal_factor_a: the term `a` of the standard deviation [m] of the depth z, which is
+            `a + b (z - c)^2 + d z^e`.
+        normal_factor_b: `b` in the formula of `normal_factor_a`.
+        normal_factor_c: `c` in the formula of `normal_factor_a`.
+        normal_factor_d: `d` in the formula of `normal_factor_a`.
+        normal_factor_e: `e` in the formula of `normal_factor_a`.
         lateral_factor: standard deviation across the optical axis, per meter of depth.
     """
 

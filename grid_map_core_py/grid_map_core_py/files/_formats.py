@@ -42,12 +42,12 @@ class Format:
     Attributes:
         name: unique short name, such as "npz".
         description: short description for tables and messages.
-        endings: file name endings, in lower case, such as ".npz".
-        reads: function that returns whether a path can be read; used for folders, and for endings
-            that several formats share. If None, the endings decide.
-        writes: function that returns whether a path can be written. If None, the endings decide.
-        load: `load(path, layers=None, **options)` returns one map. If None, reading is unsupported.
-        save: `save(grid_map, path, **options)` writes one map. If None, writing is unsupported.
+        endings: file extensions, in lower case, such as ".npz".
+        reads: function that returns whether a path can be read; used for folders, and for
+            extensions that several formats share. If None, the extension decides.
+        writes: function that returns whether a path can be written. If None, the extension decides.
+        load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
+        save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
         describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
             "map" contains the map metadata. If None, the map is loaded.
         open_maps: for formats with several maps per file: `open_maps(path, **options)` accepts the

@@ -27,7 +27,7 @@ from ..map._grid_map import GridMap
 from ._shared import naming, new_file, say_crs_is_lost, storage_errors
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
-"""File name endings of height images that `save_height_image` writes."""
+"""File extensions of height images that `save_height_image` writes."""
 
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 

@@ -28,7 +28,7 @@ _KNOWN = (
     *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
     *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
 )
-"""Endings of common formats; `check_ending` refuses them for files of any other format."""
+"""File extensions of common formats; `check_ending` refuses them for files of any other format."""
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:

@@ -151,7 +151,7 @@ def _is_number(node: Node, name: str) -> bool:
 
 
 def _keeps_missing(node: Node, name: str) -> bool:
-    """Return True if a subtree is a number, or keeps every NaN of the window in place."""
+    """Return True if a subtree passes `_is_number`, or is NaN wherever the window is NaN."""
     if _is_number(node, name):
         return True
     match node.kind, node.parts:

@@ -224,7 +224,7 @@ class MapPublisher:
         node: the node that publishes.
         topic: topic of the maps.
         serialized: returns the current map as bytes, or None if there is no map yet.
-        log: logs the errors of maps that cannot be published.
+        log: logs the error if a map cannot be published.
 
     Attributes:
         count: number of published messages.
