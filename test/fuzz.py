@@ -116,7 +116,8 @@ def _read_cloud(cloud: Any) -> GridMap:
 
 
 def _read_costmap(message: Any) -> Any:
-    return from_costmap(message, "cost"), from_costmap(nav2_stand_in.PyCostmap2D(message), "cost")
+    later = nav2_stand_in.LaterPyCostmap2D(message)
+    return from_costmap(message, "cost"), from_costmap(later, "cost")
 
 
 def targets(folder: Path) -> list[Target]:

@@ -270,7 +270,10 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return flat cells (n,) and a mask (N,) of the points on the map and within height limits."""
+    """Return the flat cell indices (n,) of the points on the map and within the height limits.
+
+    The second result is a mask (N,) that selects these points.
+    """
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)
     # For comparisons, NumPy rounds the limits to the data type of the heights.

@@ -222,7 +222,8 @@ class StructuredLightModel(_Camera):
         normal_factor_c: `c` in the formula of `normal_factor_a`.
         normal_factor_d: `d` in the formula of `normal_factor_a`.
         normal_factor_e: `e` in the formula of `normal_factor_a`.
-        lateral_factor: standard deviation across the optical axis, per meter of depth.
+        lateral_factor: standard deviation of points perpendicular to the optical axis [m], per
+            meter of depth.
     """
 
     cutoff_min_depth: float = 0.2
@@ -262,7 +263,8 @@ class StereoModel(_Camera):
         focal_length: focal length [pixels].
         baseline: distance between the cameras [m].
         disparity_std: standard deviation of disparities [pixels].
-        lateral_factor: standard deviation across the optical axis, per meter of depth.
+        lateral_factor: standard deviation of points perpendicular to the optical axis [m], per
+            meter of depth.
     """
 
     focal_length: float = 640.0

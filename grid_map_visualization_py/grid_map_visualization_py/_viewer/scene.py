@@ -95,8 +95,9 @@ class SurfaceScene:
         glb: content of a GLB file with the surface; None if the surface has no faces.
         grid_lines: (N, 2, 3) lines between neighboring cells; empty unless requested.
         vectors: (N, 2, 3) start and end points of the vectors; empty unless requested.
-        bounds: values at the ends of the color map, computed from all cells; None without a color
-            map. Both are NaN if a bound is not set and no value is finite.
+        bounds: values at the ends of the color map; None without a color map. A bound that the user
+            has not set is computed from all cells of the map, not only the shown ones; if no value
+            is finite, both bounds are NaN.
         box: lowest and highest corner (3,) of the bounding box [m], map frame.
         size: number of shown rows and columns.
         spacing: mean distance between neighboring shown cells [m].
