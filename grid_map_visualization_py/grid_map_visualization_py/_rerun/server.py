@@ -178,7 +178,7 @@ class _Relay:
         head = await reader.readuntil(b"\r\n\r\n")
         if head.startswith(b"PRI * HTTP/2.0\r\n"):
             # Only native programs, such as the Rerun viewer, can send this preface; pages cannot.
-            await _pass_on(head, reader, writer, self._data)
+            await _pass_on(head, reader, writer, self._data, STALL)
             return
         line, _, rest = head.partition(b"\r\n")
         _, target, _ = line.decode("latin-1").split(" ")
@@ -191,8 +191,10 @@ class _Relay:
             # The next request on this connection might have another origin.
             lines = (f"{name}: {value}" for name, value in headers.items())
             text = "\r\n".join((line.decode("latin-1"), *lines, "Connection: close", "", ""))
-            address = self._data if target.startswith("/rerun.") else self._page
-            await _pass_on(text.encode("latin-1"), reader, writer, address)
+            # A slow browser may pause for long while it compiles the files of the page.
+            is_data = target.startswith("/rerun.")
+            way = (self._data, STALL) if is_data else (self._page, None)
+            await _pass_on(text.encode("latin-1"), reader, writer, *way)
         else:
             # This URL option tells the page where to load the data.
             where = {"url": f"rerun+http://{headers['Host']}/proxy", "hide_welcome_screen": 1}
@@ -207,15 +209,20 @@ def _reply(status: str, text: str, *headers: str) -> bytes:
     return "\r\n".join((*lines, *headers, "Connection: close", "", text)).encode("latin-1")
 
 
-async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address) -> None:
-    """Connect a client to `address`: forward `head`, then copy both ways until one side ends."""
+async def _pass_on(
+    head: bytes, reader: Reader, writer: Writer, address: Address, patience: float | None
+) -> None:
+    """Connect a client to `address`: forward `head`, then copy both ways until one side ends.
+
+    Close the connection if a full queue does not shrink by `STEP` within `patience` [s].
+    """
 
     async def copy(reader: Reader, writer: Writer) -> None:
         writer.transport.set_write_buffer_limits(high=BUFFER, low=BUFFER - STEP)
         while block := await reader.read(1 << 16):
             writer.write(block)
             try:
-                await asyncio.wait_for(writer.drain(), STALL)
+                await asyncio.wait_for(writer.drain(), patience)
             except TimeoutError:
                 writer.transport.abort()
                 return
