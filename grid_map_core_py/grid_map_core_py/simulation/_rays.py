@@ -86,10 +86,10 @@ def cast_rays(
 
 
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
-    """Return the nearest and farthest range (2, N) at which beams may hit the surface.
+    """Return the nearest and farthest ranges (2, N) at which each beam can hit the surface.
 
-    Between them, x and y of a beam are on the map, and z does not exceed the highest height. If a
-    beam cannot hit the surface, the nearest range is NaN or exceeds the farthest.
+    Between these ranges, the beam is within the map in x and y, and its z is at most `highest`. If
+    a beam cannot hit the surface, its nearest range is NaN or exceeds its farthest.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
