@@ -29,7 +29,8 @@ class GridMapVisualizationNode(ConfiguredNode):
     """Visualizes maps on demand: publishes only outputs that have subscribers.
 
     The node subscribes to maps while any output has subscribers. In this time, it keeps the last
-    map, so that late-joining subscribers of an output receive a message immediately."""
+    map, so that late-joining subscribers of an output receive a message immediately.
+    """
 
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
