@@ -70,18 +70,20 @@ class CostmapSettings:
 class Output:
     """Publishes latched full grids of type `kind`, and updates of type `update` unless it is None.
 
-    An update expires after `period` [s], and is followed by two full grids, one per `period`. If a
-    late subscriber applies an update to a newer grid, another full grid soon replaces the result.
+    An update expires after `lifespan` [s]. Two full grids follow it, one per `period` [s]. If a late
+    subscriber applies an update to a newer grid, another full grid soon replaces the result.
     """
 
-    def __init__(self, node: Node, topic: str, kind: type, update: Any, period: float) -> None:
+    def __init__(
+        self, node: Node, topic: str, kind: type, update: Any, period: float, lifespan: float
+    ) -> None:
         self.last: Any = None
         self.counts = {"full grids": 0, "updates": 0}
         self._update, self._pending = update, 0
         self._publisher = node.create_publisher(kind, topic, map_qos())
         if update:
             qos = map_qos()
-            qos.depth, qos.lifespan = QUEUE, Duration(seconds=period)
+            qos.depth, qos.lifespan = QUEUE, Duration(seconds=lifespan)
             self._updates = node.create_publisher(update, f"{topic}_updates", qos)
         steady_timer(node, period, self._repeat)
 
@@ -118,11 +120,13 @@ class CostmapNode(ConfiguredNode):
         about = "maximum time from an update to a full grid [s]"
         period = 0.5 * self.read_number("full_period", 5.0, 0.01, 1e6, about)
         self._next = self._settings = read_fields(self, CostmapSettings, read_only=False)
+        # When the costs become unknown, no late subscriber may get an older update.
+        times = period, min(period, self._settings.stale_after or period)
         update = getattr(self._find("map_msgs", "full grids only"), "OccupancyGridUpdate", None)
-        self._outputs = [Output(self, topic, OccupancyGrid, update, period)]
+        self._outputs = [Output(self, topic, OccupancyGrid, update, *times)]
         self._health.details = lambda: self._outputs[0].counts
         if publishes_raw and (nav2 := self._find("nav2_msgs", "no nav2_msgs/Costmap")):
-            raw = Output(self, f"{topic}_raw", nav2.Costmap, nav2.CostmapUpdate, period)
+            raw = Output(self, f"{topic}_raw", nav2.Costmap, nav2.CostmapUpdate, *times)
             self._outputs.append(raw)
             service = messages_of("nav2_msgs", "costmap", "srv").GetCostmap
             answer = lambda *_: service.Response(map=raw.last or nav2.Costmap())  # noqa: E731
@@ -158,14 +162,15 @@ class CostmapNode(ConfiguredNode):
     def _apply_changes(self, _changes: list[Parameter]) -> None:
         """Apply changed settings to the next map; resubscribe to receive a latched map again."""
         if self._next != self._settings:
-            self._settings = self._next
+            before, self._settings = self._settings, self._next
             self._waiting.clear()
             self._subscription.destroy()
-            self._listen()
+            self._listen(is_moved=before.frame_id != self._settings.frame_id)
 
-    def _listen(self) -> None:
+    def _listen(self, *, is_moved: bool = True) -> None:
         frame_id = self._settings.frame_id
-        self._poses = TfPoses(self, frame_id) if frame_id and has_tf() else None
+        if is_moved:
+            self._poses = TfPoses(self, frame_id) if frame_id and has_tf() else None
         self._subscription = MapSubscription(self, self._map_topic, self._on_map)
 
     # --- maps -------------------------------------------------------------------------------------
