@@ -266,7 +266,8 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
         sizes = np.abs(layer)
         # From 2**53 on, float64 resolves no units either.
         is_large = (sizes >= _EXACT_FLOAT32) & (sizes < _EXACT)
-        if (layer != data)[is_large].any():
+        # NumPy 1.26 would compare with a 0-D number in float32.
+        if (layer != np.atleast_1d(data))[is_large].any():
             text = f"layer {name!r}: values above 2**24 lose digits in float32"
             warnings.warn(f"{text}. Subtract a constant first", RuntimeWarning, stacklevel=3)
     return layer
