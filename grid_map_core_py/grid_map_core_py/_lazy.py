@@ -12,11 +12,21 @@ from .errors import hint
 def lazy_names(
     package: str, offered: Mapping[str, str]
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__all__`, `__getattr__`, `__dir__` of a package; `offered` maps modules to names."""
+    """Return `__all__`, `__getattr__`, `__dir__` of a package; `offered` maps modules to names.
+
+    `__getattr__` also finds `__version__`, which is "0+unknown" if the package is not installed.
+    """
     module_of = {name: module for module, names in offered.items() for name in names.split()}
     modules = [name.removeprefix(".") for name in offered]
 
     def find(name: str) -> Any:
+        if name == "__version__":
+            from importlib import metadata
+
+            try:
+                return metadata.version(package)
+            except metadata.PackageNotFoundError:
+                return "0+unknown"
         if name in modules:
             return import_module(f"{package}.{name}")
         if name not in module_of:
