@@ -196,7 +196,7 @@ class ProcessGroup:
         """Start a node, unless the group has been stopped.
 
         Args:
-            module: module of the node, followed by arguments.
+            module: module name of the node, followed by its command line arguments.
             parameter_file: name of the file in the folder `config`.
             parameters: additional parameters, each as `name:=value`.
         """

@@ -57,7 +57,7 @@ def check_color(color: int) -> None:
 
 
 def is_empty(coloring: "Coloring", values: npt.NDArray[np.float32]) -> bool:
-    """Return True if a bound is not set and cannot be computed, because no value is finite."""
+    """Return True if a color bound is missing and no finite value exists to compute it from."""
     return None in (coloring.lower, coloring.upper) and not np.isfinite(values).any()
 
 

@@ -117,7 +117,7 @@ class Surface:
     def points(
         self, origin: npt.ArrayLike = (0.0, 0.0), dtype: npt.DTypeLike = np.float64
     ) -> npt.NDArray[Any]:
-        """Return the shown cells as points (columns * rows, 3) [m]; x, y relative to `origin`."""
+        """Return the shown cells as points (columns * rows, 3) [m], relative to `origin` (x, y)."""
         (x, y), (x0, y0) = self.grid_map.geometry.axes_in_map_order(), np.asarray(origin)
         if self._step > 1:
             rows, columns = self._kept

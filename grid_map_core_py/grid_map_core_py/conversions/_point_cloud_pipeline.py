@@ -404,9 +404,9 @@ def _missing_links(
     """Return links that join clusters of the same group through their `crowded` points.
 
     `crowded` are the indices of points that already have the maximum number of links. Few clusters
-    contain such points, so this is cheap. For each pair of clusters, the crowded points of the
-    cluster that has fewer of them are each linked to the nearest crowded point of the other
-    cluster, if its distance is less than `reach`.
+    contain such points, so this is cheap. In each pair of clusters, the cluster with fewer crowded
+    points is chosen. Each of its crowded points is linked to the nearest crowded point of the other
+    cluster if that point is closer than `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 

@@ -89,7 +89,7 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
 def deal(
     cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Sort points by cell, and the points of each cell as described in `Sorted`.
+    """Sort points by cell, then by descending height, then by variance, as in `Sorted`.
 
     Args:
         cells: (count,) cells of the points.

@@ -205,7 +205,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the ring width [cells]: `RINGS` rings cover all of the map that beams can reach."""
+    """Return the width [cells] of the `RINGS` rings that cover the part of the map in reach."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1

@@ -154,7 +154,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
     """Return the frame origin stored in a raster, in coordinates of the reference system [m].
 
-    None means that no origin is stored, or that the raster has been projected since.
+    The result is None if no origin is stored, or if the raster was reprojected afterwards.
     """
     tags = _tags_of(raster)
     if "origin" not in tags:

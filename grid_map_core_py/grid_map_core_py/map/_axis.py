@@ -137,9 +137,9 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return the whole number of cells to another center, positive towards smaller x or y.
+        """Return the distance to another center in whole cells, positive towards smaller x or y.
 
-        Halves are rounded away from zero. If the number is infinite, the result is NaN.
+        Halves are rounded away from zero. If the distance is infinite, the result is NaN.
         """
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)

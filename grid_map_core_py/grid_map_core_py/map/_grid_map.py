@@ -411,7 +411,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._sharing({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
-        """Return a new map without the named layers; all others are shared as in `with_layers`."""
+        """Return a new map without the named layers; it shares the others, as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
         return self._sharing({n: data for n, data in self._layers.items() if n not in dropped})
 
@@ -781,8 +781,9 @@ class GridMap(MutableMapping[str, Layer]):
 
         Each variable with the dimensions x and y, in any order and direction, becomes a layer, and
         so does each band along a dimension `band`. Values equal to `_FillValue` become NaN; scales
-        and offsets are applied. Variables without x or y are ignored. An array without a name
-        becomes `elevation`. The frame is "map" unless the attribute `frame_id` names another.
+        and offsets are applied. Variables without x or y are ignored. An unnamed array becomes the
+        layer `elevation`. The frame is the attribute `frame_id`, or "map" if the attribute is
+        missing.
 
         Args:
             dataset: dataset or array; the coordinates x and y are the evenly spaced centers of
@@ -873,7 +874,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers; arrays that this map owns are copied on first access."""
+        """Return a map with these layers; it copies an array of this map when first accessed."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}

@@ -271,7 +271,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
     """Return outer weights that continue the slope at the border cell beyond the border.
 
-    `far` is the weight of the outer neighbor on the map, `near` of the one beyond the border.
+    `far` and `near` are the weights of the outer neighbors: on the map, and beyond the border.
     """
     return far - near, 2.0 * near
 

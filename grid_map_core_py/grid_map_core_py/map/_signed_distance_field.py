@@ -244,7 +244,10 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the memory indices of cells. They are exact in float64 for up to 2**31 nodes."""
+        """Return the flat memory index (N,) of each cell's first node.
+
+        The index is computed in float64, which is exact for up to 2**31 nodes.
+        """
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -279,7 +282,10 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
-    """Return C-contiguous heights (rows, cols) in map order; NaN is refused or becomes -inf."""
+    """Return a C-contiguous copy of the heights (rows, cols), in map order.
+
+    If `unknown` is "free", NaN becomes -inf; if it is None, NaN raises an error.
+    """
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")

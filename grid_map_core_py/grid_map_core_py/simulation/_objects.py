@@ -68,7 +68,13 @@ def with_stairs(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with stairs: equal steps rise along the object's x axis; see `with_box`."""
+    """Return a map with stairs that rise along the object's x axis; see `with_box`.
+
+    All steps have the same height and depth. The other arguments are as in `with_box`.
+
+    Args:
+        steps: number of steps, at least 1.
+    """
     count = as_finite(steps, "steps", "a number of steps", least=1.0)
 
     def profile(share: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -122,10 +122,10 @@ class Partial(Matrices):
 
 
 class Combined(Matrices):
-    """Primitive operations whose folds combine the results of all tiles.
+    """Primitive operations for a tiled map; each fold combines stored results of all tiles.
 
     Args:
-        parts: the results of all tiles for each fold, in the order in which the folds run.
+        parts: for each fold, in the order of evaluation, the results of all tiles.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:

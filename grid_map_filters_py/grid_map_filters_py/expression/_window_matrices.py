@@ -47,7 +47,8 @@ class SlidingWindow(WindowMatrix):
     """A window that slides over an array.
 
     Args:
-        source: (n + rows - 1, m + columns - 1) values, covered by the windows of n x m cells.
+        source: values to slide over, (n + rows - 1, m + columns - 1) for n x m windows; becomes
+            read-only.
         shape: (rows, columns) of the window.
     """
 
@@ -338,7 +339,7 @@ def _protect(element: Element) -> None:
 
 
 def _element(value: Value, row: int, column: int) -> Element:
-    """Return an element of a value; a 1 x 1 value is repeated for all rows and columns."""
+    """Return the element at a row and column; a 1 x 1 value has the same element everywhere."""
     if isinstance(value, float):
         return float(np.float32(value))
     if value.shape == SCALAR:

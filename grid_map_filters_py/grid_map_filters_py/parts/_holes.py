@@ -118,8 +118,8 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: holes whose bounding box is at most this long on its longer side [cells] are
-            omitted, unless they touch the tile border.
+        length: maximum side of the bounding box of holes to omit [cells]; holes that touch the tile
+            border are never omitted.
     """
 
     layer: str

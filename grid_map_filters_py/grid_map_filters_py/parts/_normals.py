@@ -73,10 +73,11 @@ def _slope(heights: Field, resolution: float) -> Field:
 
 
 def plane_deviations(layer: Layer, offset: float, radius: float, resolution: float) -> Field:
-    """Return the standard deviation of the points in a disc from the plane of `area_normals` [m].
+    """Return the standard deviation [m] of the points in each disc from their fitted plane.
 
-    This is the sample standard deviation (n - 1 in the denominator). The result is NaN where the
-    layer is not finite or the disc contains only one point.
+    The plane is that of `area_normals`. The sample standard deviation is used (n - 1 in the
+    denominator). The result is NaN where the layer is not finite or the disc contains only one
+    point.
     """
     deviations = np.empty(layer.shape, order="F")
     disc = Disc(radius, resolution, layer.shape)

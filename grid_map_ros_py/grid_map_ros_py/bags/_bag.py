@@ -77,13 +77,13 @@ def save_to_bag(
 class BagWriter:
     """Context manager that writes maps to a bag, one at a time.
 
-    When the context ends without an exception, the new bag replaces an existing bag. For the other
-    arguments, see `save_to_bag`.
+    When the context ends without an exception, the new bag replaces an existing bag.
 
     Args:
-        in_place: for long MCAP recordings: delete an existing bag first, and write directly to
-            `path`. The bag can be completed even if the disk is full; after a crash,
-            `recover=True` can read it.
+        path, overwrite, storage, compression: as in `save_to_bag`.
+        in_place: delete an existing bag first, and write directly to `path`. Use this for long
+            MCAP recordings: the bag can be completed even if the disk is full, and `recover=True`
+            can read it after a crash.
     """
 
     def __init__(

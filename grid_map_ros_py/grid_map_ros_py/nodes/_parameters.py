@@ -81,7 +81,9 @@ def read_fields(
     defaults: Mapping[str, object] | None = None,
     read_only: bool = True,
 ) -> T:
-    """Create a dataclass from one parameter per field, described in its `Attributes:` section.
+    """Create a dataclass whose fields are read from ROS parameters of the same names.
+
+    The parameter descriptions are those in the `Attributes:` section of the dataclass.
 
     Args:
         node: the node.

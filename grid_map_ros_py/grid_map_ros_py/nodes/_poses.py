@@ -277,7 +277,7 @@ def has_tf() -> bool:
 
 
 def chosen_source(name: str, without_tf: str) -> str:
-    """Resolve a pose source: `auto` means `tf`, or `without_tf` if tf2 is not installed."""
+    """Return the pose source `name`; `auto` becomes `tf`, or `without_tf` if tf2 is missing."""
     if name == "auto":
         return "tf" if has_tf() else without_tf
     return name

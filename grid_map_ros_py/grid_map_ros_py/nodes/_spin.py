@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Life cycle of node executables, from arguments to exit code; base class and timers of nodes."""
+"""Runs node executables, from arguments to exit code, and defines their base class and timers."""
 
 import gc
 import signal
