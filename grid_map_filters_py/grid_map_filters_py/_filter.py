@@ -133,7 +133,7 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Make `warn` prefix messages with `step`, and append them to `collected` if it is a list."""
+    """Context in which `warn` adds the prefix `step`, and appends to `collected` unless None."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield

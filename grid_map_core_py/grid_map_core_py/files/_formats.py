@@ -74,7 +74,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the option names of a format's function; the first `given` parameters do not count."""
+    """Return the option names of a format's function: all parameters after the first `given`."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 

@@ -124,8 +124,8 @@ def save_map_server(
             values outside are clamped. Only NaN means unknown.
 
     Raises:
-        GridMapError: `data_min` and `data_max` are not given and a value is not an occupancy; an
-            option is invalid; or a file cannot be written.
+        GridMapError: an option is invalid, a file cannot be written, or a value is not an occupancy
+            and `data_min` and `data_max` are not given.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversion between coordinates and cells along x or y.
 
-Cells are counted from the border with the largest coordinate, whatever the start index is.
+Cells are counted from the border with the largest coordinate, for any start index.
 """
 
 from __future__ import annotations

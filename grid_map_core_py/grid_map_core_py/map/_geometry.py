@@ -2,8 +2,7 @@
 """Geometry of a grid: conversion between positions and cell indices.
 
 Cells are counted from the corner with the largest x and y, rows towards -x and columns towards -y,
-whatever the start index is. `_axis` does the arithmetic; `_ring_buffer` converts cells to buffer
-indices.
+for any start index. `_axis` does the arithmetic. `_ring_buffer` converts cells to buffer indices.
 """
 
 from __future__ import annotations

@@ -75,9 +75,9 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: coordinate frame that all positions refer to.
         timestamp: time of the data [ns].
 
-    Unless stated otherwise, methods raise `LayerNotFoundError` for a missing layer, `OutOfMapError`
-    for a position or an index outside the map, and `GeometryError` for a position, size or other
-    geometric argument that is not finite, and for arrays of the wrong shape.
+    Unless stated otherwise, methods raise `LayerNotFoundError` for a missing layer, and
+    `OutOfMapError` for a position or an index outside the map. They raise `GeometryError` for
+    arrays of the wrong shape, and for geometric arguments that are not finite.
 
     Example:
         >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
@@ -704,7 +704,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Copy data from another map, which may differ in size, position and resolution.
 
         Each cell of this map takes the values of the cell of `other` that contains its center;
-        values that are not finite are not copied. A map without `crs` adopts that of `other`.
+        values that are not finite are not copied. A map without `crs` adopts the `crs` of `other`.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.

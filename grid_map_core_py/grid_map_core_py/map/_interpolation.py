@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Interpolation of a layer between the centers of its cells.
 
-All methods except `NEAREST` are separable: the value is a weighted sum of the cells in a few rows
-and columns around the position, where each weight is the product of a row and a column weight.
+All methods except `NEAREST` are separable. The value is a weighted sum of the cells in a few rows
+and columns around the position. Each weight is the product of a row weight and a column weight.
 Beyond the border, the border cell is repeated.
 """
 

@@ -29,11 +29,11 @@ _STRIP = 1 << 16  # cells per strip; a strip fits into the cache
 class SignedDistanceField:
     """Distances from points in space to the surface of a height layer.
 
-    Ground is modeled as one vertical line per cell, at the cell center, up to the height of the
-    cell; above that height, the line is air. In the air, the value is the distance to the nearest
-    ground; in the ground, it is the negative distance to the nearest air; where they meet, it is 0.
-    Outside the map there is neither ground nor air. Distances are exact at nodes, which lie at the
-    cell centers on horizontal levels spaced by the resolution.
+    Each cell is modeled as a vertical line through its center: ground up to the height of the cell,
+    and air above. In the air, the value is the distance to the nearest ground. In the ground, it is
+    the negative distance to the nearest air. On the surface, it is 0. Outside the map, there is
+    neither ground nor air. Distances are exact at nodes, which lie at the cell centers on
+    horizontal levels spaced by the resolution.
 
     Between nodes, distances are interpolated trilinearly; beyond the outermost nodes, linear
     extrapolation gives only an estimate. Along an axis with a single cell, distances are constant.
@@ -244,10 +244,7 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the flat memory index (N,) of each cell's first node.
-
-        The index is computed in float64, which is exact for up to 2**31 nodes.
-        """
+        """Return the flat memory index (N,) of each cell, computed in float64 without rounding."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -321,9 +318,9 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
 
     For ground, `upper` is the z of the level and `lower` the heights (rows, cols); for air, the
     arguments are swapped. The vertical gap in cell c is f(c) = max(upper - lower, 0). The squared
-    distance of a node is the minimum of (distance to the center of c)^2 + f(c)^2 over all cells c:
-    the generalized distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
-    Sampled Functions, 2012), computed along one axis after the other.
+    distance of a node is the minimum of (distance to the center of c)^2 + f(c)^2 over all cells c.
+    This is the generalized distance transform of f^2, computed along one axis after the other
+    (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012).
     """
     # Subtract in float64, because the difference of large heights may be small.
     shape = np.broadcast_shapes(np.shape(upper), np.shape(lower))

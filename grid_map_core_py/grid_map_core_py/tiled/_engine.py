@@ -47,7 +47,8 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
     process are completed.
 
     Args:
-        function: function to call. If other processes call it, it and the parts are pickled.
+        function: function to call; it is pickled together with the parts if other processes call
+            it.
         parts: arguments of the calls.
 
     Raises:

@@ -141,7 +141,7 @@ class TiledMap(TiledData):
     ) -> GridMap:
         """Return a rectangular part of the map; only the chunks under the rectangle are read.
 
-        The result has the same cells as that of `GridMap.get_submap`.
+        `GridMap.get_submap` returns the same cells.
 
         Args:
             position: (2,) center of the rectangle [m].
@@ -300,9 +300,9 @@ class TiledMap(TiledData):
             progress: called after each tile.
 
         Raises:
-            GridMapError: a tile cannot be read, computed or written; the store exists; another
-                process is writing the store; or there is an unfinished run, and `resume` is False
-                or the inputs of that run were different.
+            GridMapError: a tile cannot be read, computed or written; the store exists or is being
+                written by another process; or an unfinished run exists, and `resume` is False or
+                the run had other inputs.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)

@@ -151,8 +151,8 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 
     Returns:
         window: cells of the store.
-        lines: two arrays: the buffer row of the map for each row of the window, and the buffer
-            column for each column.
+        lines: for each row of the window, the buffer row of the map; and for each column of the
+            window, the buffer column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution

@@ -93,7 +93,7 @@ class DeviatingWindow(WindowMatrix):
 
 
 class SquaredDeviations(WindowMatrix):
-    """Squared differences between each window and the number of its cell, as in a variance."""
+    """Squared differences of a window from one number per cell, such as the window mean."""
 
     def __init__(self, deviations: DeviatingWindow) -> None:
         super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))

@@ -75,7 +75,7 @@ def _slope(heights: Field, resolution: float) -> Field:
 def plane_deviations(layer: Layer, offset: float, radius: float, resolution: float) -> Field:
     """Return the standard deviation [m] of the points in each disc from their fitted plane.
 
-    The plane is that of `area_normals`. The sample standard deviation is used (n - 1 in the
+    `area_normals` defines the plane. The sample standard deviation is used (n - 1 in the
     denominator). The result is NaN where the layer is not finite or the disc contains only one
     point.
     """
@@ -142,7 +142,7 @@ def _sums(
 
 
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
-    """Return unit normals; the z axis for ignored cells, and for points on a line.
+    """Return unit normals, which are the z axis for ignored cells and for points on a line.
 
     Points are on a line if the second eigenvalue of their covariance matrix is at most `spread`.
     """

@@ -70,8 +70,8 @@ class CostmapSettings:
 class Output:
     """Publishes latched full grids of type `kind`, and updates of type `update` unless it is None.
 
-    An update expires after `lifespan` [s]. Two full grids follow it, one per `period` [s]. If a
-    late subscriber applies an update to a newer grid, a full grid soon replaces the result.
+    An update expires after `lifespan` [s]. Two full grids follow each update, one per `period` [s].
+    If a late subscriber applies an update to a newer grid, a full grid soon replaces the result.
     """
 
     def __init__(

@@ -383,7 +383,7 @@ class BagFiles:
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Return an open file; the previous one is closed, since a bag may have very many."""
+        """Open a storage file and close the previous one, because a bag may have many files."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)

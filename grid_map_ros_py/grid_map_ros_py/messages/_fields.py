@@ -212,8 +212,8 @@ def from_pose(message: Any) -> Matrix:
 def from_transform(message: Any) -> Matrix:
     """Convert a `Transform` or `TransformStamped` to a (4, 4) matrix.
 
-    The matrix transforms points [m] from the child frame to the parent frame. Errors are those of
-    `from_pose`.
+    The matrix transforms points [m] from the child frame to the parent frame. The function raises
+    the same errors as `from_pose`.
     """
     return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
 

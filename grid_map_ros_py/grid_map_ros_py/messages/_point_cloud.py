@@ -271,7 +271,10 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Map fields to layers of the same name; `rgb` or else `rgba` becomes `color` if free."""
+    """Return the layer name of each field: its own name, or `color` for `rgb` or `rgba`.
+
+    `rgb` takes precedence over `rgba`. Both keep their names if the cloud has a field `color`.
+    """
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():

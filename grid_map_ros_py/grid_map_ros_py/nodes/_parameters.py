@@ -89,7 +89,7 @@ def read_fields(
         node: the node.
         cls: the dataclass; all fields must have defaults.
         prefix: prefix of the parameter names, such as `input_sources.front.`.
-        defaults: default values by field name, which override those of the dataclass.
+        defaults: default values by field name, which override the defaults of the dataclass.
         read_only: see `read_parameter`.
 
     Raises:

@@ -203,8 +203,8 @@ class PoseHistory(Poses):
     def covariance_at(self, stamp: int) -> Covariance | None:
         """Return the pose covariance at `stamp` [ns], or the latest if 0; None if unknown.
 
-        Between poses, it is interpolated; before the first and after the last pose, it is that of
-        the nearest pose.
+        Between two poses, the covariance is interpolated. Before the first and after the last pose,
+        the covariance of the nearest pose is returned.
         """
         if not self._stamps:
             return None
