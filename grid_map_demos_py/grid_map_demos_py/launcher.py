@@ -5,7 +5,7 @@
 
 Each node runs in its own process. A demo runs until it is interrupted or a node ends. With
 `--report`, another process collects the messages of the nodes, writes pictures to the directory,
-prints a table and ends the demo; the exit code is 0 only if messages arrive on all topics. With
+prints a table and ends the demo. The exit code is 0 only if messages arrive on all topics. With
 `--view`, another process shows the demo in the browser and logs the address.
 """
 

@@ -120,7 +120,7 @@ class _Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudPipeline:
-    """Creates a map from a raw point cloud; has the fields of a `grid_map_pcl` parameter file.
+    """Creates a map from a raw point cloud; the fields are the parameters of `grid_map_pcl`.
 
     If enabled, outliers are removed and the cloud is downsampled. The cloud is then transformed to
     the map frame, and the points of each cell are clustered. The height of a cell is the mean

@@ -5,7 +5,7 @@ The results do not depend on the order of the points in the scan.
 
 The points of a cell are visited from highest to lowest. Let z be the height of a point, r its
 variance, and m the mean height of the current cluster. The point joins this cluster if
-`|z - m| <= max(threshold * sqrt(variance of m + r), relief)`; otherwise, it starts a new cluster.
+`|z - m| <= max(threshold * sqrt(variance of m + r), relief)`. Otherwise, it starts a new cluster.
 The relief is the height difference that a slope may cause within a cell.
 """
 

@@ -3,7 +3,7 @@
 
 NaN means no data. Raster rows run towards -y and columns towards +x. A tag stores the frame, time
 and basic layers. The geotransform defines the position, so rasters cropped by other programs load
-correctly. The first part of this module reads and writes whole maps; `grid_map_core_py.tiled` uses
+correctly. The first part of this module reads and writes whole maps. `grid_map_core_py.tiled` uses
 the second part to read and write windows.
 """
 
@@ -42,7 +42,7 @@ def save_geotiff(
 ) -> None:
     """Write a map to a GeoTIFF file.
 
-    The file is built in memory and written atomically; an existing file is replaced.
+    The file is built in memory and written atomically. An existing file is replaced.
 
     Args:
         grid_map: the map; it is stored in map order.

@@ -56,7 +56,7 @@ class Axis:
         return (offset >= 0.0) & (offset < self.length)
 
     def offset(self, x: Coordinate) -> Coordinate:
-        """Return the distances [m] of coordinates from the + border; `contains` relies on them."""
+        """Return the distances [m] of coordinates from the + border, as `contains` uses them."""
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:

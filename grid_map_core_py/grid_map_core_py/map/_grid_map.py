@@ -50,19 +50,19 @@ class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
-    and writing into this array changes the map; `map[layer] = values` adds or replaces a layer. An
+    and writing into this array changes the map. `map[layer] = values` adds or replaces a layer. An
     xarray array is aligned by its coordinates. NaN means "no data". Finite values beyond the
     float32 range become infinite, and numbers above 2**24 may lose digits; both cause a
     `RuntimeWarning`.
 
-    In map order, row 0, column 0 is the corner with the largest x and y; rows run towards -x and
-    columns towards -y. Layers of a new map are in map order; after `move`, they are circular
+    In map order, row 0, column 0 is the corner with the largest x and y. Rows run towards -x and
+    columns towards -y. Layers of a new map are in map order. After `move`, they are circular
     buffers in which the cell at that corner is stored at `start_index`. `axes()`, positions and
     regions account for this. To read or write a layer in map order, use `unwrapped(layer)` and
     `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
-    equal; NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
+    equal. NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
     not hashable.
 
     Args:
@@ -230,7 +230,7 @@ class GridMap(MutableMapping[str, Layer]):
     def position(self) -> Positions:
         """(2,) center of the map [m].
 
-        Setting `position` shifts the map together with its data; `move` keeps the data in place.
+        Setting `position` shifts the map together with its data. `move` keeps the data in place.
         """
         return self._geometry.position
 
@@ -242,7 +242,7 @@ class GridMap(MutableMapping[str, Layer]):
     def start_index(self) -> Size:
         """Buffer row and column at which cell (0, 0) of the map is stored.
 
-        Setting `start_index` reinterprets the stored data; no data is copied.
+        Setting `start_index` reinterprets the stored data. No data is copied.
         """
         return self._start
 
@@ -279,7 +279,7 @@ class GridMap(MutableMapping[str, Layer]):
     def crs(self) -> str:
         """Coordinate reference system of the frame: WKT, a code or a PROJ string; "" if unknown.
 
-        Copies, submaps, and GeoTIFF, Zarr and .npz files keep it; ROS messages and images cannot.
+        Copies, submaps, and GeoTIFF, Zarr and .npz files keep it. ROS messages and images cannot.
         Setting `crs` resets `origin` to (0, 0).
         """
         return self._reference[0]
@@ -400,7 +400,7 @@ class GridMap(MutableMapping[str, Layer]):
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a new map with these layers added or replaced.
 
-        The new map shares all other layers with this map; each is copied when it is first accessed
+        The new map shares all other layers with this map. Each is copied when it is first accessed
         as `new[layer]`. Given arrays are copied, except float32 arrays in Fortran order.
         """
         if not isinstance(layers, Mapping):
@@ -681,8 +681,8 @@ class GridMap(MutableMapping[str, Layer]):
     def extend_to_include(self, other: GridMap) -> None:
         """Extend the map by whole cells so that it covers another map.
 
-        Existing cells keep their positions and values; new cells are NaN. If the map already
-        covers the other map (within 1e-9 m), it does not change; otherwise `start_index` becomes
+        Existing cells keep their positions and values. New cells are NaN. If the map already
+        covers the other map (within 1e-9 m), it does not change. Otherwise `start_index` becomes
         (0, 0). `add_data_from` also copies the data.
 
         Raises:
@@ -703,8 +703,8 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map takes the values of the cell of `other` that contains its center;
-        values that are not finite are not copied. A map without `crs` adopts the `crs` of `other`.
+        Each cell of this map takes the values of the cell of `other` that contains its center.
+        Values that are not finite are not copied. A map without `crs` adopts the `crs` of `other`.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.
@@ -780,7 +780,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Create a map from an xarray dataset or array; the values are copied.
 
         Each variable with the dimensions x and y, in any order and direction, becomes a layer, and
-        so does each band along a dimension `band`. Values equal to `_FillValue` become NaN; scales
+        so does each band along a dimension `band`. Values equal to `_FillValue` become NaN. Scales
         and offsets are applied. Variables without x or y are ignored. An unnamed array becomes the
         layer `elevation`. The frame is the attribute `frame_id`, or "map" if the attribute is
         missing.

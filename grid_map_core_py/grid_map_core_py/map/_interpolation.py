@@ -145,7 +145,7 @@ class Surface:
         self._corner = corner
 
     def at(self, points: Positions, method: Interpolation) -> Positions:
-        """Return the values (N,) at positions (N, 2); raise if a position is outside the map."""
+        """Return the values (N,) at positions (N, 2); raise `OutOfMapError` outside the map."""
         values = np.empty(len(points))
         # Infinity times a weight of 0 is NaN; the simpler method is then used.
         with np.errstate(invalid="ignore"):
@@ -155,7 +155,7 @@ class Surface:
         return values
 
     def coordinates(self, points: Positions) -> Positions:
-        """Convert (N, 2) positions to coordinates (2, N); raise if one is outside the map."""
+        """Convert (N, 2) positions to coordinates (2, N); raise `OutOfMapError` outside the map."""
         check_inside(self._geometry, points)
         return np.ascontiguousarray(points.T)
 

@@ -35,11 +35,11 @@ class SignedDistanceField:
     neither ground nor air. Distances are exact at nodes, which lie at the cell centers on
     horizontal levels spaced by the resolution.
 
-    Between nodes, distances are interpolated trilinearly; beyond the outermost nodes, linear
+    Between nodes, distances are interpolated trilinearly. Beyond the outermost nodes, linear
     extrapolation gives only an estimate. Along an axis with a single cell, distances are constant.
 
     A height of +inf means ground at any z; -inf means air at any z. Without any ground, all
-    distances are +inf; without any air, they are -inf. In both cases, gradients are 0.
+    distances are +inf. Without any air, they are -inf. In both cases, gradients are 0.
 
     Args:
         grid_map: the map; later changes to the map have no effect.
@@ -155,8 +155,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        These are the derivatives of the interpolated `value`. They jump at planes through nodes;
-        within 1e-9 m of such a plane, the mean of the derivatives on both sides is returned.
+        These are the derivatives of the interpolated `value`. They jump at planes through nodes.
+        Within 1e-9 m of such a plane, the mean of the derivatives on both sides is returned.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -167,7 +167,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`; as fast as `gradient` alone."""
+        """Return the results of `value` and `gradient`, as fast as `gradient` alone."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):
@@ -281,7 +281,7 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
     """Return a C-contiguous copy of the heights (rows, cols), in map order.
 
-    If `unknown` is "free", NaN becomes -inf; if it is None, NaN raises an error.
+    If `unknown` is "free", NaN becomes -inf. If it is None, NaN raises an error.
     """
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
@@ -316,7 +316,7 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     """Return the distances (rows, cols) from the nodes of a level to the nearest ground or air.
 
-    For ground, `upper` is the z of the level and `lower` the heights (rows, cols); for air, the
+    For ground, `upper` is the z of the level and `lower` the heights (rows, cols). For air, the
     arguments are swapped. The vertical gap in cell c is f(c) = max(upper - lower, 0). The squared
     distance of a node is the minimum of (distance to the center of c)^2 + f(c)^2 over all cells c.
     This is the generalized distance transform of f^2, computed along one axis after the other

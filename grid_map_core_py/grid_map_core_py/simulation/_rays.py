@@ -173,7 +173,7 @@ def _above(
 ) -> Any:
     """Return the coefficients of 1, t and t^2 in the height of a beam above a patch after t meters.
 
-    The height of the patch is a + b u + c v + d u v. At t = 0, the beam is at (u, v, z); per meter,
+    The height of the patch is a + b u + c v + d u v. At t = 0, the beam is at (u, v, z). Per meter,
     it advances by (d_row, d_column, d_z).
     """
     return (

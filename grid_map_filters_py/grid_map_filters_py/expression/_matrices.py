@@ -105,7 +105,7 @@ class Matrices:
 
 
 class Partial(Matrices):
-    """Primitive operations on a tile; `parts` collects the results of all folds.
+    """Primitive operations on a tile, which collect the results of all folds in `parts`.
 
     A reducing function is applied to each tile with `Partial`, then once with `Combined`.
     """

@@ -50,7 +50,7 @@ class Holes:
 
 
 def find_holes(missing: Mask) -> tuple[Integers, Holes]:
-    """Find the holes of a layer; return the hole number of each cell (rows, cols), and the holes.
+    """Return the hole number of each cell (rows, cols), and the holes of a layer.
 
     Args:
         missing: (rows, cols) mask of missing cells. Holes are numbered from 1; other cells get 0.

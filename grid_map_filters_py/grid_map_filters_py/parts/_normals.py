@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Computes surface normals of a layer, and deviations from fitted planes.
 
-A layer is a (rows, cols) array of heights [m] in map order, non-finite where unknown; `offset` is a
+A layer is a (rows, cols) array of heights [m] in map order, non-finite where unknown. `offset` is a
 typical height. `radius` is the radius of the disc [m], `resolution` the side of a cell [m]. Normals
 are three (rows, cols) arrays: the x, y and z components of unit vectors.
 """
@@ -205,7 +205,7 @@ def _smallest_eigenvectors(
 
     Eigenvalues are the trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
     The adjugate of (matrix - smallest eigenvalue * identity) is a multiple of the outer product of
-    the eigenvector with itself; the eigenvector is the normalized last column.
+    the eigenvector with itself. The eigenvector is the normalized last column.
 
     Returns:
         x, y and z components, and a mask of the precise eigenvectors. An eigenvector is imprecise

@@ -416,7 +416,7 @@ def bag_messages(
 class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
-    A message is read from the bag when accessed; its method `grid_map` decodes it. Close the reader
+    A message is read from the bag when accessed. Its method `grid_map` decodes it. Close the reader
     after use, or use it as a context manager. The arguments are those of `load_from_bag`.
     """
 

@@ -48,7 +48,7 @@ def read_parameter(
     """Declare a parameter on the node and return its value.
 
     If `kind` requires it, integers become floats, and whole numbers such as 3.0 become integers. An
-    empty list in a file has no type: if `kind` is a list, the value is an empty list; otherwise,
+    empty list in a file has no type: if `kind` is a list, the value is an empty list. Otherwise,
     the parameter counts as not set.
 
     Args:
@@ -151,7 +151,7 @@ def read_parameter_tree(
 
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
     `{"filter1": {"params": {"radius": 1}}}`. Names may contain any character except the separating
-    dot, so `min/value` is a single name. Values keep their types from the file; arrays become
+    dot, so `min/value` is a single name. Values keep their types from the file. Arrays become
     lists. Empty lists, empty mappings and null have no type in ROS and become None.
 
     Args:

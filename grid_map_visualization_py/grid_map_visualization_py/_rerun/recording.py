@@ -90,7 +90,7 @@ def log_bag(
 ) -> int:
     """Write the messages of a bag to a scene, in time order.
 
-    As in RViz, messages that cannot be shown, such as a pose with NaN, are skipped; a warning names
+    As in RViz, messages that cannot be shown, such as a pose with NaN, are skipped. A warning names
     each affected topic. A damaged map raises an error instead, unless `recover` is true.
 
     Args:

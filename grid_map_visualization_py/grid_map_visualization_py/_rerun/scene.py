@@ -12,7 +12,7 @@ Each topic becomes an entity path, such as `grid_map` for `/grid_map`. Below it,
 
 Each ROS frame becomes a Rerun frame. The 3-D view has its own frame, `view`, whose origin is near
 the first map, because graphics hardware computes in float32. Heights are scaled by `exaggeration`
-only in `view`; all logged data is true to scale.
+only in `view`. All logged data is true to scale.
 """
 
 import math

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Web page with scene, controls and texts, served with viser.
 
-All browsers share the controls; each browser has its own view.
+All browsers share the controls. Each browser has its own view.
 """
 
 import io
