@@ -12,7 +12,7 @@ from .errors import hint
 def lazy_names(
     package: str, offered: Mapping[str, str]
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__all__`, `__getattr__`, `__dir__` of a package; `offered` maps modules to names."""
+    """Return `__all__`, `__getattr__`, `__dir__` for a package; `offered` maps modules to names."""
     module_of = {name: module for module, names in offered.items() for name in names.split()}
     modules = [name.removeprefix(".") for name in offered]
 

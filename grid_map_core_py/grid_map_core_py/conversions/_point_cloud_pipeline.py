@@ -190,7 +190,7 @@ class PointCloudPipeline:
         """
         cloud = self.prepared(points)
         if not len(cloud):
-            raise GridMapError("points: expected a finite one that is no outlier, got none")
+            raise GridMapError("points: expected a finite one that is not an outlier, got none")
         lower, upper = cloud[:, :2].min(axis=0), cloud[:, :2].max(axis=0)
         geometry = fitting_geometry(lower, upper, self.grid_map.resolution, hold_edges=True)
         (rows, columns), _ = geometry.cells_at(cloud[:, :2])

@@ -203,7 +203,7 @@ class ElevationMapper:
             columns = as_columns(values, len(cloud))
             for name in columns:
                 if name in (*OWN, HORIZONTAL, OVERHANG, *HIDDEN) or not is_name(name):
-                    raise GridMapError(f"values: expected another name of a layer, got {name!r}")
+                    raise GridMapError(f"values: expected a different layer name, got {name!r}")
             if new := [name for name in columns if name not in self._map]:
                 check_cells("values", self._map.size, len(self._map) + 2 * len(new))
             last = stamp if self._start is None else self._last

@@ -434,7 +434,7 @@ def _transformer(crs: str) -> Any:
     """Return the PROJ transformer from longitude and latitude to a reference system."""
     if not crs:
         raise GridMapError(
-            "the map has no reference system, so its place on the earth is not known; a GeoTIFF "
+            "the map has no reference system, so its place on the earth is unknown; a GeoTIFF "
             "file or a store says it, or 'dataclasses.replace(tiled_map, crs=...)'"
         )
     remedy = "pip install 'grid_map_core_py[geo]'"

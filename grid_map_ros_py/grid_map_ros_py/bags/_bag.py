@@ -416,8 +416,8 @@ def bag_messages(
 class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
-    A message is read from the bag when accessed. Its method `grid_map` decodes it. Close the reader
-    after use, or use it as a context manager. The arguments are those of `load_from_bag`.
+    A message is read from the bag when it is accessed, and decoded by its method `grid_map`. Close
+    the reader after use, or use it as a context manager. The arguments are as in `load_from_bag`.
     """
 
     def __init__(

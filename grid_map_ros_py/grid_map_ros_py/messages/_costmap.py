@@ -55,7 +55,7 @@ class _Occupancies:
         return elementwise(convert, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: npt.ArrayLike) -> Layer:
-        """Convert costs (...) to the occupancies (...) float32 that Nav2 publishes; 255 is NaN."""
+        """Convert costs (...) to the float32 occupancies that Nav2 publishes; 255 becomes NaN."""
         return VALUES.take(OCCUPANCY_OF_COST.take(np.asarray(costs)))
 
 
