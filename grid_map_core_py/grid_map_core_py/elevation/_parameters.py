@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Limit [m^2] of the variance that relief or the pose adds, too small to clear a cell."""
+        """Upper limit [m^2] of the variance added by relief or pose; it alone clears no cell."""
         return 0.25 * self.largest_variance
 
 

@@ -217,7 +217,7 @@ def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
     steps = [abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes if axis.size > 1]
     if steps and max(steps) - min(steps) > _LARGEST_DIFFERENCE * min(steps):
         raise GeometryError(
-            f"dataset: expected square cells, got {steps[0]:.6g} x {steps[1]:.6g} m"
+            f"dataset: expected cells that are squares, got {steps[0]:.6g} x {steps[1]:.6g} m"
         )
     given = dataset.attrs.get("resolution")
     side = float(given) if isinstance(given, int | float | np.number) else 0.0
