@@ -195,7 +195,7 @@ class Surface:
 
 
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
-    """Yield the triangles by type; each type omits another of the four corners of a square.
+    """Yield the triangles in four groups; each group omits a different corner of the squares.
 
     Each item consists of a flattened mask of the squares that contain such a triangle, and the
     offsets of the triangle corners from the first cell of the square.
