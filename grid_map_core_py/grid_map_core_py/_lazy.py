@@ -12,7 +12,7 @@ from .errors import hint
 def lazy_names(
     package: str, offered: Mapping[str, str]
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__all__`, `__getattr__`, `__dir__` of a package; `offered` maps modules to names.
+    """Return `__all__`, `__getattr__`, `__dir__` for a package; `offered` maps modules to names.
 
     `__getattr__` also finds `__version__`, which is "0+unknown" if the package is not installed.
     """

@@ -81,7 +81,7 @@ def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[
 def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
     """Convert parameters with dotted names, `a.b: 1`, to nested mappings, `a: {b: 1}`.
 
-    ROS reads an empty mapping as None; if nested parameters exist as well, they replace the None.
+    ROS reads an empty mapping as None. Nested parameters of the same name replace this None.
 
     Args:
         parameters: values by name.

@@ -120,11 +120,11 @@ def most_bytes(packed: float) -> float:
 
 
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if unpacking some data would exceed `max_bytes` or `max_ratio`.
+    """Raise `LimitError` if compressed data exceeds `max_bytes` or `max_ratio` when unpacked.
 
     Args:
         name: subject of the error message.
-        unpacked, packed: sizes [bytes].
+        unpacked, packed: sizes of the data after and before unpacking [bytes].
     """
     if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")

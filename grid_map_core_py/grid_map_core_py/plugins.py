@@ -2,7 +2,7 @@
 """Helpers for plug-ins: class registries and parameter checks.
 
 Filters and visualizations are dataclasses whose fields are their parameters. A `Registry` finds
-such classes by their YAML type names in all installed packages; `check` validates a value.
+such classes by their YAML type names in all installed packages. `check` validates a value.
 """
 
 from collections.abc import Mapping

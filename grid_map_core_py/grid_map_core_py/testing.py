@@ -51,7 +51,7 @@ def register_profiles() -> None:
     """Register two hypothesis profiles and activate `grid_map`; call this in a `conftest.py`.
 
     The profile `grid_map` runs the same examples every time, so that results are reproducible. The
-    profile `explore` runs more examples, and new ones every time; select it with `pytest
+    profile `explore` runs more examples, and new ones every time. Select it with `pytest
     --hypothesis-profile=explore` or `make explore`. Neither profile limits the time per example.
     """
     from hypothesis import settings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Importing this module registers the xarray accessor `grid_map`; see `GridMapAccessor`.
+"""Registers the xarray accessor `grid_map` when imported; see `GridMapAccessor`.
 
 `GridMap.to_xarray`, `GridMap.from_xarray` and `open_map` also register the accessor.
 """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping_robot`: a simulated robot with a lidar and a depth camera.
 
-The robot drives on real terrain with boxes, a ramp and stairs; a person crosses the path. The robot
+The robot drives on real terrain with boxes, a ramp and stairs. A person crosses the path. The robot
 starts when a node subscribes to the lidar. The node publishes the clouds of both sensors, drifting
 odometry with covariance, and the true terrain around the robot in the odometry frame.
 """

@@ -2,7 +2,7 @@
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
 The file is read again for each message, so the next message shows any edits. The image may be gray
-or in color, with or without an alpha channel; the values are 8-bit or 16-bit integers or floats.
+or in color, with or without an alpha channel. The values are 8-bit or 16-bit integers or floats.
 """
 
 from pathlib import Path

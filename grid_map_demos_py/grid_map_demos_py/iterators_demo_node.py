@@ -43,7 +43,7 @@ CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
 
 
 class Step(NamedTuple):
-    """Step of the demo: pause afterwards [s], title if a region begins, and polygon to publish."""
+    """Demo step: the pause after it [s], the title of a new region, and a polygon to publish."""
 
     pause: float
     title: str = ""

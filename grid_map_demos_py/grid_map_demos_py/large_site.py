@@ -40,7 +40,7 @@ def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
     """Return the ground heights (rows, cols) [m] at the cells of a grid.
 
-    The ground is a sum of waves in random directions; longer waves are higher. Each wave is a
+    The ground is a sum of waves in random directions. Longer waves are higher. Each wave is a
     sum of two products f(x) g(y), so that a single matrix product yields the heights of all cells.
     """
     random = np.random.default_rng(5)

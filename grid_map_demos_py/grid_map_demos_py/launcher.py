@@ -3,9 +3,9 @@
 
     filters_demo, elevation_mapping_demo, large_map_demo [--report DIRECTORY] [--view [PORT]]
 
-Each node runs in a process of its own. A demo runs until it is interrupted or a node ends. With
+Each node runs in its own process. A demo runs until it is interrupted or a node ends. With
 `--report`, another process collects the messages of the nodes, writes pictures to the directory,
-prints a table and ends the demo; the exit code is 0 only if messages arrive on all topics. With
+prints a table and ends the demo. The exit code is 0 only if messages arrive on all topics. With
 `--view`, another process shows the demo in the browser and logs the address.
 """
 
@@ -41,8 +41,8 @@ WINDOW = "grid_map_ros_py._executables.grid_map_window"
 class NodesDemo:
     """Demo that starts nodes and, on request, a report or a browser viewer.
 
-    The folder `config` contains the parameters of the report in `NAME.yaml`, and those of the
-    viewers in `NAME_viewer.yaml`.
+    In the folder `config`, `NAME.yaml` contains the parameters of the report, and
+    `NAME_viewer.yaml` the parameters of the viewers.
 
     Attributes:
         name: name of the executable.
@@ -196,7 +196,7 @@ class ProcessGroup:
         """Start a node, unless the group has been stopped.
 
         Args:
-            module: module of the node, followed by arguments.
+            module: module name of the node, followed by its command line arguments.
             parameter_file: name of the file in the folder `config`.
             parameters: additional parameters, each as `name:=value`.
         """

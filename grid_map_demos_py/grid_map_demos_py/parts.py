@@ -47,7 +47,7 @@ def weighted_means(
 ) -> npt.NDArray[np.float64]:
     """Return the weighted mean of the finite values around each cell; NaN if there are none.
 
-    A value at distance d has the weight (1 - d / radius)**2; values beyond the radius are ignored.
+    A value at distance d has the weight (1 - d / radius)**2. Values beyond the radius are ignored.
     """
     reach = int(radius / resolution)
     steps = resolution * np.arange(-reach, reach + 1)

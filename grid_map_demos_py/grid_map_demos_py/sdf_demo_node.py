@@ -4,7 +4,7 @@
 Subscribes to maps. The field extends from just below the lowest cell of a map to just above the
 highest cell. The `intensity` of each point is the signed distance to the surface [m]. The
 topic `full_sdf` contains all points, `free_space` the points above the surface, and
-`occupied_space` all other points; a parameter sets the prefix of these topics. Cells without a
+`occupied_space` all other points. A parameter sets the prefix of these topics. Cells without a
 height get the lowest height of the map.
 """
 

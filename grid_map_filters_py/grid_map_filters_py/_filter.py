@@ -83,7 +83,7 @@ class PartlyLocalFilter(Filter, Protocol):
 
 @runtime_checkable
 class WideningFilter(LocalFilter, Protocol):
-    """Filter whose reach depends on the data; `reach` returns the initial reach."""
+    """Filter whose reach depends on the data; its method `reach` returns the initial reach."""
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:
         """Return the number of cells by which to widen a tile; 0 if the tile is large enough."""
@@ -133,7 +133,7 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Make `warn` prefix messages with `step`, and append them to `collected` if it is a list."""
+    """Context in which `warn` adds the prefix `step`, and appends to `collected` unless None."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield
@@ -178,7 +178,7 @@ def check_map(grid_map: object) -> None:
 def in_map_order(call: C) -> C:
     """Decorator for the `__call__` of filters that need maps in map order.
 
-    A map whose start index is not (0, 0) is reordered; the result gets the original start index.
+    A map whose start index is not (0, 0) is reordered. The result gets the original start index.
     Filters that read neighboring cells need the decorator only outside chains, because a chain
     reorders maps itself. The decorator also lets temporary arrays reuse freed memory.
     """

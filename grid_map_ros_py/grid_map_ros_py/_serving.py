@@ -115,7 +115,7 @@ def open_source(
 def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequence[str]) -> GridMap:
     """Return a window of fixed size, centered as close to a position as possible.
 
-    The window is aligned with the cells of the map; cells outside the map are NaN.
+    The window is aligned with the cells of the map. Cells outside the map are NaN.
 
     Args:
         tiled_map: the map.

@@ -92,7 +92,7 @@ def environment(domain: int | None = None) -> dict[str, str]:
     Other ROS settings of the caller's shell, such as a discovery server, are removed.
 
     Args:
-        domain: a ROS domain; None means that of `reserved_domain`.
+        domain: a ROS domain; None means the domain that `reserved_domain` returns.
     """
     settings = {name for name in os.environ if name.startswith(("ROS_", "RCUTILS_"))}
     settings -= {"ROS_DISTRO", "ROS_HOME", "ROS_LOG_DIR", "ROS_PYTHON_VERSION", "ROS_VERSION"}

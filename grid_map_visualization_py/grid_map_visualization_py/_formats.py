@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Registers Rerun recordings as a file format of `grid_map_core_py`.
 
-Each use of the format table imports this module; slow imports are therefore deferred until a file
+Each use of the format table imports this module. Slow imports are therefore deferred until a file
 is written.
 """
 

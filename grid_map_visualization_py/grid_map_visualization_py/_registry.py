@@ -63,8 +63,8 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
         config: mapping with `type` (name of the type) and `params` (values by parameter name).
 
     Raises:
-        ConfigError: the type is missing or unknown; a parameter is unknown, missing or invalid; or
-            a package is not installed. The message names the visualization, its type and the cause.
+        ConfigError: the type or a parameter is unknown, missing or invalid, or a package is not
+            installed. The message names the visualization, its type and the cause.
     """
     type_name: Any = config.get("type")
     # ROS passes an empty mapping as an unset parameter, which is None here.

@@ -57,7 +57,7 @@ def check_color(color: int) -> None:
 
 
 def is_empty(coloring: "Coloring", values: npt.NDArray[np.float32]) -> bool:
-    """Return True if a bound is not set and cannot be computed, because no value is finite."""
+    """Return True if a color bound is missing and no finite value exists to compute it from."""
     return None in (coloring.lower, coloring.upper) and not np.isfinite(values).any()
 
 
@@ -100,7 +100,8 @@ class Coloring:
         """Return the values at the lower and upper end of the color map for an array of values.
 
         If a bound is None, the smallest or largest finite value is used, but not beyond the other
-        bound. If no value is finite, both ends are the other bound, or 0 if both bounds are None.
+        bound. If no value is finite, the other bound replaces a missing bound, and two missing
+        bounds are 0.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper

@@ -117,7 +117,7 @@ class Surface:
     def points(
         self, origin: npt.ArrayLike = (0.0, 0.0), dtype: npt.DTypeLike = np.float64
     ) -> npt.NDArray[Any]:
-        """Return the shown cells as points (columns * rows, 3) [m]; x, y relative to `origin`."""
+        """Return the shown cells as points (columns * rows, 3) [m], relative to `origin` (x, y)."""
         (x, y), (x0, y0) = self.grid_map.geometry.axes_in_map_order(), np.asarray(origin)
         if self._step > 1:
             rows, columns = self._kept
@@ -195,7 +195,7 @@ class Surface:
 
 
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
-    """Yield the triangles by type; each type omits another of the four corners of a square.
+    """Yield the triangles in four groups; each group omits a different corner of the squares.
 
     Each item consists of a flattened mask of the squares that contain such a triangle, and the
     offsets of the triangle corners from the first cell of the square.

@@ -15,7 +15,7 @@ def keep_memory() -> None:
 
     By default, glibc returns each large freed block to the system. The kernel then clears the pages
     of the next block, which takes longer than copying a message. The subscriptions of this suite
-    call this function for large messages; nodes that only publish large messages must call it.
+    call this function for large messages. Nodes that only publish large messages must call it.
     """
     with suppress(AttributeError):  # Other C libraries have no `mallopt`.
         mallopt = ctypes.CDLL(None).mallopt

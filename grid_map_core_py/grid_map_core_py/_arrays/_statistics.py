@@ -2,7 +2,7 @@
 """Statistics of the finite values of an array; NaN and infinities are skipped.
 
 If there are no finite values, `number_of_finites` is 0 and all other statistics are NaN. Arrays may
-have any shape and any real type; sums are accumulated in double precision.
+have any shape and any real type. Sums are accumulated in double precision.
 
 Example:
     >>> mean_of_finites(np.array([[1.0, np.nan], [np.inf, 3.0]]))

@@ -130,8 +130,8 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield a sequence with one record per map to copy from the source to the destination.
 
-    It has a record for each map of a bag if the destination can store several maps and `--index` is
-    not given, otherwise a single record.
+    The sequence has one record per map of a bag if the destination can store several maps and
+    `--index` is not given. Otherwise, it has a single record.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)

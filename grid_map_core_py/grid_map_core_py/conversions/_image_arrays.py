@@ -12,7 +12,7 @@ uint16, and [0, 1] for float32 and float64. A float image created without `lower
 contains the layer values unchanged.
 
 NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. The alpha of a NaN cell is
-0; all other cells are opaque. Infinities become the bounds of the range. When an image is read,
+0. All other cells are opaque. Infinities become the bounds of the range. When an image is read,
 pixels whose alpha is below half the maximum become NaN by default.
 """
 
@@ -324,7 +324,7 @@ def change_resolution(
     """Resample a map to another resolution.
 
     Layers are interpolated as float images with OpenCV's `resize`. If the nearest cell in the
-    original map is NaN or infinite, the new cell gets that value; all other cells are interpolated
+    original map is NaN or infinite, the new cell gets that value. All other cells are interpolated
     from finite cells only. The layer `color` always uses the nearest color. For other
     packed-color layers, pass `cv2.INTER_NEAREST_EXACT`.
 

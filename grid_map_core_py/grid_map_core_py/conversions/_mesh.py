@@ -138,7 +138,7 @@ class _Triangles(NamedTuple):
     Attributes:
         row, column: (T,) position of the first corner.
         by_row, by_column: (3, T) slopes of the barycentric coordinates along rows and columns.
-        slacks: (3, T) how far below 0 the barycentric coordinates of a covered cell may be.
+        slacks: (3, T) amount by which a barycentric coordinate of a covered cell may be below 0.
         heights: (3, T) heights of the corners [m].
         first_row, row_count, first_column, column_count: (T,) bounding rectangles.
         counts: (T,) number of cells in each bounding rectangle.
@@ -163,8 +163,8 @@ def _prepared(
     """Return the triangles that are finite, not vertical, and have a nonzero area.
 
     Args:
-        rows, columns, z: (3, T) positions of the corners [cells], with cell centers at integers,
-            and heights of the corners [m].
+        rows, columns: (3, T) positions of the corners [cells]; cell centers are at integers.
+        z: (3, T) heights of the corners [m].
         size: rows and columns of the map.
         tolerance: largest distance outside an edge at which a center is still covered [cells].
     """
@@ -210,7 +210,7 @@ def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integ
 
 
 def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the same for one large triangle, without copying its data for each cell."""
+    """Yield the cells and heights of one large triangle, without copying its data per cell."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column

@@ -66,7 +66,7 @@ def join_channels(red: Any, green: Any, blue: Any) -> Any:
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Return three uint32 values whose low bytes are red, green and blue; numba compiles this too.
+    """Return three uint32 values with red, green and blue in the low bytes; see `join_channels`.
 
     Args:
         bits: uint32 number or array, 0x00RRGGBB.

@@ -120,7 +120,7 @@ class _Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudPipeline:
-    """Creates a map from a raw point cloud; has the fields of a `grid_map_pcl` parameter file.
+    """Creates a map from a raw point cloud; the fields are the parameters of `grid_map_pcl`.
 
     If enabled, outliers are removed and the cloud is downsampled. The cloud is then transformed to
     the map frame, and the points of each cell are clustered. The height of a cell is the mean
@@ -190,7 +190,7 @@ class PointCloudPipeline:
         """
         cloud = self.prepared(points)
         if not len(cloud):
-            raise GridMapError("points: expected a finite one that is no outlier, got none")
+            raise GridMapError("points: expected a finite one that is not an outlier, got none")
         lower, upper = cloud[:, :2].min(axis=0), cloud[:, :2].max(axis=0)
         geometry = fitting_geometry(lower, upper, self.grid_map.resolution, hold_edges=True)
         (rows, columns), _ = geometry.cells_at(cloud[:, :2])
@@ -404,9 +404,9 @@ def _missing_links(
     """Return links that join clusters of the same group through their `crowded` points.
 
     `crowded` are the indices of points that already have the maximum number of links. Few clusters
-    contain such points, so this is cheap. For each pair of clusters, the crowded points of the
-    cluster that has fewer of them are each linked to the nearest crowded point of the other
-    cluster, if its distance is less than `reach`.
+    contain such points, so this is cheap. In each pair of clusters, the cluster with fewer crowded
+    points is chosen. Each of its crowded points is linked to the nearest crowded point of the other
+    cluster if that point is closer than `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 

@@ -60,7 +60,7 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 def find_medians(cells: Any, values: Any, places: Any, dealt: Any, medians: Any) -> None:
     """Write the median of the values (n,) in each cell to `medians`.
 
-    `dealt` is a buffer for the values sorted by cell; `places` holds the index in `dealt` at which
+    `dealt` is a buffer for the values sorted by cell. `places` holds the index in `dealt` at which
     each cell starts. Both are modified. Cells without values keep their entry in `medians`.
     """
     for i in range(len(values)):

@@ -2,7 +2,7 @@
 """Functions that reduce the point values in each cell to one value.
 
 A reduction takes the flat cell index (n,) and the value (n,) of each point, and the number of
-cells. It returns one float32 per cell. For cells without points, `count` is 0; the others are NaN.
+cells. It returns one float32 per cell. For cells without points, `count` is 0. The others are NaN.
 """
 
 from collections.abc import Callable, Mapping

@@ -3,9 +3,9 @@
 
 The results do not depend on the order of the points in the scan.
 
-The points of a cell are visited from highest to lowest. A point of height z and variance r joins
-the current cluster, which has the mean height m, if
-`|z - m| <= max(threshold * sqrt(variance of m + r), relief)`; otherwise it starts a new cluster.
+The points of a cell are visited from highest to lowest. Let z be the height of a point, r its
+variance, and m the mean height of the current cluster. The point joins this cluster if
+`|z - m| <= max(threshold * sqrt(variance of m + r), relief)`. Otherwise, it starts a new cluster.
 The relief is the height difference that a slope may cause within a cell.
 """
 
@@ -89,7 +89,7 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
 def deal(
     cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Sort points by cell, and the points of each cell as described in `Sorted`.
+    """Sort points by cell, then by descending height, then by variance, as in `Sorted`.
 
     Args:
         cells: (count,) cells of the points.

@@ -227,7 +227,10 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the candidates (m,) that enough scans have seen, else `NONE`; store the others."""
+        """Return the candidate (m,) of each cell that enough scans have seen, or `NONE`.
+
+        Candidates that need further scans are stored in the state.
+        """
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])

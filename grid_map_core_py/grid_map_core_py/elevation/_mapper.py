@@ -203,7 +203,7 @@ class ElevationMapper:
             columns = as_columns(values, len(cloud))
             for name in columns:
                 if name in (*OWN, HORIZONTAL, OVERHANG, *HIDDEN) or not is_name(name):
-                    raise GridMapError(f"values: expected another name of a layer, got {name!r}")
+                    raise GridMapError(f"values: expected a different layer name, got {name!r}")
             if new := [name for name in columns if name not in self._map]:
                 check_cells("values", self._map.size, len(self._map) + 2 * len(new))
             last = stamp if self._start is None else self._last
@@ -267,7 +267,7 @@ class ElevationMapper:
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace the layers of this map with the layers of another map where the maps overlap.
 
-        Layers that exist in both maps are replaced; each cell gets the value (even NaN) of the
+        Layers that exist in both maps are replaced. Each cell gets the value (even NaN) of the
         other map's cell that contains its center. A variance that is then unknown or too small
         becomes `min_variance`. `time` and the bounds are not copied: the bounds are recomputed, and
         replaced heights count as confirmed by the last scan.

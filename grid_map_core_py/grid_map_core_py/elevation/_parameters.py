@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Largest variance [m^2] that relief or pose may add; too small to clear a cell alone."""
+        """Upper limit [m^2] of the variance added by relief or pose; it alone clears no cell."""
         return 0.25 * self.largest_variance
 
 

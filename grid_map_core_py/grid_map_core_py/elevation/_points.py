@@ -62,19 +62,25 @@ class Covariance:
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Like `of_points`, for cells; include the covariances of z with roll and with pitch."""
+        """Return the height variance [m^2] that the uncertainty of the pose causes at cells.
+
+        Unlike `of_points`, it includes the covariances of z with roll and with pitch.
+        """
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the mean of the x and y variances [m^2]; yaw moves a cell by `yaw * (-y, x)`."""
+        """Return the mean of the x and y variances of cells [m^2] that the pose causes.
+
+        A yaw error moves a cell by `yaw * (-y, x)`.
+        """
         (along_x, _, x_yaw), (_, along_y, y_yaw), (_, _, yaw) = self.level.tolist()
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
         """Return the mean of the x and y variances of points at height z above the sensor [m^2].
 
-        Unlike `level_of_places`, this includes tilt, which moves a point by the angle times z.
+        Unlike `level_of_places`, it includes tilt errors, which move a point by the angle times z.
         """
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
         return self.level_of_places(x, y) + tilt * z * z

@@ -149,7 +149,7 @@ def highest_around(
 ) -> NDArray[np.float32]:
     """Return the maximum (cells,) of the values within `radius` cells of each cell.
 
-    NaN values are ignored; the result is -inf if no value remains. If `itself` is False, the cell's
+    NaN values are ignored. The result is -inf if no value remains. If `itself` is False, the cell's
     own value is excluded.
     """
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)

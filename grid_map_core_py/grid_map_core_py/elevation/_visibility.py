@@ -42,7 +42,7 @@ from ._state import State, highest_around
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
     """Return the heights (k,) at which beams entered the cells of their points [m].
 
-    `order` (n,) holds the scan indices of the points on the map; `chosen` (k,) indexes `order`.
+    `order` (n,) holds the scan indices of the points on the map. `chosen` (k,) indexes `order`.
     """
     chosen = order[chosen]
     rows = geometry.size[0]
@@ -69,7 +69,7 @@ def cleared_cells(
 ) -> Integers:
     """Return the indices of the cells that beams prove to be free.
 
-    `points` are the points on the map; `confirmed` (k,) are the cells that this scan confirmed.
+    `points` are the points on the map. `confirmed` (k,) are the cells that this scan confirmed.
     """
     heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
@@ -205,7 +205,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the ring width [cells]: `RINGS` rings cover all of the map that beams can reach."""
+    """Return the width [cells] of the `RINGS` rings that cover the part of the map in reach."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1

@@ -74,7 +74,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the option names of a format's function; the first `given` parameters do not count."""
+    """Return the option names of a format's function: all parameters after the first `given`."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 
@@ -86,7 +86,7 @@ def load(
 ) -> GridMap:
     """Load a map from a file or folder; the name selects the format.
 
-    `formats()` lists the formats; the documentation page "Bags and files" lists their options. If
+    `formats()` lists the formats. The documentation page "Bags and files" lists their options. If
     several formats share an ending, the first that accepts all options is used:
     `load("a.tif")` reads a GeoTIFF, `load("a.tif", resolution=0.1)` reads a height image.
 
@@ -136,7 +136,7 @@ def save(
 def formats() -> dict[str, Format]:
     """Return all formats by name: first built-in formats, then formats from entry points.
 
-    An entry point in the group `grid_map_core_py.formats` adds a format; the entry point is named
+    An entry point in the group `grid_map_core_py.formats` adds a format. The entry point is named
     after the format and refers to a `Format`. Formats that fail to load are skipped with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}

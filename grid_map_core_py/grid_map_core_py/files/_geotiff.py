@@ -3,7 +3,7 @@
 
 NaN means no data. Raster rows run towards -y and columns towards +x. A tag stores the frame, time
 and basic layers. The geotransform defines the position, so rasters cropped by other programs load
-correctly. The first part of this module reads and writes whole maps; `grid_map_core_py.tiled` uses
+correctly. The first part of this module reads and writes whole maps. `grid_map_core_py.tiled` uses
 the second part to read and write windows.
 """
 
@@ -42,7 +42,7 @@ def save_geotiff(
 ) -> None:
     """Write a map to a GeoTIFF file.
 
-    The file is built in memory and written atomically; an existing file is replaced.
+    The file is built in memory and written atomically. An existing file is replaced.
 
     Args:
         grid_map: the map; it is stored in map order.
@@ -154,7 +154,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
     """Return the frame origin stored in a raster, in coordinates of the reference system [m].
 
-    None means that no origin is stored, or that the raster has been projected since.
+    The result is None if no origin is stored, or if the raster was reprojected afterwards.
     """
     tags = _tags_of(raster)
     if "origin" not in tags:

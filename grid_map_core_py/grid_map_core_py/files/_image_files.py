@@ -4,7 +4,7 @@
 In files, up is +y and right is +x, as in GeoTIFF, nav2's `map_server` and the RViz top-down view.
 In the arrays of `grid_map_core_py.conversions`, up is +x, as in the images of the C++ package.
 
-A height image stores only pixels; the caller provides the resolution and the heights of black and
+A height image stores only pixels. The caller provides the resolution and the heights of black and
 white.
 """
 
@@ -51,7 +51,7 @@ def load_height_image(
 ) -> GridMap:
     """Load a gray image as a map with one height layer.
 
-    Pixels that are more than half transparent become NaN; NaN in a floating-point image stays NaN.
+    Pixels that are more than half transparent become NaN. NaN in a floating-point image stays NaN.
     Colors are converted to luma.
 
     Args:
@@ -100,7 +100,7 @@ def save_height_image(
 ) -> None:
     """Write one layer as a height image.
 
-    The file is written atomically; an existing file is replaced. NaN becomes transparent,
+    The file is written atomically. An existing file is replaced. NaN becomes transparent,
     or stays NaN in a float32 image.
 
     Args:

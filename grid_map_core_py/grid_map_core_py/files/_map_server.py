@@ -11,7 +11,7 @@ channels, from 0 (black) to 1 (white), and `occ` be `1 - shade`, or `shade` if `
   are unknown.
 - `raw`: the 8-bit pixel value if it is at most 100, otherwise unknown. `negate` has no effect.
 
-In the map, occupancies range from 0 to 100; unknown cells are NaN.
+In the map, occupancies range from 0 to 100. Unknown cells are NaN.
 Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
 """
 
@@ -105,7 +105,7 @@ def save_map_server(
     """Write a layer as an occupancy map of nav2's `map_server`.
 
     The image is written next to the YAML file, as PGM or, in `scale` mode, as PNG with alpha. The
-    YAML file is replaced last; until then, an old map stays intact.
+    YAML file is replaced last. Until then, an old map stays intact.
 
     Args:
         grid_map: the map; it is stored in map order.
@@ -124,8 +124,8 @@ def save_map_server(
             values outside are clamped. Only NaN means unknown.
 
     Raises:
-        GridMapError: `data_min` and `data_max` are not given and a value is not an occupancy; an
-            option is invalid; or a file cannot be written.
+        GridMapError: an option is invalid, a file cannot be written, or a value is not an occupancy
+            and `data_min` and `data_max` are not given.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")

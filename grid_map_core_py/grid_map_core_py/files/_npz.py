@@ -31,7 +31,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
     """Write a map to an `.npz` file.
 
     Layers are stored in map order, so the loaded map has the start index (0, 0). The file is
-    written atomically; an existing file is replaced.
+    written atomically. An existing file is replaced.
 
     Args:
         grid_map: the map.

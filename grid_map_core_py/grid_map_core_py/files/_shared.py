@@ -32,7 +32,7 @@ _KNOWN = (
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
-    """Raise `GridMapError` if a path has the ending of a known format that is not in `own`."""
+    """Raise `GridMapError` if a path has a known file name ending other than those in `own`."""
     ending = Path(path).suffix.lower()
     if ending in _KNOWN and ending not in own:
         raise GridMapError(f"{path}: expected a name that ends in {' or '.join(own)}, got {ending}")

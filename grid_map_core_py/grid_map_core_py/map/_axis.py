@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversion between coordinates and cells along x or y.
 
-Cells are counted from the border with the largest coordinate, whatever the start index is.
+Cells are counted from the border with the largest coordinate, for any start index.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Axis:
         return (offset >= 0.0) & (offset < self.length)
 
     def offset(self, x: Coordinate) -> Coordinate:
-        """Return the distances [m] of coordinates from the + border; `contains` relies on them."""
+        """Return the distances [m] of coordinates from the + border, as `contains` uses them."""
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
@@ -137,9 +137,9 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return the whole number of cells to another center, positive towards smaller x or y.
+        """Return the distance to another center in whole cells, positive towards smaller x or y.
 
-        Halves are rounded away from zero. If the number is infinite, the result is NaN.
+        Halves are rounded away from zero. If the distance is infinite, the result is NaN.
         """
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)

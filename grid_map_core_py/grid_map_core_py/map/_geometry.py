@@ -2,8 +2,7 @@
 """Geometry of a grid: conversion between positions and cell indices.
 
 Cells are counted from the corner with the largest x and y, rows towards -x and columns towards -y,
-whatever the start index is. `_axis` does the arithmetic; `_ring_buffer` converts cells to buffer
-indices.
+for any start index. `_axis` does the arithmetic. `_ring_buffer` converts cells to buffer indices.
 """
 
 from __future__ import annotations
@@ -249,7 +248,7 @@ class GridGeometry:
     def box(self, lower: ArrayLike, upper: ArrayLike) -> tuple[slice, slice]:
         """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
 
-        An edge within 1e-9 m of a cell border adds no cell; a rectangle without area overlaps the
+        An edge within 1e-9 m of a cell border adds no cell. A rectangle without area overlaps the
         cell that contains it. If no cell is overlapped, both slices are empty.
 
         Args:

@@ -50,19 +50,19 @@ class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
-    and writing into this array changes the map; `map[layer] = values` adds or replaces a layer. An
+    and writing into this array changes the map. `map[layer] = values` adds or replaces a layer. An
     xarray array is aligned by its coordinates. NaN means "no data". Finite values beyond the
     float32 range become infinite, and numbers above 2**24 may lose digits; both cause a
     `RuntimeWarning`.
 
-    In map order, row 0, column 0 is the corner with the largest x and y; rows run towards -x and
-    columns towards -y. Layers of a new map are in map order; after `move`, they are circular
+    In map order, row 0, column 0 is the corner with the largest x and y. Rows run towards -x and
+    columns towards -y. Layers of a new map are in map order. After `move`, they are circular
     buffers in which the cell at that corner is stored at `start_index`. `axes()`, positions and
     regions account for this. To read or write a layer in map order, use `unwrapped(layer)` and
     `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
-    equal; NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
+    equal. NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
     not hashable.
 
     Args:
@@ -75,9 +75,9 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: coordinate frame that all positions refer to.
         timestamp: time of the data [ns].
 
-    Unless stated otherwise, methods raise `LayerNotFoundError` for a missing layer, `OutOfMapError`
-    for a position or an index outside the map, and `GeometryError` for a position, size or other
-    geometric argument that is not finite, and for arrays of the wrong shape.
+    Unless stated otherwise, methods raise `LayerNotFoundError` for a missing layer, and
+    `OutOfMapError` for a position or an index outside the map. They raise `GeometryError` for
+    arrays of the wrong shape, and for geometric arguments that are not finite.
 
     Example:
         >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
@@ -230,7 +230,7 @@ class GridMap(MutableMapping[str, Layer]):
     def position(self) -> Positions:
         """(2,) center of the map [m].
 
-        Setting `position` shifts the map together with its data; `move` keeps the data in place.
+        Setting `position` shifts the map together with its data. `move` keeps the data in place.
         """
         return self._geometry.position
 
@@ -242,7 +242,7 @@ class GridMap(MutableMapping[str, Layer]):
     def start_index(self) -> Size:
         """Buffer row and column at which cell (0, 0) of the map is stored.
 
-        Setting `start_index` reinterprets the stored data; no data is copied.
+        Setting `start_index` reinterprets the stored data. No data is copied.
         """
         return self._start
 
@@ -279,7 +279,7 @@ class GridMap(MutableMapping[str, Layer]):
     def crs(self) -> str:
         """Coordinate reference system of the frame: WKT, a code or a PROJ string; "" if unknown.
 
-        Copies, submaps, and GeoTIFF, Zarr and .npz files keep it; ROS messages and images cannot.
+        Copies, submaps, and GeoTIFF, Zarr and .npz files keep it. ROS messages and images cannot.
         Setting `crs` resets `origin` to (0, 0).
         """
         return self._reference[0]
@@ -400,7 +400,7 @@ class GridMap(MutableMapping[str, Layer]):
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a new map with these layers added or replaced.
 
-        The new map shares all other layers with this map; each is copied when it is first accessed
+        The new map shares all other layers with this map. Each is copied when it is first accessed
         as `new[layer]`. Given arrays are copied, except float32 arrays in Fortran order.
         """
         if not isinstance(layers, Mapping):
@@ -411,7 +411,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._sharing({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
-        """Return a new map without the named layers; all others are shared as in `with_layers`."""
+        """Return a new map without the named layers; it shares the others, as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
         return self._sharing({n: data for n, data in self._layers.items() if n not in dropped})
 
@@ -681,8 +681,8 @@ class GridMap(MutableMapping[str, Layer]):
     def extend_to_include(self, other: GridMap) -> None:
         """Extend the map by whole cells so that it covers another map.
 
-        Existing cells keep their positions and values; new cells are NaN. If the map already
-        covers the other map (within 1e-9 m), it does not change; otherwise `start_index` becomes
+        Existing cells keep their positions and values. New cells are NaN. If the map already
+        covers the other map (within 1e-9 m), it does not change. Otherwise `start_index` becomes
         (0, 0). `add_data_from` also copies the data.
 
         Raises:
@@ -703,8 +703,8 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map takes the values of the cell of `other` that contains its center;
-        values that are not finite are not copied. A map without `crs` adopts that of `other`.
+        Each cell of this map takes the values of the cell of `other` that contains its center.
+        Values that are not finite are not copied. A map without `crs` adopts the `crs` of `other`.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.
@@ -780,9 +780,10 @@ class GridMap(MutableMapping[str, Layer]):
         """Create a map from an xarray dataset or array; the values are copied.
 
         Each variable with the dimensions x and y, in any order and direction, becomes a layer, and
-        so does each band along a dimension `band`. Values equal to `_FillValue` become NaN; scales
-        and offsets are applied. Variables without x or y are ignored. An array without a name
-        becomes `elevation`. The frame is "map" unless the attribute `frame_id` names another.
+        so does each band along a dimension `band`. Values equal to `_FillValue` become NaN. Scales
+        and offsets are applied. Variables without x or y are ignored. An unnamed array becomes the
+        layer `elevation`. The frame is the attribute `frame_id`, or "map" if the attribute is
+        missing.
 
         Args:
             dataset: dataset or array; the coordinates x and y are the evenly spaced centers of
@@ -873,7 +874,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers; arrays that this map owns are copied on first access."""
+        """Return a map with these layers; it copies an array of this map when first accessed."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}

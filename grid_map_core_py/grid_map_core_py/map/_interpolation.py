@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Interpolation of a layer between the centers of its cells.
 
-All methods except `NEAREST` are separable: the value is a weighted sum of the cells in a few rows
-and columns around the position, where each weight is the product of a row and a column weight.
+All methods except `NEAREST` are separable. The value is a weighted sum of the cells in a few rows
+and columns around the position. Each weight is the product of a row weight and a column weight.
 Beyond the border, the border cell is repeated.
 """
 
@@ -145,7 +145,7 @@ class Surface:
         self._corner = corner
 
     def at(self, points: Positions, method: Interpolation) -> Positions:
-        """Return the values (N,) at positions (N, 2); raise if a position is outside the map."""
+        """Return the values (N,) at positions (N, 2); raise `OutOfMapError` outside the map."""
         values = np.empty(len(points))
         # Infinity times a weight of 0 is NaN; the simpler method is then used.
         with np.errstate(invalid="ignore"):
@@ -155,7 +155,7 @@ class Surface:
         return values
 
     def coordinates(self, points: Positions) -> Positions:
-        """Convert (N, 2) positions to coordinates (2, N); raise if one is outside the map."""
+        """Convert (N, 2) positions to coordinates (2, N); raise `OutOfMapError` outside the map."""
         check_inside(self._geometry, points)
         return np.ascontiguousarray(points.T)
 
@@ -271,7 +271,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
     """Return outer weights that continue the slope at the border cell beyond the border.
 
-    `far` is the weight of the outer neighbor on the map, `near` of the one beyond the border.
+    `far` and `near` are the weights of the outer neighbors: on the map, and beyond the border.
     """
     return far - near, 2.0 * near
 

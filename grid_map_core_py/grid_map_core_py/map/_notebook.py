@@ -2,7 +2,7 @@
 """Representations of maps in notebooks: an HTML table with small pictures, and a PNG picture.
 
 Pictures show the map from above, with x to the right and y upwards. Colors range from dark blue
-(smallest finite value) to yellow (largest); NaN cells are transparent. Layers whose name ends in
+(smallest finite value) to yellow (largest). NaN cells are transparent. Layers whose name ends in
 `color` are treated as packed colors.
 """
 

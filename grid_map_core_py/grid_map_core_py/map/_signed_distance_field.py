@@ -29,17 +29,17 @@ _STRIP = 1 << 16  # cells per strip; a strip fits into the cache
 class SignedDistanceField:
     """Distances from points in space to the surface of a height layer.
 
-    Ground is modeled as one vertical line per cell, at the cell center, up to the height of the
-    cell; above that height, the line is air. In the air, the value is the distance to the nearest
-    ground; in the ground, it is the negative distance to the nearest air; where they meet, it is 0.
-    Outside the map there is neither ground nor air. Distances are exact at nodes, which lie at the
-    cell centers on horizontal levels spaced by the resolution.
+    Each cell is modeled as a vertical line through its center: ground up to the height of the cell,
+    and air above. In the air, the value is the distance to the nearest ground. In the ground, it is
+    the negative distance to the nearest air. On the surface, it is 0. Outside the map, there is
+    neither ground nor air. Distances are exact at nodes, which lie at the cell centers on
+    horizontal levels spaced by the resolution.
 
-    Between nodes, distances are interpolated trilinearly; beyond the outermost nodes, linear
+    Between nodes, distances are interpolated trilinearly. Beyond the outermost nodes, linear
     extrapolation gives only an estimate. Along an axis with a single cell, distances are constant.
 
     A height of +inf means ground at any z; -inf means air at any z. Without any ground, all
-    distances are +inf; without any air, they are -inf. In both cases, gradients are 0.
+    distances are +inf. Without any air, they are -inf. In both cases, gradients are 0.
 
     Args:
         grid_map: the map; later changes to the map have no effect.
@@ -155,8 +155,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        These are the derivatives of the interpolated `value`. They jump at planes through nodes;
-        within 1e-9 m of such a plane, the mean of the derivatives on both sides is returned.
+        These are the derivatives of the interpolated `value`. They jump at planes through nodes.
+        Within 1e-9 m of such a plane, the mean of the derivatives on both sides is returned.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -167,7 +167,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`; as fast as `gradient` alone."""
+        """Return the results of `value` and `gradient`, as fast as `gradient` alone."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):
@@ -244,7 +244,7 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the memory indices of cells. They are exact in float64 for up to 2**31 nodes."""
+        """Return the flat memory index (N,) of each cell, computed in float64 without rounding."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -279,7 +279,10 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
-    """Return C-contiguous heights (rows, cols) in map order; NaN is refused or becomes -inf."""
+    """Return a C-contiguous copy of the heights (rows, cols), in map order.
+
+    If `unknown` is "free", NaN becomes -inf. If it is None, NaN raises an error.
+    """
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")
@@ -313,11 +316,11 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     """Return the distances (rows, cols) from the nodes of a level to the nearest ground or air.
 
-    For ground, `upper` is the z of the level and `lower` the heights (rows, cols); for air, the
+    For ground, `upper` is the z of the level and `lower` the heights (rows, cols). For air, the
     arguments are swapped. The vertical gap in cell c is f(c) = max(upper - lower, 0). The squared
-    distance of a node is the minimum of (distance to the center of c)^2 + f(c)^2 over all cells c:
-    the generalized distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
-    Sampled Functions, 2012), computed along one axis after the other.
+    distance of a node is the minimum of (distance to the center of c)^2 + f(c)^2 over all cells c.
+    This is the generalized distance transform of f^2, computed along one axis after the other
+    (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012).
     """
     # Subtract in float64, because the difference of large heights may be small.
     shape = np.broadcast_shapes(np.shape(upper), np.shape(lower))

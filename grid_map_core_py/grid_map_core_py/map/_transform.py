@@ -77,7 +77,7 @@ def _seen_from_above(
 ) -> tuple[NDArray[np.float32], _Indices]:
     """Return the height of the highest point in each new cell, and the number of its source cell.
 
-    Both arrays list the cells column by column; cells without points have height -inf.
+    Both arrays list the cells column by column. Cells without points have height -inf.
     Among points of equal height, the point from the last source cell is kept.
 
     Args:

@@ -151,7 +151,7 @@ class Polygon:
     def is_inside(self, points: ArrayLike) -> bool | Mask:
         """Return a mask of the points inside, by the even-odd rule.
 
-        Points on a left or lower edge are inside; points on a right or upper edge are outside.
+        Points on a left or lower edge are inside. Points on a right or upper edge are outside.
 
         Args:
             points: (2,) or (N, 2) x, y [m]; a point with NaN is outside.

@@ -330,7 +330,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
     """Return the lengths (R,) of integer ranges, and all ranges concatenated (N,).
 
-    `first` and `stop` (R,) are the bounds; `stop` is exclusive.
+    `first` and `stop` (R,) are the bounds. `stop` is exclusive.
     """
     counts = stop - first
     ends = np.add.accumulate(counts)

@@ -131,7 +131,7 @@ def _windows(
 
 
 def _view(data: Layer, size: int) -> Layer:
-    """Return the windows as a view (rows - size + 1, cols - size + 1, size, size)."""
+    """Return all windows of `data` as a view (rows - size + 1, cols - size + 1, size, size)."""
     if min(data.shape) < size:
         rows, columns = (max(side - size + 1, 0) for side in data.shape)
         return np.empty((rows, columns, size, size), dtype=np.float32)

@@ -28,8 +28,8 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
 
     The ring number of a cell is its distance from the center cell [cells], rounded down. A ring
     runs clockwise as seen from above and ends on the -x side of the center cell. The cell that
-    contains the center comes first if it is on the map, even if its own center is outside the disc;
-    all other cells are those of `circle_cells`.
+    contains the center comes first if it is on the map, even if its own center is outside the disc.
+    All other cells are those of `circle_cells`.
 
     Args:
         center: (2,) center of the disc [m]; it may be outside the map.

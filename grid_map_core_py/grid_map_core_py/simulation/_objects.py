@@ -33,7 +33,7 @@ def with_box(
         center: (2,) center of the object [m], map frame; parts outside the map are cut off.
         length: (2,) side lengths of the object along the object's x and y axes [m].
         height: height of the object [m] above the mean height of the ground below it, or above 0 if
-            no height is known there; higher ground sticks out.
+            no ground height is known. Higher ground keeps its height.
         yaw: rotation of the object relative to the map [rad].
         layer: name of the height layer. The object covers all cells whose centers lie on it, even
             those without a height.
@@ -68,7 +68,7 @@ def with_stairs(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with stairs: equal steps rise along the object's x axis; see `with_box`."""
+    """Return a map with `steps` equal steps that rise along the object's x axis; see `with_box`."""
     count = as_finite(steps, "steps", "a number of steps", least=1.0)
 
     def profile(share: NDArray[np.float64]) -> NDArray[np.float64]:

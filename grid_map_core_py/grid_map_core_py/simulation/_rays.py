@@ -173,7 +173,7 @@ def _above(
 ) -> Any:
     """Return the coefficients of 1, t and t^2 in the height of a beam above a patch after t meters.
 
-    The height of the patch is a + b u + c v + d u v. At t = 0, the beam is at (u, v, z); per meter,
+    The height of the patch is a + b u + c v + d u v. At t = 0, the beam is at (u, v, z). Per meter,
     it advances by (d_row, d_column, d_z).
     """
     return (
@@ -184,7 +184,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN; avoid cancellation."""
+    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN, without cancellation."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps larger than memory: Dask computes them tile by tile, from Zarr stores or GeoTIFF files.
 
-Requires the extra `tiled`; GeoTIFF files also require the extra `geo`. `grid_map_core_py.xarray`
+Requires the extra `tiled`. GeoTIFF files also require the extra `geo`. `grid_map_core_py.xarray`
 registers the accessor `grid_map` for xarray datasets.
 """
 

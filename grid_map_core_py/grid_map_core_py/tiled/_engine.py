@@ -2,7 +2,7 @@
 """Runs a function on many tiles with the Dask scheduler that the program has chosen.
 
 The default is a thread pool in this process. If the program creates a `dask.distributed.Client`,
-its cluster is used instead; `dask.config.set(scheduler=...)` selects another local scheduler.
+its cluster is used instead. `dask.config.set(scheduler=...)` selects another local scheduler.
 """
 
 import itertools
@@ -43,11 +43,12 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
     """Yield each part and `function(part)` as soon as the result is available.
 
     Parts are drawn from `parts` on demand, so that neither this process nor the scheduler stores
-    all parts. Closing the iterator cancels queued calls; calls that already run in threads of this
+    all parts. Closing the iterator cancels queued calls. Calls that already run in threads of this
     process are completed.
 
     Args:
-        function: function to call. If other processes call it, it and the parts are pickled.
+        function: function to call; it is pickled together with the parts if other processes call
+            it.
         parts: arguments of the calls.
 
     Raises:

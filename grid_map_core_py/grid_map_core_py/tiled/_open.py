@@ -39,8 +39,9 @@ def open_map(
             the chunk size of the store or of the Dask arrays, or 1024 if there are no chunks.
         crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
             when they are read, with bilinear interpolation and square pixels.
-        origin: latitude and longitude [deg, WGS 84] of the map frame origin. None means the
-            stored origin or, without one, that of the reference system; see `TiledMap.with_origin`.
+        origin: latitude and longitude [deg, WGS 84] of the map frame origin. None means the stored
+            origin; if none is stored, the origin of the reference system. See
+            `TiledMap.with_origin`.
 
     Raises:
         ConfigError: `crs` is malformed, or is set although the map is not a GeoTIFF file.

@@ -222,7 +222,7 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
 
 
 def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
-    """Return the coarsest overview with cells at most `step` times as wide as those of the raster.
+    """Return the coarsest overview whose cells are at most `step` cells of the raster wide.
 
     Returns:
         overview: the overview as a map, with positions accurate to half a cell. If the map is a

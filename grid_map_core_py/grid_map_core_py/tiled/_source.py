@@ -39,7 +39,7 @@ class Source(Protocol):
         """Layer names, in order."""
 
     def describe(self) -> str:
-        """Return text that identifies the data; if it has changed, a run cannot be resumed."""
+        """Return a text that identifies the data; a run can be resumed only with the same text."""
 
     def prepare(self) -> None:
         """Prepare data shared by all windows; called once before windows are read in parallel."""

@@ -88,7 +88,7 @@ class TiledMap(TiledData):
         """Create an empty Zarr store and return it as a map; use `write` to fill it.
 
         The empty store uses a few kilobytes, regardless of the map size. A chunk uses disk space
-        only once it is written; the cells of unwritten chunks are NaN.
+        only once it is written. The cells of unwritten chunks are NaN.
 
         Args:
             path: folder of the store, which must not exist.
@@ -141,7 +141,7 @@ class TiledMap(TiledData):
     ) -> GridMap:
         """Return a rectangular part of the map; only the chunks under the rectangle are read.
 
-        The result has the same cells as that of `GridMap.get_submap`.
+        `GridMap.get_submap` returns the same cells.
 
         Args:
             position: (2,) center of the rectangle [m].
@@ -224,7 +224,7 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        The cells of the result are `step` times as wide; each has the value of the original cell at
+        The cells of the result are `step` times as wide. Each has the value of the original cell at
         its center. If the map is a raster with suitable overviews, cells are copied from one of
         them. If more than about 4000 tiles would have to be read, a larger step is used.
 
@@ -300,9 +300,9 @@ class TiledMap(TiledData):
             progress: called after each tile.
 
         Raises:
-            GridMapError: a tile cannot be read, computed or written; the store exists; another
-                process is writing the store; or there is an unfinished run, and `resume` is False
-                or the inputs of that run were different.
+            GridMapError: a tile cannot be read, computed or written; the store exists or is being
+                written by another process; or an unfinished run exists, and `resume` is False or
+                the run had other inputs.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -317,7 +317,7 @@ class TiledMap(TiledData):
         """Merge a map into the store that this map was opened from.
 
         Finite cells of `grid_map` replace cells of the store. Each store cell gets the value of the
-        map cell that contains its center, as with `GridMap.add_data_from`; map cells outside the
+        map cell that contains its center, as with `GridMap.add_data_from`. Map cells outside the
         store are ignored. Only chunks under the map are read and written, and each chunk is written
         atomically. Several processes may write at the same time without losing data.
 
@@ -347,7 +347,7 @@ class TiledMap(TiledData):
         """Compute the map and write it to a GeoTIFF file, window by window.
 
         A temporary file is renamed to `path` when complete. Each layer is a float32 band named
-        after the layer; the nodata value is NaN. A tag stores frame, time and basic layers, so that
+        after the layer. The nodata value is NaN. A tag stores frame, time and basic layers, so that
         `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
         temporarily requires additional disk space for the uncompressed layers.
 
@@ -404,7 +404,7 @@ class TiledMap(TiledData):
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
         """Return the map in a frame whose origin has this latitude and longitude.
 
-        Coordinates in a reference system can be millions of meters; in a frame whose origin
+        Coordinates in a reference system can be millions of meters. In a frame whose origin
         is near the robot, they are small. The directions of the axes do not change. Datasets,
         stores and GeoTIFF files still use the coordinates of the reference system. They also store
         the origin, so that `open_map` and `load_geotiff` can restore the frame.
@@ -434,7 +434,7 @@ def _transformer(crs: str) -> Any:
     """Return the PROJ transformer from longitude and latitude to a reference system."""
     if not crs:
         raise GridMapError(
-            "the map has no reference system, so its place on the earth is not known; a GeoTIFF "
+            "the map has no reference system, so its place on the earth is unknown; a GeoTIFF "
             "file or a store says it, or 'dataclasses.replace(tiled_map, crs=...)'"
         )
     remedy = "pip install 'grid_map_core_py[geo]'"

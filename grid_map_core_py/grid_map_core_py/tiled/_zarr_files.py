@@ -2,10 +2,10 @@
 """Writes tiled maps to new Zarr stores tile by tile, and manages store files and locks.
 
 Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file stores a block of a
-layer in Fortran order; zarr-python writes the chunk under a temporary name and renames the file.
+layer in Fortran order. Zarr-python writes the chunk under a temporary name and renames the file.
 Cells of missing chunks are NaN.
 
-An unfinished store is a folder whose name ends in `.part`; the folder is renamed when all tiles are
+An unfinished store is a folder whose name ends in `.part`. The folder is renamed when all tiles are
 complete. A tile is complete when its chunks exist for all layers. A resumed run computes only the
 tiles that are not complete.
 """

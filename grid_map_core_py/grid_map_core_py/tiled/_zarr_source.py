@@ -101,7 +101,7 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
             chunk = dataset[layer].encoding.get("chunks") or (1, 1)
             if not min(chunk):
                 expected = "chunks: expected at least one cell, got"
-                raise GridMapError(f"{layer}: {expected} {[*chunk]}. Write the store anew")
+                raise GridMapError(f"{layer}: {expected} {[*chunk]}. Write the store again")
             # Reading even a single cell unpacks a whole chunk.
             check_cells(f"{layer}: chunk", chunk)
         stored = dataset[layers[0]].encoding.get("chunks") if layers else None
@@ -151,8 +151,8 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 
     Returns:
         window: cells of the store.
-        lines: two arrays: the buffer row of the map for each row of the window, and the buffer
-            column for each column.
+        lines: for each row of the window, the buffer row of the map; and for each column of the
+            window, the buffer column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution

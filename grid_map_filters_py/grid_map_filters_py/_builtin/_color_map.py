@@ -28,7 +28,7 @@ class ColorMap(CellFilter, LayerFilter):
         min_value: value that gets `min_color`. YAML files may also use `min/value`, or a mapping
             `min` with the keys `value` and `color`.
         max_value: value that gets `max_color`; must exceed `min_value`.
-        min_color, max_color: red, green and blue at these values, clamped to [0, 1].
+        min_color, max_color: red, green and blue at `min_value` or `max_value`, clamped to [0, 1].
     """
 
     min_value: float

@@ -28,7 +28,7 @@ _CELLS = 4 * CELLS
 class MathExpression:
     """Compute `output_layer` with a matrix expression over the layers of the map.
 
-    If the result is a scalar, all cells get this value; a matrix must have the shape of the map.
+    If the result is a scalar, all cells get this value. A matrix must have the shape of the map.
 
     Attributes:
         expression: expression to evaluate, for example `0.5 * slope + roughness`.

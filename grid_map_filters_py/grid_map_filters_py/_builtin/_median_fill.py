@@ -111,7 +111,7 @@ class MedianFill:
 def _mask(layer: Layer, iterations: int) -> Layer:
     """Return a mask that is 1 in cells that may change, and 0 elsewhere.
 
-    Starting with the finite cells, a morphological opening removes narrow areas; a closing with
+    Starting with the finite cells, a morphological opening removes narrow areas. A closing with
     `iterations` dilations and as many erosions then bridges gaps.
     """
     # After max(rows, cols) steps the mask cannot grow further.

@@ -2,7 +2,7 @@
 """Expression language of the filters: EigenLab syntax with additions.
 
 `Expression(text)` parses the text once. Calling the expression with layers returns a matrix or a
-number; the method `over_windows` evaluates the expression for the window around every cell.
+number. The method `over_windows` evaluates the expression for the window around every cell.
 """
 
 from ._expression import Expression

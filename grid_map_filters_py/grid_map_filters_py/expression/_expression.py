@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 class Expression:
     """A mathematical expression with layers as variables, parsed once.
 
-    Expressions are immutable; expressions with the same text are equal.
+    Expressions are immutable. Expressions with the same text are equal.
 
     Args:
         text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
@@ -122,7 +122,7 @@ class Expression:
     def __call__(self, layers: Mapping[str, NDArray[Any]]) -> NDArray[np.float32] | float:
         """Evaluate the expression for whole layers.
 
-        Elementwise operations use float32 and keep the memory order of the layers; reductions use
+        Elementwise operations use float32 and keep the memory order of the layers. Reductions use
         double precision. Infinities and NaN follow IEEE 754, without warnings.
 
         Args:

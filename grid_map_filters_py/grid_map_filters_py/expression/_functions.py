@@ -38,7 +38,7 @@ def round_half_away(values: Any) -> Any:
 
 
 def where(condition: Any, then: Any, otherwise: Any) -> Any:
-    """Return `then` where the condition is not zero (NaN counts as true), else `otherwise`."""
+    """Return `then` where the condition is nonzero or NaN, and `otherwise` where it is zero."""
     return np.where(np.not_equal(condition, 0.0), then, otherwise)
 
 

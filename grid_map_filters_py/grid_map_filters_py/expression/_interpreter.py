@@ -229,7 +229,7 @@ def _is_constant(node: Node) -> bool:
 
 
 def may_be_index(call: Node) -> bool:
-    """Return True if a call may be an index into a layer with the name of the function."""
+    """Return True if `name(arguments)` may index a layer that has the name of a function."""
     _, arguments = call.parts
     return len(arguments) <= 2 and all(
         float(node.parts[0]).is_integer()

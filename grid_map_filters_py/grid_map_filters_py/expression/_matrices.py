@@ -105,7 +105,7 @@ class Matrices:
 
 
 class Partial(Matrices):
-    """Primitive operations on a tile; `parts` collects the results of all folds.
+    """Primitive operations on a tile, which collect the results of all folds in `parts`.
 
     A reducing function is applied to each tile with `Partial`, then once with `Combined`.
     """
@@ -122,10 +122,10 @@ class Partial(Matrices):
 
 
 class Combined(Matrices):
-    """Primitive operations whose folds combine the results of all tiles.
+    """Primitive operations for a tiled map; each fold combines stored results of all tiles.
 
     Args:
-        parts: the results of all tiles for each fold, in the order in which the folds run.
+        parts: for each fold, in the order of evaluation, the results of all tiles.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:

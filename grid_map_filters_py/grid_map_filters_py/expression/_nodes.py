@@ -37,7 +37,7 @@ class Node:
 
     @contextmanager
     def blamed(self) -> Iterator[None]:
-        """Add the position of this node to faults that have no position yet."""
+        """Context that adds the position of this node to each `Fault` raised without a position."""
         try:
             yield
         except Fault as fault:

@@ -47,7 +47,8 @@ class SlidingWindow(WindowMatrix):
     """A window that slides over an array.
 
     Args:
-        source: (n + rows - 1, m + columns - 1) values, covered by the windows of n x m cells.
+        source: values to slide over, (n + rows - 1, m + columns - 1) for n x m windows; becomes
+            read-only.
         shape: (rows, columns) of the window.
     """
 
@@ -92,7 +93,7 @@ class DeviatingWindow(WindowMatrix):
 
 
 class SquaredDeviations(WindowMatrix):
-    """Squared differences between each window and the number of its cell, as in a variance."""
+    """Squared differences of a window from one number per cell, such as the window mean."""
 
     def __init__(self, deviations: DeviatingWindow) -> None:
         super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
@@ -338,7 +339,7 @@ def _protect(element: Element) -> None:
 
 
 def _element(value: Value, row: int, column: int) -> Element:
-    """Return an element of a value; a 1 x 1 value is repeated for all rows and columns."""
+    """Return the element at a row and column; a 1 x 1 value has the same element everywhere."""
     if isinstance(value, float):
         return float(np.float32(value))
     if value.shape == SCALAR:

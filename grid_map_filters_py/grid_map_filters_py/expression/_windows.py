@@ -64,7 +64,7 @@ class _Span(NamedTuple):
     """Neighboring cells along one axis whose windows are cropped in the same way.
 
     The span contains the cells from `start` up to, but not including, `stop`. Each cropped window
-    has `window` cells; the window of the cell `start` begins at the cell `first`.
+    has `window` cells. The window of the cell `start` begins at the cell `first`.
     """
 
     start: int

@@ -146,9 +146,9 @@ class Disc:
 
         Yields:
             distance: distance of the line from the center [cells].
-            ahead: for the disc around each cell, the sum over the line at this distance after the
-                center. The array is laid out like the flat array of `totals`; the next iteration
-                overwrites it.
+            ahead: sum over the line at this distance after the center, for the disc around each
+                cell. The array has the layout of the flat array of `totals`, and is overwritten by
+                the next iteration.
             behind: the same for the line before the center; at distance 0, equal to `ahead`.
         """
         # In a flat array, a single slice contains the neighbors of all cells at a given offset.

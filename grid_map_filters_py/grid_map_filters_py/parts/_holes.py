@@ -50,7 +50,7 @@ class Holes:
 
 
 def find_holes(missing: Mask) -> tuple[Integers, Holes]:
-    """Find the holes of a layer; return the hole number of each cell (rows, cols), and the holes.
+    """Return the hole number of each cell (rows, cols), and the holes of a layer.
 
     Args:
         missing: (rows, cols) mask of missing cells. Holes are numbered from 1; other cells get 0.
@@ -118,8 +118,8 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: holes whose bounding box is at most this long on its longer side [cells] are
-            omitted, unless they touch the tile border.
+        length: maximum side of the bounding box of holes to omit [cells]; holes that touch the tile
+            border are never omitted.
     """
 
     layer: str

@@ -115,7 +115,7 @@ def check_radius(radius: float, name: str = "radius") -> None:
 def highest_in_disc(layer: Layer, radius: float, resolution: float, *, fill: bool = True) -> Layer:
     """Return the largest finite value in the disc around every cell; NaN if there is none.
 
-    This is the gray-scale dilation of the layer with the disc as structuring element; non-finite
+    This is the gray-scale dilation of the layer with the disc as structuring element. Non-finite
     cells are ignored.
 
     Args:

@@ -93,9 +93,9 @@ def _put_blurred(
 ) -> Mask:
     """Write the medians that `cv2.medianBlur` can compute; return a mask of the other cells.
 
-    If one half of the missing values in a window is set to infinity and the other half to minus
-    infinity, the middle value is the upper median of the finite values. Assigning the signs in a
-    checkerboard pattern, or in the opposite pattern, achieves this in most windows.
+    If half of the missing values in a window are set to infinity and the others to minus infinity,
+    the middle value is the upper median of the finite values. In most windows, a checkerboard of
+    signs, or the inverse checkerboard, splits the missing values in this way.
     """
     rest = cells.T.copy()
     for color in (0, 1):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Computes surface normals of a layer, and deviations from fitted planes.
 
-A layer is a (rows, cols) array of heights [m] in map order, non-finite where unknown; `offset` is a
+A layer is a (rows, cols) array of heights [m] in map order, non-finite where unknown. `offset` is a
 typical height. `radius` is the radius of the disc [m], `resolution` the side of a cell [m]. Normals
 are three (rows, cols) arrays: the x, y and z components of unit vectors.
 """
@@ -73,10 +73,11 @@ def _slope(heights: Field, resolution: float) -> Field:
 
 
 def plane_deviations(layer: Layer, offset: float, radius: float, resolution: float) -> Field:
-    """Return the standard deviation of the points in a disc from the plane of `area_normals` [m].
+    """Return the standard deviation [m] of the points in each disc from their fitted plane.
 
-    This is the sample standard deviation (n - 1 in the denominator). The result is NaN where the
-    layer is not finite or the disc contains only one point.
+    `area_normals` defines the plane. The sample standard deviation is used (n - 1 in the
+    denominator). The result is NaN where the layer is not finite or the disc contains only one
+    point.
     """
     deviations = np.empty(layer.shape, order="F")
     disc = Disc(radius, resolution, layer.shape)
@@ -141,7 +142,7 @@ def _sums(
 
 
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
-    """Return unit normals; the z axis for ignored cells, and for points on a line.
+    """Return unit normals, which are the z axis for ignored cells and for points on a line.
 
     Points are on a line if the second eigenvalue of their covariance matrix is at most `spread`.
     """
@@ -204,7 +205,7 @@ def _smallest_eigenvectors(
 
     Eigenvalues are the trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
     The adjugate of (matrix - smallest eigenvalue * identity) is a multiple of the outer product of
-    the eigenvector with itself; the eigenvector is the normalized last column.
+    the eigenvector with itself. The eigenvector is the normalized last column.
 
     Returns:
         x, y and z components, and a mask of the precise eigenvectors. An eigenvector is imprecise

@@ -120,7 +120,7 @@ def offers(endpoint: Any) -> dict[str, bool]:
 
 
 def check_positive(options: argparse.Namespace, *names: str) -> None:
-    """Raise a `UsageError` if one of the named options is set but not a positive number."""
+    """Raise a `UsageError` if a named option has a value that is not a positive number."""
     for name in names:
         value = getattr(options, name)
         if value is not None and not 0 < value < math.inf:

@@ -2,7 +2,7 @@
 """Camera model: converts depth images to points, and finds the map cells visible in an image.
 
 Camera frames are optical frames (REP-103): x right, y down, z forward. Pixel
-coordinates (u, v) are a column and a row; pixel centers have integer coordinates.
+coordinates (u, v) are a column and a row. Pixel centers have integer coordinates.
 """
 
 import math

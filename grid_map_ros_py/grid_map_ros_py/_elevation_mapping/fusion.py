@@ -205,7 +205,7 @@ class ElevationFusion:
         self._note({})
 
     def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
-        """Return the mapper parameters; limits of the source apply where they are stricter."""
+        """Return the mapper parameters with the stricter limits of mapper and input source."""
         given, own, processor = self.mapper.parameters, source.settings, source.processor
         # Source limits are relative to the robot, but mapper limits are relative to the sensor.
         above, below = processor.above, processor.below

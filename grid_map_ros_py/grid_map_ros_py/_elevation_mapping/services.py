@@ -92,7 +92,7 @@ def _part_of(grid_map: GridMap, request: Any) -> Any:
 
 
 def _topic_of(request: Any) -> str:
-    """Return the bag topic of the filtered map; appending `_raw` gives that of the raw map."""
+    """Return the bag topic of the filtered map; the topic of the raw map also ends in `_raw`."""
     name = request.topic_name or "elevation_map"
     if "/" in name:
         raise RequestError(f"topic_name: expected a name without slashes, got {name!r}")

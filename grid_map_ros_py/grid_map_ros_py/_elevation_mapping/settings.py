@@ -72,8 +72,9 @@ class Settings:
         directory: directory in which services load and save maps; empty disables these services.
         storage: file format of saved bags.
         min_update_rate: rate at which the raw map is published if it has changed [Hz].
-        fused_map_publishing_rate: rate at which the filtered map is published [Hz]; with 0, only on
-            `trigger_fusion`; with `.inf`, after every scan that publishes the raw map.
+        fused_map_publishing_rate: rate at which the filtered map is published [Hz]. With 0, only
+            `trigger_fusion` publishes it. With `.inf`, it is published after every scan that
+            publishes the raw map.
     """
 
     map_frame_id: str = "map"

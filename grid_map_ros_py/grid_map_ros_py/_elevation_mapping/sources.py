@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parameters of input sources and of their sensor models.
 
-Parameters are named as in the ROS 1 package `elevation_mapping`; those for channels are named as in
+Parameters are named as in the ROS 1 package `elevation_mapping`. Those for channels are named as in
 `elevation_mapping_cupy`.
 """
 
@@ -188,7 +188,7 @@ class InputSource:
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fusion methods by name pattern; `default` becomes the last pattern, `.*`.
 
-    ROS splits patterns such as `feat_.*` at the dots; nested parameters are joined again.
+    ROS splits patterns such as `feat_.*` at the dots. Nested parameters are joined again.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

@@ -46,8 +46,8 @@ class CostmapSettings:
         frame_id: frame of the costmap; empty means the map frame. Another frame needs tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
         origin_grid: send the largest window whose borders are multiples of this number of cells.
-        unknown: rank of unknown map cells if a costmap cell touches several map cells (in another
-            frame or resolution): `worst`, or `above_free` (between costs 0 and 1).
+        unknown: rank of unknown map cells if a costmap cell touches several map cells: `worst`
+            (above all costs) or `above_free` (between costs 0 and 1).
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
             never.
         always_send_full: send only full grids.
@@ -70,8 +70,8 @@ class CostmapSettings:
 class Output:
     """Publishes latched full grids of type `kind`, and updates of type `update` unless it is None.
 
-    An update expires after `lifespan` [s]. Two full grids follow it, one per `period` [s]. If a
-    late subscriber applies an update to a newer grid, a full grid soon replaces the result.
+    An update expires after `lifespan` [s]. Two full grids follow each update, one per `period` [s].
+    If a late subscriber applies an update to a newer grid, a full grid soon replaces the result.
     """
 
     def __init__(

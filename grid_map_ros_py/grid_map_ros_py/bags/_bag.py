@@ -77,13 +77,13 @@ def save_to_bag(
 class BagWriter:
     """Context manager that writes maps to a bag, one at a time.
 
-    When the context ends without an exception, the new bag replaces an existing bag. For the other
-    arguments, see `save_to_bag`.
+    When the context ends without an exception, the new bag replaces an existing bag.
 
     Args:
-        in_place: for long MCAP recordings: delete an existing bag first, and write directly to
-            `path`. The bag can be completed even if the disk is full; after a crash,
-            `recover=True` can read it.
+        path, overwrite, storage, compression: as in `save_to_bag`.
+        in_place: delete an existing bag first, and write directly to `path`. Use this for long
+            MCAP recordings: the bag can be completed even if the disk is full, and `recover=True`
+            can read it after a crash.
     """
 
     def __init__(
@@ -383,7 +383,7 @@ class BagFiles:
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Return an open file; the previous one is closed, since a bag may have very many."""
+        """Open a storage file and close the previous one, because a bag may have many files."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)
@@ -416,8 +416,8 @@ def bag_messages(
 class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
-    A message is read from the bag when accessed; its method `grid_map` decodes it. Close the reader
-    after use, or use it as a context manager. The arguments are those of `load_from_bag`.
+    A message is read from the bag when it is accessed, and decoded by its method `grid_map`. Close
+    the reader after use, or use it as a context manager. The arguments are as in `load_from_bag`.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Time of a message [ns], and its place in the storage file: MCAP offsets or a row id."""
+    """Time [ns] and place of a message; the place is a row id in sqlite3, or offsets in MCAP."""
 
     time: int
     place: Any

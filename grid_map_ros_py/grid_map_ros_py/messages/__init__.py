@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and ROS messages.
 
-All functions raise `LayerNotFoundError` for a missing layer, `MessageError` for an inconsistent
-message or a value that a message cannot hold, `LimitError` for too many cells, another
-`GridMapError` for invalid arguments, and `MissingPackageError` for a message package that is not
-installed. Messages are checked completely before memory is allocated.
+Messages are checked completely before memory is allocated. An inconsistent message, or a value that
+a message cannot hold, raises `MessageError`. Other errors are `LayerNotFoundError` for a missing
+layer, `LimitError` for too many cells, `MissingPackageError` for a missing message package, and
+`GridMapError` for invalid arguments.
 """
 
 from ._cdr import serialize as serialize, view as view

@@ -70,9 +70,9 @@ def serialize(
 
     Args:
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
-        arrays: values of sequence fields by field name, used instead of those in the message: (N,)
-            for a sequence of N numbers, (N, k) for a sequence of N messages that consist of k
-            numbers of one type. The dtype must match the numbers in the field.
+        arrays: values of sequence fields by field name, which replace those in the message. The
+            shape is (N,) for N numbers, or (N, k) for N messages that consist of k numbers of one
+            type. The dtype must match the numbers in the field.
         message_type: type of the message, as for `view`; None means the class of `message`.
     """
     for name in arrays:
@@ -98,7 +98,7 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
 @dataclass(frozen=True)
 class Reordered:
-    """Values (N,) to serialize in another order; `write` fills an array with them in that order."""
+    """Values (N,) to serialize in another order; `write` writes them to an array in this order."""
 
     values: npt.NDArray[Any]
     write: Callable[[npt.NDArray[Any]], object]

@@ -41,7 +41,7 @@ COSTS = CostRange(FREE, LETHAL)
 
 @dataclass(frozen=True, eq=False)
 class _Occupancies:
-    """Codec of occupancies; `costs` (102,) holds the costs of 0 to 100 and of unknown."""
+    """Codec of occupancies; `costs` (102,) holds the costs of occupancies 0 to 100 and unknown."""
 
     costs: Costs
 
@@ -55,7 +55,7 @@ class _Occupancies:
         return elementwise(convert, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: npt.ArrayLike) -> Layer:
-        """Convert costs (...) to the occupancies (...) float32 that Nav2 publishes; 255 to NaN."""
+        """Convert costs (...) to the float32 occupancies that Nav2 publishes; 255 becomes NaN."""
         return VALUES.take(OCCUPANCY_OF_COST.take(np.asarray(costs)))
 
 

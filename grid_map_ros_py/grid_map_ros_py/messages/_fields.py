@@ -186,7 +186,7 @@ def as_float32(field: str, value: float) -> float:
 def as_written(value: float) -> float:
     """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1.
 
-    Values outside the float32 range become 0 or infinity; received messages never contain any.
+    Values outside the float32 range become 0 or infinity. Received messages never contain any.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))
@@ -212,8 +212,8 @@ def from_pose(message: Any) -> Matrix:
 def from_transform(message: Any) -> Matrix:
     """Convert a `Transform` or `TransformStamped` to a (4, 4) matrix.
 
-    The matrix transforms points [m] from the child frame to the parent frame. Errors are those of
-    `from_pose`.
+    The matrix transforms points [m] from the child frame to the parent frame. The function raises
+    the same errors as `from_pose`.
     """
     return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
 

@@ -70,8 +70,8 @@ def from_grid_cells(
         resolution: cell size [m]; None means the cell width in the message (float32), converted to
             the float64 with the same shortest decimal form.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
-            None means the smallest grid that covers all cells; its cells coincide with those of the
-            message if their centers lie on a lattice, as in messages from `to_grid_cells`.
+            None means the smallest grid that covers all cells. If the centers in the message lie on
+            a lattice, as in messages from `to_grid_cells`, this grid has the same cells.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)

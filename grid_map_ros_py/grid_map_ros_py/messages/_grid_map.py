@@ -103,7 +103,7 @@ def to_info(geometry: GridGeometry) -> "GridMapInfo":
 def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> SimpleNamespace:
     """Return the content of the map message as a plain object with the same attributes.
 
-    The start index is `start`; if `start` exceeds uint16, the layers are in map order.
+    The start index is `start`. If `start` exceeds uint16, the layers are in map order.
     """
     names = select_layers(grid_map.layers, layers)
     say_crs_is_lost(grid_map, "a message", stacklevel=4)
@@ -323,7 +323,7 @@ def _from_multi_array(message: "Float32MultiArray", size: Size, field: str) -> L
     """Return the values (rows, cols) of a `Float32MultiArray` as a view of the message data.
 
     Data is column-major (`column_index` first) or row-major (`row_index` first) and starts after
-    `data_offset` values. Publishers leave strides unset or use different conventions; all
+    `data_offset` values. Publishers leave strides unset or use different conventions. All
     conventions are accepted if the data is not padded.
     """
     labels = tuple(dim.label for dim in message.layout.dim)

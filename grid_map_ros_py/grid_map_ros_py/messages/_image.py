@@ -135,7 +135,7 @@ def add_layer_from_image(
 ) -> None:
     """Set a layer of a map to the gray values of an image.
 
-    The map must have the size of the image; its start index may be nonzero. Other arguments: see
+    The map must have the size of the image. Its start index may be nonzero. Other arguments: see
     `from_image`.
     """
     image, order = to_pixels(message, grid_map.size)
@@ -170,7 +170,7 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
     """Return the pixels (rows, cols, channels) of an image and the color order.
 
     The pixels keep the byte order of the sender. They are a view of the message data, or a copy if
-    the values are not aligned. `size` is the required size (rows, cols); None accepts any size.
+    the values are not aligned. `size` is the required size (rows, cols). None accepts any size.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

@@ -73,7 +73,7 @@ def from_octomap(
     """Create an elevation map from the highest occupied voxel of each column of an octree.
 
     Each cell represents a column of voxels. Its height is the z of the center of the highest
-    occupied voxel within the bounds, or NaN if there is none. The map extends to the bounds; on
+    occupied voxel within the bounds, or NaN if there is none. The map extends to the bounds. On
     sides without a bound, it extends to the edge of the tree, including free space.
 
     Args:

@@ -112,7 +112,7 @@ def _levels(
 
 
 def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp]:
-    """Return the depths (N,) of nodes in preorder. `counts` (N,) are their numbers of children."""
+    """Return the depths (N,) of nodes in preorder; node i has `counts[i]` children."""
     # At each position, count the nodes still to come, including the node at that position.
     open_ends = np.append(0, np.cumsum(counts - 1)) + 1
     closed = np.flatnonzero(open_ends == 0)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between `sensor_msgs/PointCloud2`, grid maps and arrays.
 
-Fields of a cloud may have any of the eight number types; gaps between fields and padded rows are
+Fields of a cloud may have any of the eight number types. Gaps between fields and padded rows are
 supported. Big-endian clouds raise `MessageError`.
 """
 
@@ -56,7 +56,7 @@ def to_point_cloud(
 
     A cell is valid if the point layer and all basic layers are finite. Points are in column-major
     order of the map buffer. The layers become float32 fields in the same order and with the same
-    names, except that x, y, z [m] replace the point layer. Viewers expect packed colors in `rgb`;
+    names, except that x, y, z [m] replace the point layer. Viewers expect packed colors in `rgb`.
     `color` is therefore renamed to `rgb`, unless a layer `rgb` is also sent.
 
     Args:
@@ -271,7 +271,10 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Map fields to layers of the same name; `rgb` or else `rgba` becomes `color` if free."""
+    """Return the layer name of each field: its own name, or `color` for `rgb` or `rgba`.
+
+    `rgb` takes precedence over `rgba`. Both keep their names if the cloud has a field `color`.
+    """
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():

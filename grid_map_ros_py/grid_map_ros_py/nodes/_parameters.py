@@ -48,7 +48,7 @@ def read_parameter(
     """Declare a parameter on the node and return its value.
 
     If `kind` requires it, integers become floats, and whole numbers such as 3.0 become integers. An
-    empty list in a file has no type: if `kind` is a list, the value is an empty list; otherwise,
+    empty list in a file has no type: if `kind` is a list, the value is an empty list. Otherwise,
     the parameter counts as not set.
 
     Args:
@@ -81,13 +81,15 @@ def read_fields(
     defaults: Mapping[str, object] | None = None,
     read_only: bool = True,
 ) -> T:
-    """Create a dataclass from one parameter per field, described in its `Attributes:` section.
+    """Create a dataclass whose fields are read from ROS parameters of the same names.
+
+    The parameter descriptions are those in the `Attributes:` section of the dataclass.
 
     Args:
         node: the node.
         cls: the dataclass; all fields must have defaults.
         prefix: prefix of the parameter names, such as `input_sources.front.`.
-        defaults: default values by field name, which override those of the dataclass.
+        defaults: default values by field name, which override the defaults of the dataclass.
         read_only: see `read_parameter`.
 
     Raises:
@@ -149,7 +151,7 @@ def read_parameter_tree(
 
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
     `{"filter1": {"params": {"radius": 1}}}`. Names may contain any character except the separating
-    dot, so `min/value` is a single name. Values keep their types from the file; arrays become
+    dot, so `min/value` is a single name. Values keep their types from the file. Arrays become
     lists. Empty lists, empty mappings and null have no type in ROS and become None.
 
     Args:

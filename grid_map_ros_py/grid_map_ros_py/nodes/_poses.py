@@ -140,7 +140,7 @@ class PoseHistory(Poses):
     def add(self, message: Any) -> None:
         """Add the pose of an `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        A pose more than `LONGEST_JITTER` earlier than the last pose indicates a time reset; all
+        A pose more than `LONGEST_JITTER` earlier than the last pose indicates a time reset. All
         stored poses are then discarded.
         """
         if message.header.frame_id.removeprefix("/") != self._map_frame:
@@ -184,7 +184,7 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the robot pose at `stamp` [ns], or the latest if 0; None if all poses are earlier.
+        """Return the robot pose at `stamp` [ns], or None if all poses are earlier; 0 means latest.
 
         Raises:
             GridMapError: all poses are later.
@@ -201,10 +201,10 @@ class PoseHistory(Poses):
         return end if before == after else between(begin, end, share)
 
     def covariance_at(self, stamp: int) -> Covariance | None:
-        """Return the pose covariance at `stamp` [ns], or the latest if 0; None if unknown.
+        """Return the pose covariance at `stamp` [ns], or None if unknown; 0 means latest.
 
-        Between poses, it is interpolated; before the first and after the last pose, it is that of
-        the nearest pose.
+        Between two poses, the covariance is interpolated. Before the first and after the last pose,
+        the covariance of the nearest pose is returned.
         """
         if not self._stamps:
             return None
@@ -277,7 +277,7 @@ def has_tf() -> bool:
 
 
 def chosen_source(name: str, without_tf: str) -> str:
-    """Resolve a pose source: `auto` means `tf`, or `without_tf` if tf2 is not installed."""
+    """Return the pose source `name`; `auto` becomes `tf`, or `without_tf` if tf2 is missing."""
     if name == "auto":
         return "tf" if has_tf() else without_tf
     return name

@@ -121,10 +121,10 @@ class ScanQueue:
 
     Attributes:
         poses: source of the poses.
-        read: converts a message to a scan (a `Cloud`, or another object with `frame_id`, `stamp`
-            and a length); raises `GridMapError` if the message is invalid.
-        fuse: called with a scan and its placement; returns the number of unused points by reason,
-            or None; raises `GridMapError` if the scan is invalid.
+        read: converts a message to a scan, and raises `GridMapError` if the message is invalid. A
+            scan is a `Cloud`, or another object with `frame_id`, `stamp` and a length.
+        fuse: called with a scan and its placement. It returns the number of unused points by
+            reason, or None, and raises `GridMapError` if the scan is invalid.
         report: called with a text when a scan is dropped.
         what: noun for a message in the texts passed to `report`.
         timeout: maximum time a scan waits for its pose [s].

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Life cycle of node executables, from arguments to exit code; base class and timers of nodes."""
+"""Runs node executables, from arguments to exit code, and defines their base class and timers."""
 
 import gc
 import signal
@@ -58,7 +58,7 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
     Call this in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
-    callback; a second signal interrupts it. (The signal handlers of rclpy are not used, because
+    callback. A second signal interrupts the callback. (The signal handlers of rclpy are not used:
     they shut ROS down during a callback, and a spinning executor may not notice that.) An ignored
     SIGHUP, as under `nohup`, stays ignored. The node reports its state on `/diagnostics`; see
     `Health`.

@@ -97,7 +97,7 @@ class LatchedSubscription:
     all known publishers are volatile, and becomes volatile when a volatile publisher appears.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
-    the message is dropped and the error is logged; a `NodeFailedError` ends the node.
+    the message is dropped and the error is logged. A `NodeFailedError` ends the node.
 
     Args:
         node: the node that subscribes.

@@ -52,7 +52,7 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
 
 @contextmanager
 def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
-    """Yield the path of a pipe and a list of write errors; a thread copies the pipe to `target`.
+    """Yield the path of a pipe that a thread copies to `target`, and a list of write errors.
 
     Without the pipe, Rerun would block forever after a failed write, for example on a full disk.
     """
@@ -90,7 +90,7 @@ def log_bag(
 ) -> int:
     """Write the messages of a bag to a scene, in time order.
 
-    As in RViz, messages that cannot be shown, such as a pose with NaN, are skipped; a warning names
+    As in RViz, messages that cannot be shown, such as a pose with NaN, are skipped. A warning names
     each affected topic. A damaged map raises an error instead, unless `recover` is true.
 
     Args:

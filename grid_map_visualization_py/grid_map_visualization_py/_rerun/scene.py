@@ -10,9 +10,9 @@ Each topic becomes an entity path, such as `grid_map` for `/grid_map`. Below it,
 - `range/NAME`: curves of the smallest, mean and largest value.
 - `missing/NAME`: curve of the percentage of missing values.
 
-Each ROS frame becomes a Rerun frame. The 3-D view has a frame of its own, `view`, whose origin is
-near the first map, because graphics hardware computes in float32. Heights are scaled by
-`exaggeration` only in `view`; all logged data is true to scale.
+Each ROS frame becomes a Rerun frame. The 3-D view has its own frame, `view`, whose origin is near
+the first map, because graphics hardware computes in float32. Heights are scaled by `exaggeration`
+only in `view`. All logged data is true to scale.
 """
 
 import math

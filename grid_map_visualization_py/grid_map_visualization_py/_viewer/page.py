@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Web page with scene, controls and texts, served with viser.
 
-All browsers share the controls; each browser has its own view.
+All browsers share the controls. Each browser has its own view.
 """
 
 import io
@@ -485,7 +485,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Replace the options; if the selected one is gone, select `preferred`, or else the first."""
+    """Replace the options; if the selected one is missing, select `preferred` or the first."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

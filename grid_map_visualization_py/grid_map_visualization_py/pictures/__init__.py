@@ -7,7 +7,7 @@ accept a `GridMap`, a `TiledMap`, or an xarray dataset or array. Large tiled map
 resolution of the picture.
 
 In `plot` and `plot_3d`, the light for hillshading comes from the upper left, 45 degrees above the
-horizon. Level ground keeps its color; slopes facing the light are lighter, other slopes darker.
+horizon. Level ground keeps its color. Slopes facing the light are lighter, other slopes darker.
 """
 
 import math

@@ -2,7 +2,7 @@
 """Draw a layer from above, with hillshading, holes, a scale bar and a north arrow.
 
 Maps larger than the picture are reduced first. Each block of cells becomes one pixel that shows the
-mean of the finite values; red, green and blue of packed colors are averaged separately. Blocks with
+mean of the finite values. Red, green and blue of packed colors are averaged separately. Blocks with
 some missing values are partly transparent, so that single holes and single values remain visible.
 """
 

@@ -212,7 +212,7 @@ def plot_relief(
     """Draw a map as a block of terrain in perspective, with sunlight and shadows.
 
     The surface is drawn at the resolution of the picture, in about one second. The picture has no
-    coordinate axes; use `plot` or `plot_3d` to read positions and heights.
+    coordinate axes. Use `plot` or `plot_3d` to read positions and heights.
 
     Args:
         grid_map: as for `plot`.
