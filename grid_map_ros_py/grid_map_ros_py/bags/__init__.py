@@ -3,8 +3,8 @@
 
 New bags are folders with `metadata.yaml` and one storage file, as written by `ros2 bag record` in
 ROS 2 Jazzy. Readers accept bags of both formats, split or not, and single storage files. All
-functions raise `BagError` if a bag cannot be read or written, and `MissingPackageError` if the
-package `mcap` is needed but not installed.
+functions raise `BagError` if a bag cannot be read or written, and `MissingPackageError` if a
+compressed bag needs the package `lz4` or `zstandard`, and it is not installed.
 """
 
 from ._bag import (

@@ -377,7 +377,7 @@ class BagFiles:
             data = self._storage(file).read(entry)
             if data.startswith(_ZSTD_MAGIC):
                 # The bag uses the per-message compression of rosbag2.
-                zstandard = package("zstandard", path)
+                zstandard = package("zstandard", f"the bag {path}")
                 check_bytes(f"{path}: a message", zstandard.frame_content_size(data), len(data))
                 data = zstandard.decompress(data)
         return data
