@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import pytest
 from pages import page
 
+from grid_map_core_py.errors import ros_package
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 from grid_map_ros_py.testing import environment
@@ -178,6 +179,18 @@ PLACE = "frame_id: string, position_x: double, position_y: double"
 def test_services_have_the_fields_of_cpp_in_order(message, fields):
     found = message.get_fields_and_field_types()
     assert ", ".join(f"{name}: {kind}" for name, kind in found.items()) == fields
+
+
+def test_apt_packages_are_of_the_sourced_distribution(monkeypatch):
+    monkeypatch.setenv("ROS_DISTRO", "kilted")
+    assert ros_package("nav2_msgs") == "ros-kilted-nav2-msgs"
+    monkeypatch.delenv("ROS_DISTRO")
+    assert ros_package("nav2_msgs") == "ros-$ROS_DISTRO-nav2-msgs"
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("grid_map_*/*.md")]
+    code = [*ROOT.glob("tools/*.py"), *ROOT.glob("grid_map_*_py/grid_map_*_py/**/*.py")]
+    assert len(pages) > 20
+    assert len(code) > 100
+    assert [path for path in pages + code if "ros-jazzy-" in path.read_text()] == []
 
 
 # --- README and CHANGELOG -------------------------------------------------------------------------

@@ -70,7 +70,7 @@ def ros_is_sourced(outer: Mapping[str, str]) -> bool:
     if importlib.util.find_spec("rclpy") is None:
         raise Refusal(
             f"ROS 2 Jazzy is sourced, but {sys.executable} cannot import its rclpy: install"
-            " ros-jazzy-rclpy, or leave the Python environment that hides the Python of ROS."
+            f" ros-{distro}-rclpy, or leave the Python environment that hides the Python of ROS."
         )
     return True
 

@@ -12,6 +12,7 @@ GridMapError
 
 import difflib
 import math
+import os
 import reprlib
 from collections.abc import Iterable
 from importlib import import_module
@@ -123,6 +124,11 @@ def required(module: str, feature: str, remedy: str) -> Any:
         return import_module(module)
     except ImportError as error:
         raise MissingPackageError(module.partition(".")[0], feature, remedy) from error
+
+
+def ros_package(name: str) -> str:
+    """Return the name of the apt package of a ROS package, in the sourced ROS distribution."""
+    return f"ros-{os.environ.get('ROS_DISTRO', '$ROS_DISTRO')}-{name.replace('_', '-')}"
 
 
 def cut(text: str) -> str:

@@ -5,7 +5,6 @@ import json
 import os
 import sys
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 
 import pytest
 
@@ -43,15 +42,20 @@ def test_lost_clouds_are_logged_once() -> None:
     assert node.text.count("messages of /points get lost") == 1
 
 
-@pytest.mark.parametrize("chosen", ["FASTDDS_BUILTIN_TRANSPORTS", VARIABLE])
-def test_profile_of_the_user_stays(monkeypatch: pytest.MonkeyPatch, chosen: str) -> None:
-    monkeypatch.delenv(VARIABLE)
+VERSIONS = [VARIABLE, "FASTDDS_DEFAULT_PROFILES_FILE"]
+"""The variables of Fast DDS 2 and 3."""
+
+
+@pytest.mark.parametrize("chosen", ["", "FASTDDS_BUILTIN_TRANSPORTS", *VERSIONS])
+def test_profile_serves_all_versions_unless_the_user_chooses(
+    monkeypatch: pytest.MonkeyPatch, chosen: str
+) -> None:
+    # `setenv` registers the variables to be restored.
+    for name in ("FASTDDS_BUILTIN_TRANSPORTS", *VERSIONS):
+        monkeypatch.setenv(name, "mine" if name == chosen else "")
     use_profile()
-    assert Path(os.environ[VARIABLE]) == PROFILE
-    monkeypatch.delenv(VARIABLE)
-    monkeypatch.setenv(chosen, "mine")
-    use_profile()
-    assert os.environ.get(VARIABLE) in (None, "mine")
+    expected = ["mine" if name == chosen else "" if chosen else str(PROFILE) for name in VERSIONS]
+    assert [os.environ[name] for name in VERSIONS] == expected
 
 
 def test_small_shared_memory_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,11 +8,12 @@ import platform
 import subprocess
 import sys
 
+from ..errors import ros_package
 from ._arguments import add_json
 from ._output import print_json, print_table
 
 _BUILD = "build and source the workspace, or pip install it"
-_SOURCE = "source ROS 2 Jazzy, then the workspace"
+_SOURCE = "source ROS 2, then the workspace"
 
 PACKAGES = {
     "numpy": ("arrays", "apt install python3-numpy"),
@@ -27,7 +28,8 @@ PACKAGES = {
     "grid_map_msgs.msg": ("topics of maps", _BUILD),
     "rclpy": ("nodes", _SOURCE),
     "sensor_msgs.msg": ("messages", _SOURCE),
-    "mcap": ("bags in MCAP files", "pip install mcap"),
+    "lz4": ("bags compressed with lz4", "apt install python3-lz4"),
+    "zstandard": ("bags compressed with zstd", "apt install python3-zstandard"),
     "matplotlib": ("pictures and color maps", "apt install python3-matplotlib"),
     "viser": ("maps in the browser", "pip install viser"),
     "rerun": ("recordings in Rerun", "pip install rerun-sdk"),
@@ -41,9 +43,9 @@ PACKAGES = {
     "pypcd4": ("PCD files", "pip install pypcd4"),
     "numba": ("faster filters", "pip install numba"),
     "argcomplete": ("completion in the shell", "apt install python3-argcomplete"),
-    "octomap_msgs.msg": ("octomaps of topics", "apt install ros-jazzy-octomap-msgs"),
-    "nav2_msgs.msg": ("costmaps of nav2", "apt install ros-jazzy-nav2-msgs"),
-    "tf2_ros": ("clouds in other frames", "apt install ros-jazzy-tf2-ros-py"),
+    "octomap_msgs.msg": ("octomaps of topics", f"apt install {ros_package('octomap_msgs')}"),
+    "nav2_msgs.msg": ("costmaps of nav2", f"apt install {ros_package('nav2_msgs')}"),
+    "tf2_ros": ("clouds in other frames", f"apt install {ros_package('tf2_ros_py')}"),
 }
 """Purpose and installation command of each module."""
 

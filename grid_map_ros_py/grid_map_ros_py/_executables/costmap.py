@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 from grid_map_core_py._parameters import build
 from grid_map_core_py.conversions import CostRange
 from grid_map_core_py.conversions._costmap import UNKNOWN
-from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.errors import GridMapError, MissingPackageError, ros_package
 from grid_map_core_py.plugins import check
 
 from .. import ReceivedMap, to_costmap, to_occupancy_grid
@@ -193,7 +193,7 @@ class CostmapNode(ConfiguredNode):
             return 0.0, 0.0, 0.0
         if self._poses is None:
             need = f"the costmap in frame {target!r} of a map in frame {source!r}"
-            remedy = "install ros-jazzy-tf2-ros-py and source ROS, or leave frame_id empty"
+            remedy = f"install {ros_package('tf2_ros_py')} and source ROS, or leave frame_id empty"
             raise MissingPackageError(TF, need, remedy)
         matrix = self._poses.frame_at(source, received.timestamp)
         if matrix is None and time.monotonic() - since > PATIENCE:

@@ -7,11 +7,10 @@ from contextlib import suppress
 from pathlib import Path
 
 PROFILE = Path(__file__).parents[1] / "fastdds_large_maps.xml"
-CHOICES = (
-    "FASTRTPS_DEFAULT_PROFILES_FILE",
-    "FASTDDS_DEFAULT_PROFILES_FILE",
-    "FASTDDS_BUILTIN_TRANSPORTS",
-)
+VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Environment variables that name the profile: before Fast DDS 3 (up to ROS 2 Jazzy), and since."""
+
+CHOICES = (*VARIABLES, "FASTDDS_BUILTIN_TRANSPORTS")
 """Environment variables that select other Fast DDS settings; the profile is then not used."""
 
 SHARED_MEMORY = 2**28
@@ -27,4 +26,4 @@ def use_profile() -> None:
     with suppress(OSError):
         is_free = shutil.disk_usage("/dev/shm").free >= SHARED_MEMORY
         if is_free and not any(map(os.environ.get, CHOICES)):
-            os.environ[CHOICES[0]] = str(PROFILE)
+            os.environ.update(dict.fromkeys(VARIABLES, str(PROFILE)))
