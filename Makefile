@@ -56,6 +56,7 @@ fuzz: build  ## Feed damaged messages, files and texts to all readers for a minu
 check: build  ## Check style, types, imports, license headers and the list of public names
 	@$(ENTER) export MYPYPATH=$(SOURCES) PYTHONPATH=tools:$(SOURCES):$$PYTHONPATH && failed= && \
 	    for tool in "ruff check --output-format=concise ." "ruff format --check ." "mypy $(addprefix -p ,$(PACKAGES))" \
+	        "mypy --python-version=3.10 --no-warn-return-any --no-warn-unused-ignores -p grid_map_core_py -p grid_map_filters_py" \
 	        lint-imports "python3 tools/api.py --check"; do $$tool || failed="$$failed, $$(echo $$tool | cut -d ' ' -f 1-2)"; done; \
 	    [ -z "$$failed" ] || { echo "failed: $${failed#, }"; exit 1; }
 

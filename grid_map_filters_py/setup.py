@@ -56,7 +56,7 @@ setup(
     license_files=["LICENSE"],
     **{key: "BSD-3-Clause"},
     options=options,
-    python_requires=">=3.11",
+    python_requires=">=3.10",
     packages=find_packages(exclude=["test"]),
     package_data={"": ["py.typed", "*.lark"]},
     data_files=[

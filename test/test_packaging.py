@@ -30,7 +30,7 @@ NAMES = [package.name for package in PYTHON_PACKAGES]
 LIBRARIES = {
     "grid_map_core_py": {"numpy", "opencv-python-headless", "PyYAML", "scipy"},
     "grid_map_filters_py": {"grid_map_core_py==1.0.0", "lark"},
-    "grid_map_ros_py": {"grid_map_core_py==1.0.0", "mcap"},
+    "grid_map_ros_py": {"grid_map_core_py==1.0.0", "lz4", "zstandard"},
     "grid_map_visualization_py": {"grid_map_ros_py==1.0.0"},
     "grid_map_demos_py": {
         "grid_map_filters_py==1.0.0",
@@ -208,7 +208,8 @@ def test_archives_describe_the_package_with_licence_and_types(archives, name):
     assert any(path.endswith("/LICENSE") for path in files)
     described = message_from_string(text)
     assert described["License-Expression"] == "BSD-3-Clause"
-    assert described["Requires-Python"] == ">=3.11"
+    is_library = name in ("grid_map_core_py", "grid_map_filters_py")
+    assert described["Requires-Python"] == (">=3.10" if is_library else ">=3.11")
     assert described["Description-Content-Type"] == "text/markdown"
     assert described.get_payload().startswith(f"# {name}\n")
     assert any("Documentation, https://" in url for url in described.get_all("Project-URL"))

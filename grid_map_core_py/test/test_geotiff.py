@@ -241,7 +241,8 @@ def test_undeclared_nodata_warns(fill, others, nodata, count, rasterio):
     pixels = np.linspace(*others, 60, dtype=np.float32).reshape(6, 10)
     pixels[1, 2:6] = fill
     write(rasterio, "fill.tif", pixels, nodata=nodata)
-    with warnings.catch_warnings(record=True, action="always") as found:
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
         load_geotiff("fill.tif")
         open_map("fill.tif").to_map()
     text = f"fill.tif: {fill:g} fills many cells, and no nodata value is declared"

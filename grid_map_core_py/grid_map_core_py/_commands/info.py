@@ -2,7 +2,7 @@
 """Show the contents of a file: topics, layers, size, position and time."""
 
 import argparse
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -119,4 +119,4 @@ def _date(nanoseconds: int) -> str:
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""
-    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S} UTC"
+    return f"{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%d %H:%M:%S} UTC"

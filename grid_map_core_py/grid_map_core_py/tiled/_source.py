@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
-from typing import Any, Protocol, Self, TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ Window: TypeAlias = tuple[slice, slice]
 
 Progress = Callable[[int, int], Any]
 """Function called after each tile with the number of finished tiles and the total number."""
+
+_Data = TypeVar("_Data", bound="TiledData")
 
 TILE = 1024
 """Default side of a tile [cells]."""
@@ -94,7 +96,7 @@ class TiledData:
         """Side lengths of the map along x and y, (2,) [m]."""
         return self.geometry.length
 
-    def _in_frame_at(self, origin: Sequence[float]) -> Self:
+    def _in_frame_at(self: _Data, origin: Sequence[float]) -> _Data:
         """Return the map in a frame whose origin is at x, y in the current frame [m]."""
         x, y = origin
         geometry = self.geometry.at(self.position - np.array([x, y]))
