@@ -110,7 +110,7 @@ def test_a_map_has_no_hash_and_no_layers_as_attributes(terrain):
         hash(terrain)
     with pytest.raises(AttributeError, match="no attribute 'elevation'"):
         terrain.elevation = 1.0
-    with pytest.raises(AttributeError, match="property 'size'"):
+    with pytest.raises(AttributeError, match="'size'"):
         terrain.size = (1, 2)
 
 

@@ -52,7 +52,12 @@ PACKAGES = {
 REQUIRED = ("numpy", "scipy", "cv2", "yaml", "grid_map_core_py")
 
 _PROBE = """
-import importlib, importlib.metadata, json, os, sys
+import sys
+
+# Files of the current folder are no modules. Before Python 3.11, there is no option -P.
+sys.path[:1] == [""] and sys.path.pop(0)
+
+import importlib, importlib.metadata, json, os
 
 answers = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)
@@ -120,7 +125,7 @@ def examined(modules: list[str]) -> dict[str, tuple[str, str]]:
     """
     found: dict[str, tuple[str, str]] = {}
     while rest := modules[len(found) :]:
-        command = [sys.executable, "-P", "-c", _PROBE, *rest]
+        command = [sys.executable, "-c", _PROBE, *rest]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         answers = [json.loads(line) for line in done.stdout.splitlines()]
         found |= {name: (*answer,) for name, answer in zip(rest, answers, strict=False)}
