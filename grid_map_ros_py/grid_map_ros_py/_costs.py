@@ -138,6 +138,8 @@ def _worst(
     cosine and sine. Two squares touch unless their projections on one of the four directions of
     the sides are disjoint. Each iteration tests one of the few possible neighbors of all squares.
     """
+    if direction == (1.0, 0.0):
+        return _worst_along(_worst_along(ranks, u[:, 0], side).T, v[0], side).T
     (cos, sin), extent = direction, abs(direction[0]) + abs(direction[1])
     reach, turned_reach = 0.5 * (1 + side * extent) - TOLERANCE, 0.5 * (side + extent) - TOLERANCE
     padded, near = np.pad(ranks, 1), (np.rint(u), np.rint(v))
@@ -155,4 +157,17 @@ def _worst(
         touches &= np.abs(cos * x - sin * y) < turned_reach
         touches &= np.abs(sin * x + cos * y) < turned_reach
         np.maximum(worst, padded[rows[i], columns[j]] * touches, out=worst)
+    return worst
+
+
+def _worst_along(
+    ranks: npt.NDArray[np.int16], centers: npt.NDArray[np.float64], side: float
+) -> npt.NDArray[np.int16]:
+    """For each interval of length `side`, return the largest ranks of the rows that it touches."""
+    reach = 0.5 * (1 + side) - TOLERANCE
+    ends = np.stack([np.ceil(centers - reach), np.floor(centers + reach)])
+    first, last = np.clip(ends, 0, len(ranks) - 1).astype(np.intp)
+    worst: npt.NDArray[np.int16] = ranks[first]
+    for k in range(1, np.max(last - first) + 1):
+        np.maximum(worst, ranks[np.minimum(first + k, last)], out=worst)
     return worst
