@@ -3,7 +3,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
@@ -195,23 +195,9 @@ def test_stale_costs_become_unknown_and_return_in_full() -> None:
         assert counts["costmap_updates"] == counts["costmap_raw_updates"] == 2
 
 
-@contextmanager
-def transforms() -> Iterator[Callable[[float], None]]:
-    """Yield a function that publishes the transform from odom to map with a roll [rad]."""
-    transform = TransformStamped(child_frame_id="odom")
-    transform.header.frame_id, transform.header.stamp = "map", to_stamp(10**9)
-
-    with peer() as other:
-
-        def publish(roll: float) -> None:
-            transform.transform = to_transform(from_xyz_rpy((1.0, -2.0, 0.3), (roll, 0.0, 0.5)))
-            other.publish("/tf_static", TFMessage(transforms=[transform]))
-
-        yield publish
-
-
 def test_rotated_frame_gets_costs_once_its_transform_arrives() -> None:
-    message = to_message(costs())
+    transform, message = TransformStamped(child_frame_id="odom"), to_message(costs())
+    transform.header.frame_id, transform.header.stamp = "map", to_stamp(10**9)
     with costmap(frame_id="map", unknown="above_free") as (node, replay):
         replay.peer.listen("/diagnostics", DiagnosticArray, 10)
         reports = replay.peer.received["/diagnostics"]
@@ -219,6 +205,10 @@ def test_rotated_frame_gets_costs_once_its_transform_arrives() -> None:
         def has_logged(text: str) -> bool:
             replay.peer.publish("/grid_map", message)
             return any(text in line for line in node.lines)
+
+        def publish_transform(other: Peer, roll: float) -> None:
+            transform.transform = to_transform(from_xyz_rpy((1.0, -2.0, 0.3), (roll, 0.0, 0.5)))
+            other.publish("/tf_static", TFMessage(transforms=[transform]))
 
         def levels() -> list[bytes]:
             """Return the diagnostic levels from the first error on."""
@@ -234,15 +224,14 @@ def test_rotated_frame_gets_costs_once_its_transform_arrives() -> None:
         replay.peer.wait_until(lambda: len(levels()) >= 4, "four reports")
         assert set(levels()) == {DiagnosticStatus.ERROR}
         tilt = "frame 'odom': expected roll and pitch of at most 5 deg in 'map', got 11.5"
-        with transforms() as publish:
-            publish(0.2)
+        with peer() as other:
+            publish_transform(other, 0.2)
             replay.peer.wait_until(lambda: has_logged(tilt), "the tilt")
             assert all("[WARN]" in line for line in node.lines if tilt in line)
             assert not any(replay.counts.values())
-            publish(0.0)
-            turned = resampled(costs(), "cost", (1.0, -2.0, 0.5), "map", 0.1, 0)
-            replay.send(costs(), turned)
+            publish_transform(other, 0.0)
+            replay.send(costs(), resampled(costs(), "cost", (1.0, -2.0, 0.5), "map", 0.1, 0))
         # No publisher could repeat the transform.
         set_parameter(replay.peer, "layer", "other")
-        other = costs().with_layers({"other": np.zeros(costs().size)})
-        replay.send(other, resampled(other, "other", (1.0, -2.0, 0.5), "map", 0.1))
+        grid_map = costs().with_layers({"other": np.zeros(costs().size)})
+        replay.send(grid_map, resampled(grid_map, "other", (1.0, -2.0, 0.5), "map", 0.1))
