@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Packages that import their names on first use, so that programs start fast."""
+"""Public names of packages; lazy packages import them on first use, so that programs start fast."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -31,3 +31,9 @@ def lazy_names(
         return sorted({*sys.modules[package].__all__, *public})
 
     return sorted(module_of), find, names
+
+
+def public_names(names: Iterable[str]) -> tuple[list[str], Callable[[], list[str]]]:
+    """Return `__all__` and `__dir__` of a package; `names` is its `dir()` after all imports."""
+    public = [name for name in names if not name.startswith("_")]
+    return public, lambda: public

@@ -11,6 +11,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import FrameType
@@ -105,8 +106,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(format=f"{PROGRAM}: %(message)s")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("once", UserWarning)
-            warnings.showwarning = lambda text, *_, **__: message(f"warning: {text}")
+            warnings.simplefilter("always", UserWarning)
+            # The filter "once" shows a warning once per module.
+            once = cache(lambda text: message(f"warning: {text}"))
+            warnings.showwarning = lambda warning, *_, **__: once(str(warning))
             return _run(sys.argv[1:] if arguments is None else arguments)
     except OSError as error:
         # Standard output is broken; redirect it, or Python would try to flush it again at exit.

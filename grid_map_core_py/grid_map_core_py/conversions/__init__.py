@@ -13,6 +13,7 @@
 - Triangle meshes: `from_mesh`, `rasterize_triangles`.
 """
 
+from .. import _lazy
 from ._costmap import (
     Costmap as Costmap,
     CostRange as CostRange,
@@ -43,4 +44,4 @@ from ._point_layers import (
     rasterize as rasterize,
 )
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

@@ -9,6 +9,7 @@ A `SensorModel` describes the sensor noise: `LaserModel`, `StructuredLightModel`
 `RollingMap` stores the largest, smallest, mean or last height of each cell.
 """
 
+from .. import _lazy
 from ._mapper import ElevationMapper as ElevationMapper, UpdateReport as UpdateReport
 from ._parameters import (
     ConstantModel as ConstantModel,
@@ -20,4 +21,4 @@ from ._parameters import (
 )
 from ._rolling_map import RollingMap as RollingMap
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

@@ -19,6 +19,7 @@ from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
 from ._image_files import HEIGHT_ENDINGS, load_height_image, save_height_image
 from ._map_server import load_map_server, save_map_server
 from ._npz import describe_npz, load_npz, save_npz
+from ._shared import similar
 
 GROUP = "grid_map_core_py.formats"
 
@@ -209,7 +210,7 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
         text = "a bag is a folder; its name has no ending"
         return GridMapError(f"{path}: {text}: {path.with_suffix('')}")
     if not writes and not path.exists():
-        return GridMapError(f"{path}: cannot be read: No such file or directory")
+        return GridMapError(f"{path}: cannot be read: No such file or directory{similar(path)}")
     if not writes and path.suffix.lower() == ".rrd":
         text = "a recording of Rerun is written, not read; show it by"
         return GridMapError(f"{path}: {text} `rerun {path}`")

@@ -56,7 +56,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         raise
     except OSError as error:
         reason = error.strerror or error.__cause__ or error
-        raise GridMapError(f"{file}: cannot be {doing}: {reason}{_similar(file)}") from error
+        raise GridMapError(f"{file}: cannot be {doing}: {reason}{similar(file)}") from error
     # For damaged files, libraries raise errors of many classes.
     except Exception as error:
         text = f"{error} is missing" if isinstance(error, KeyError) else str(error).strip()
@@ -64,7 +64,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         raise GridMapError(f"{file}: cannot be {doing}: {first_line}") from error
 
 
-def _similar(file: Path) -> str:
+def similar(file: Path) -> str:
     """Return a hint with a similar name in the folder if `file` does not exist, otherwise ""."""
     known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
     # An equal ending alone is not similar.
@@ -249,7 +249,7 @@ def load_yaml(path: str | PathLike[str]) -> Any:
     try:
         text = Path(path).read_bytes()
     except OSError as error:
-        reason = f"{error.strerror or error}{_similar(Path(path))}"
+        reason = f"{error.strerror or error}{similar(Path(path))}"
         raise GridMapError(f"{path}: cannot be read: {reason}") from error
     return parse_yaml(text, path)
 

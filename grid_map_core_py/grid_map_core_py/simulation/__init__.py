@@ -8,8 +8,9 @@
   obstacle, place a box at a new center for each scan.
 """
 
+from .. import _lazy
 from ._objects import with_box as with_box, with_ramp as with_ramp, with_stairs as with_stairs
 from ._rays import cast_rays as cast_rays
 from ._sensors import DepthCamera as DepthCamera, SpinningLidar as SpinningLidar, scan as scan
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

@@ -23,6 +23,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from grid_map_core_py import _lazy
 from grid_map_core_py._arrays import max_of_finites, min_of_finites
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.files._formats import (
@@ -46,7 +47,9 @@ try:
 except ImportError as error:
     raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
 
-__all__ = ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
+__all__, __dir__ = _lazy.public_names(
+    ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
+)
 
 _MOST_FRAMES = 50.0
 """Maximum frame rate [1/s]; browsers slow down faster GIF files."""
