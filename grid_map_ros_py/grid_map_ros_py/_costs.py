@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap, GridMapError
 from grid_map_core_py.conversions import CostRange
-from grid_map_core_py.conversions._costmap import FREE, INSCRIBED, LETHAL, UNKNOWN
+from grid_map_core_py.conversions._costmap import FREE, LETHAL, UNKNOWN
 from grid_map_core_py.limits import check_cells
 
 from .errors import TiltedFrameError
