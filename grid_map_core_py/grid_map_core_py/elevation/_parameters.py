@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Upper limit [m^2] of the variance added by relief or pose; it alone clears no cell."""
+        """Upper limit [m^2] of the variance that relief or pose adds; too small to clear a cell."""
         return 0.25 * self.largest_variance
 
 
@@ -142,7 +142,7 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Base class that checks that parameters are finite, and, unless in `_signed`, not negative."""
+    """Base class; checks that parameters are finite and, unless in `_signed`, not negative."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""

@@ -282,7 +282,7 @@ class GridGeometry:
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point of the map nearest to each position (..., 2) [m]."""
+        """Return the point of the map nearest to each position (..., 2) [m]; NaN is an error."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
@@ -293,7 +293,7 @@ class GridGeometry:
     def index_shift(self, position: ArrayLike) -> Size:
         """Return the shift in rows and columns that brings the map center closest to `position`.
 
-        The shift is rounded half away from zero, and is positive towards -x and -y.
+        The shift is rounded to whole cells (halves away from zero). It is positive towards -x, -y.
         """
         x, y = as_pair(position, "position")
         rows, columns = self._x.shift_to(x), self._y.shift_to(y)

@@ -2,7 +2,7 @@
 """Converts maps to xarray datasets, and reads layers from datasets.
 
 Layers become variables with the dimensions ("x", "y") in map order: both coordinates descend.
-Datasets from elsewhere may also have the order ("y", "x") and ascending coordinates.
+Datasets from other programs may also have the order ("y", "x") and ascending coordinates.
 """
 
 import re

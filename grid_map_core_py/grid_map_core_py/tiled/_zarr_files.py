@@ -38,7 +38,7 @@ _RUN = ".run.json"
 """File that describes the run in an unfinished store; locked by the process that is writing."""
 
 _NEAR = 4
-"""Tiles are computed in square groups with this side length [tiles]."""
+"""Side of the square groups in which neighboring tiles are computed [tiles]."""
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
