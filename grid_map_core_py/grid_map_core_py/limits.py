@@ -79,7 +79,7 @@ def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
 
 @contextmanager
 def changed_limits(**changes: float) -> Iterator[None]:
-    """Change limits of the process for the duration of a `with` block."""
+    """Change limits, as `set_limits` does, for the duration of a `with` block."""
     before = set_limits(**changes)
     try:
         yield

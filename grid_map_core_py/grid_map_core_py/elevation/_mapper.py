@@ -275,8 +275,8 @@ class ElevationMapper:
 
         Args:
             grid_map: the other map, in the same frame.
-            mask_layer: layer of the other map; cells where it is NaN stay unchanged. If the layer
-                does not exist, all cells are replaced.
+            mask_layer: layer of the other map; cells where this layer is NaN stay unchanged. If the
+                layer does not exist, all cells are replaced.
 
         Raises:
             GridMapError: `grid_map` is not a map, or has another frame.

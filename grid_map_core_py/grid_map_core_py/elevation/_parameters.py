@@ -128,13 +128,13 @@ class SensorModel(Protocol):
     """Interface for range sensor noise models; implement it for custom sensors."""
 
     def vertical_variances(self, points: Numbers, distances: Numbers, axis: Numbers) -> Numbers:
-        """Return the vertical variances (n,) of points [m^2].
+        """Return the variances (n,) of points along an axis, usually the vertical [m^2].
 
         Args:
             points: (3, n) x, y, z [m], sensor frame.
             distances: (n,) distances from the sensor [m], more than 0.
-            axis: (3,) unit vector of the map's vertical, sensor frame; to compute horizontal
-                variances, the x or y axis of the map is passed instead.
+            axis: (3,) unit vector of the axis, sensor frame: the map's vertical, or another axis,
+                such as the map's x axis for horizontal variances.
 
         Returns:
             Variances; NaN for points that the sensor cannot measure. These points are dropped.

@@ -94,7 +94,7 @@ class Axis:
 
     def centers(self, first: int, stop: int) -> Positions:
         """Return the centers [m] of the cells `first` ... `stop` - 1."""
-        # A range of floats needs no conversion.
+        # A range of floats needs no conversion from integers.
         return self.center_of(np.arange(first, stop, dtype=np.float64))
 
     def between(

@@ -88,7 +88,7 @@ class GridGeometry:
         return cls((rows * resolution, columns * resolution), resolution, position)
 
     def at(self, position: ArrayLike) -> GridGeometry:
-        """Return a grid of the same size centered on another position."""
+        """Return a grid with the same cells, centered at `position` (2,) [m]."""
         x, y = as_pair(position, "position")
         return self._of(self._x.at(x), self._y.at(y))
 
@@ -276,7 +276,7 @@ class GridGeometry:
         return rows, columns
 
     def cropped(self, rows: slice, columns: slice) -> GridGeometry:
-        """Return the geometry of a block of cells."""
+        """Return the geometry of a block of cells; the slices are in map order."""
         return self._of(
             self._x.block(rows.start, rows.stop), self._y.block(columns.start, columns.stop)
         )

@@ -165,7 +165,7 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: str = "",
         timestamp: int = 0,
     ) -> GridMap:
-        """Return a map over `geometry`; the other arguments are as in the constructor."""
+        """Create a map with the grid `geometry`; other arguments are as in the constructor."""
         grid_map = cls.__new__(cls)
         grid_map._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
         grid_map._fill(layers, basic_layers)
@@ -519,7 +519,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         If a cubic method needs a cell that is not finite, linear interpolation is used instead. If
         that also needs such a cell, the result is the value of the nearest cell, which may be NaN
-        or infinite. Beyond the map border, the border cell is repeated.
+        or infinite. At the map border, the border cell replaces missing neighbors.
 
         Args:
             layer: name of the layer.
@@ -630,7 +630,7 @@ class GridMap(MutableMapping[str, Layer]):
             self._layers[layer] = ring_buffer.unwrapped(self._adopt(layer, value), back)
 
     def with_start_index(self, index: ArrayLike) -> GridMap:
-        """Return a copy of the map whose layers are stored with another start index.
+        """Return a copy of the map whose layers are stored with the start index `index`.
 
         `with_start_index((0, 0))` stores all layers in map order.
         """
@@ -814,7 +814,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             layer: layer drawn as colors (style "flat") or as heights (other styles); empty means
-                `elevation`, or the first layer.
+                `elevation` if it exists, else the first layer.
             ax: axes to draw on; None means the current axes, or new axes for "surface".
             style: "flat", "surface" or "relief", or a style that another package adds.
             options: keyword arguments of the function that draws the style: `plot`, `plot_3d` or

@@ -189,7 +189,7 @@ class Polygon:
         the result is turned inside out.
 
         Raises:
-            GeometryError: the polygon has no area, or the margin is not finite.
+            GeometryError: the polygon has vertices but no area, or the margin is not finite.
         """
         margin = as_finite(margin, "margin")
         if not len(self._vertices):
@@ -231,7 +231,7 @@ class Polygon:
         return a, 1.0 + a @ mean
 
     def triangulate(self) -> list[Polygon]:
-        """Split a convex polygon into triangles between the first vertex and each edge."""
+        """Split a convex polygon into triangles that share the first vertex."""
         return [Polygon([self._vertices[0], *pair]) for pair in pairwise(self._vertices[1:])]
 
     def __len__(self) -> int:

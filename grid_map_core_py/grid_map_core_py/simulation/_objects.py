@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Places objects on a terrain; the new map copies the height layer and shares all others."""
+"""Places objects on a terrain; the new map shares all layers except the height layer."""
 
 from __future__ import annotations
 

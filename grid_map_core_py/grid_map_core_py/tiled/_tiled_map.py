@@ -211,8 +211,8 @@ class TiledMap(TiledData):
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
         Each tile is one chunk, and is computed once even if several layers are used together. In
-        all other respects the dataset equals the result of `GridMap.to_xarray`, with `crs` as a CF
-        grid mapping. If a filter needs values of the whole map, these are computed immediately.
+        all other respects, the dataset equals the result of `GridMap.to_xarray`. If a filter needs
+        values of the whole map, these are computed immediately.
 
         Args:
             layers: names of the layers; None means all.
@@ -405,15 +405,16 @@ class TiledMap(TiledData):
         """Return the map in a frame whose origin has this latitude and longitude.
 
         Coordinates in a reference system can reach millions of meters. In a frame whose origin is
-        near the robot, they are small. The directions of the axes do not change. Datasets,
-        stores and GeoTIFF files still use the coordinates of the reference system. They also store
-        the origin, so that `open_map` and `load_geotiff` can restore the frame.
+        near the robot, they are small. The directions of the axes do not change. Datasets, stores
+        and GeoTIFF files still use the coordinates of the reference system. They also store the
+        origin, so that `open_map` and `load_geotiff` can restore the frame.
 
         Args:
             latitude, longitude: the new origin [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or the origin is outside its valid area.
+            GridMapError: the map has no reference system, or the reference system is not valid at
+                the origin.
         """
         origin = self.position_of(latitude, longitude)
         if not np.isfinite(origin).all():

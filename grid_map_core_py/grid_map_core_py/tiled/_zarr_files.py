@@ -71,7 +71,7 @@ def to_zarr(
         if target.exists():
             if not overwrite:
                 raise GridMapError("already exists; 'overwrite' replaces it")
-            # Raises FileNotFoundError if the folder is not a store.
+            # Raises an error if the target is not a store, so that only stores are replaced.
             metadata_file(target)
         # A run is resumed only if all these entries are equal.
         run = {
