@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Public names of packages; lazy packages import them on first use, so that programs start fast."""
+"""Lists the public names of packages, and imports names on first use for fast program starts."""
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -12,7 +12,10 @@ from .errors import hint
 def lazy_names(
     package: str, offered: Mapping[str, str]
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__all__`, `__getattr__`, `__dir__` for a package; `offered` maps modules to names."""
+    """Return `__all__`, `__getattr__` and `__dir__` for a package that imports names on first use.
+
+    `offered` maps each module of the package to its public names, separated by spaces.
+    """
     module_of = {name: module for module, names in offered.items() for name in names.split()}
     modules = [name.removeprefix(".") for name in offered]
 

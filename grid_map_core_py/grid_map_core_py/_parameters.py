@@ -64,7 +64,7 @@ def _check_names(cls: type, parameters: Iterable[str]) -> None:
 
 
 def with_checked_names(cls: type[T]) -> type[T]:
-    """Make a dataclass with keyword parameters check their names whenever it is called."""
+    """Class decorator: let the constructor of a keyword-only dataclass check parameter names."""
     create: Any = cls.__init__
 
     @functools.wraps(create)
@@ -132,7 +132,7 @@ def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
 
 
 def cast(name: str, value: object, kind: Any) -> Any:
-    """Return the value of a parameter, cast to a declared type.
+    """Return the value of a parameter, cast to a declared type; raise `ConfigError` if impossible.
 
     Args:
         name: name of the parameter, for the error message.

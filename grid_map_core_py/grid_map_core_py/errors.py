@@ -32,7 +32,7 @@ __all__ = [
 class GridMapError(Exception):
     """Base class of all errors that the grid_map packages raise.
 
-    The message is shortened to at most 500 characters.
+    `str(error)` is shortened to at most 500 characters; `error.whole_text()` is not.
     """
 
     def __str__(self) -> str:
@@ -84,10 +84,10 @@ class MissingPackageError(GridMapError, ImportError):
         return f"{feature} needs the package {package!r}, which is not installed: {remedy}"
 
 
-_LONGEST = 80  # maximum characters of a value in a message
-_LONGEST_TEXT, _END = 500, 100  # maximum characters of a message, and of its end if shortened
+_LONGEST = 80  # maximum number of characters of a value in a message
+_LONGEST_TEXT, _END = 500, 100  # maximum length of a message, and of its end if it is shortened
 _MOST_NAMES = 1000  # maximum number of names compared with a wrong name
-_MOST_ELEMENTS = 4  # maximum elements of an array that is shown in full
+_MOST_ELEMENTS = 4  # maximum number of elements of an array that is shown in full
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxlong = _repr.maxother = _LONGEST
@@ -118,7 +118,7 @@ def wrong_crs(crs: object) -> ConfigError:
 
 
 def required(module: str, feature: str, remedy: str) -> Any:
-    """Import a module. If it is missing, `MissingPackageError` names the feature and remedy."""
+    """Import a module; if it is missing, raise `MissingPackageError` with feature and remedy."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -107,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", UserWarning)
-            # The filter "once" shows a warning once per module.
+            # The warning filter "once" of CPython shows a warning once per module.
             once = cache(lambda text: message(f"warning: {text}"))
             warnings.showwarning = lambda warning, *_, **__: once(str(warning))
             return _run(sys.argv[1:] if arguments is None else arguments)
@@ -186,9 +186,8 @@ def _failed(text: str) -> int:
 def on_end(handler: Handler) -> dict[signal.Signals, Any]:
     """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
-    A SIGHUP that is ignored, as under `nohup`, stays ignored.
-    A handler must not acquire locks, as `threading.Event` does, because the interrupted thread may
-    hold them.
+    A SIGHUP that is ignored, as under `nohup`, stays ignored. A handler must not acquire locks, as
+    `threading.Event` does, because the interrupted thread may hold them.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:

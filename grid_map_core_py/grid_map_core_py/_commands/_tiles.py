@@ -106,10 +106,9 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    Windows can be read only if the source, and the destination if there is one, is a Zarr store or
-    a GeoTIFF file. Without a destination, or if both are GeoTIFF files, a source within `max_cells`
-    is read as a whole. If `also_small` or an option in `_OPTIONS` is set, it is read in windows,
-    too.
+    Windows can be read only if the source and the destination, if any, are Zarr stores or GeoTIFF
+    files. Without a destination, or if both are GeoTIFF files, a source within `max_cells` is read
+    as a whole, unless `also_small` or an option in `_OPTIONS` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name

@@ -2,9 +2,8 @@
 """Elevation maps that move with a robot.
 
 `ElevationMapper` fuses range sensor scans into heights with variances, and clears cells that beams
-pass through. `Parameters` configures the mapper, and an `UpdateReport` summarizes one update.
-A `SensorModel` describes the sensor noise: `LaserModel`, `StructuredLightModel`,
-`StereoModel`, `ConstantModel`, or `PerfectModel` (no noise).
+pass through. An `UpdateReport` summarizes one update. A `SensorModel` describes the sensor noise:
+`LaserModel`, `StructuredLightModel`, `StereoModel`, `ConstantModel`, or `PerfectModel` (no noise).
 
 `RollingMap` stores the largest, smallest, mean or last height of each cell.
 """

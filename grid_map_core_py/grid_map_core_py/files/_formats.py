@@ -25,7 +25,7 @@ GROUP = "grid_map_core_py.formats"
 
 
 class MapRecord(Protocol):
-    """A map in a file that has not been read yet."""
+    """A map in a file; the map is read on demand."""
 
     time: int
     """Recording time [ns]."""
@@ -50,7 +50,7 @@ class Format:
         load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
         save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
         describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
-            "map" contains the map metadata. If None, the map is loaded.
+            "map" contains the map metadata. If None, the map is loaded to describe it.
         open_maps: for formats with several maps per file: `open_maps(path, **options)` accepts the
             options of `load` except `layers` and `index`, and returns a context manager that yields
             a sequence of `MapRecord` with an attribute `topic`.
@@ -141,7 +141,7 @@ def formats() -> dict[str, Format]:
     after the format and refers to a `Format`. Formats that fail to load are skipped with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
-    # Built-in formats come first, because any folder may be a bag.
+    # Formats of this package come first, because any folder may be a bag.
     own = f"{__package__.partition('.')[0]}."
     entries = entry_points(group=GROUP)
     for entry in sorted(entries, key=lambda one: (not one.value.startswith(own), one.name)):

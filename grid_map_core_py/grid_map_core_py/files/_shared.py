@@ -116,7 +116,7 @@ def map_facts(grid_map: GridMap) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class StoredMap:
-    """A map in a file whose layers have not been read yet."""
+    """A map in a file; its layers are read on demand."""
 
     empty: GridMap
     """The map without its layers."""

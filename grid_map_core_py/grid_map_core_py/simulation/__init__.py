@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Simulated range sensors over a map, for tests and demos of elevation mapping.
 
-- `cast_rays` returns the ranges at which beams hit the true terrain, given as a height layer.
+- `cast_rays` returns the ranges at which beams hit a terrain, given as a height layer.
 - `SpinningLidar` and `DepthCamera` compute the beam directions of a sensor. `scan` returns the
   points that the sensor measures; a sensor model of `grid_map_core_py.elevation` adds noise.
 - `with_box`, `with_ramp` and `with_stairs` place objects on a terrain. To simulate a moving

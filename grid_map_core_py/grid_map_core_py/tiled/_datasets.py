@@ -2,7 +2,7 @@
 """Converts maps to xarray datasets, and reads layers from datasets.
 
 Layers become variables with the dimensions ("x", "y") in map order: both coordinates descend.
-Datasets from elsewhere may also have the order ("y", "x") and ascending coordinates.
+Datasets from other programs may also have the order ("y", "x") and ascending coordinates.
 """
 
 import re
@@ -139,8 +139,9 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Convert a dataset or data array to a dataset with one variable per band.
 
-    A single band keeps the name of its variable. If several bands have no unique names, they are
-    numbered, such as `height_2`. Missing values become NaN; scale and offset are applied.
+    A single band keeps the name of its variable. If the names of several bands are missing or not
+    unique, the bands are numbered, such as `height_2`. Missing values become NaN; scale and offset
+    are applied.
     """
     xr = required("xarray", "a dataset", REMEDY)
     dataset: Any = data

@@ -211,8 +211,8 @@ class TiledMap(TiledData):
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
         Each tile is one chunk, and is computed once even if several layers are used together. In
-        all other respects the dataset equals the result of `GridMap.to_xarray`, with `crs` as a CF
-        grid mapping. If a filter needs values of the whole map, these are computed immediately.
+        all other respects, the dataset equals the result of `GridMap.to_xarray`. If a filter needs
+        values of the whole map, these are computed immediately.
 
         Args:
             layers: names of the layers; None means all.
@@ -297,7 +297,7 @@ class TiledMap(TiledData):
             resume: continue an unfinished run: only missing tiles are computed, and the store is
                 identical to the store of an uninterrupted run.
             overwrite: replace an existing store.
-            progress: called after each tile.
+            progress: called after each tile with the numbers of finished tiles and of all tiles.
 
         Raises:
             GridMapError: a tile cannot be read, computed or written; the store exists or is being
@@ -358,7 +358,7 @@ class TiledMap(TiledData):
             layers: names of the layers to write; None means all.
             compress: compress the values with deflate.
             overwrite: replace an existing file.
-            progress: called after each window.
+            progress: called after each window with the numbers of finished and of all windows.
         """
         from ._rasters import to_geotiff
 
@@ -404,16 +404,17 @@ class TiledMap(TiledData):
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
         """Return the map in a frame whose origin has this latitude and longitude.
 
-        Coordinates in a reference system can be millions of meters. In a frame whose origin
-        is near the robot, they are small. The directions of the axes do not change. Datasets,
-        stores and GeoTIFF files still use the coordinates of the reference system. They also store
-        the origin, so that `open_map` and `load_geotiff` can restore the frame.
+        Coordinates in a reference system can reach millions of meters. In a frame whose origin is
+        near the robot, they are small. The directions of the axes do not change. Datasets, stores
+        and GeoTIFF files still use the coordinates of the reference system. They also store the
+        origin, so that `open_map` and `load_geotiff` can restore the frame.
 
         Args:
             latitude, longitude: the new origin [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or the origin is outside its valid area.
+            GridMapError: the map has no reference system, or the reference system is not valid at
+                the origin.
         """
         origin = self.position_of(latitude, longitude)
         if not np.isfinite(origin).all():

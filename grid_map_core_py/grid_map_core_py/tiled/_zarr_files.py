@@ -38,7 +38,7 @@ _RUN = ".run.json"
 """File that describes the run in an unfinished store; locked by the process that is writing."""
 
 _NEAR = 4
-"""Tiles are computed in square groups with this side length [tiles]."""
+"""Side of the square groups in which neighboring tiles are computed [tiles]."""
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
@@ -71,7 +71,7 @@ def to_zarr(
         if target.exists():
             if not overwrite:
                 raise GridMapError("already exists; 'overwrite' replaces it")
-            # Raises FileNotFoundError if the folder is not a store.
+            # Raises an error if the target is not a store, so that only stores are replaced.
             metadata_file(target)
         # A run is resumed only if all these entries are equal.
         run = {

@@ -93,7 +93,7 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
     with data_errors(name, "read"):
         xarray = required("xarray", f"{name}: a Zarr store", REMEDY)
         required("zarr", f"{name}: a Zarr store", REMEDY)
-        # If `consolidated` is None, xarray warns about local stores without such metadata.
+        # With None, xarray would warn about local stores without consolidated metadata.
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
         dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
         layers = layers_of(dataset)
