@@ -34,6 +34,10 @@ from ._datasets import CRS_VARIABLE, DIMENSIONS, attributes, coordinates, grid_m
 from ._engine import REMEDY, in_any_order
 from ._source import Progress, TiledData, data_errors, tile_name
 
+VERSION_KEY = "grid_map_version"
+VERSION = 1
+"""Version of the store format. It changes when older releases would misread a store."""
+
 _RUN = ".run.json"
 """File that describes the run in an unfinished store; locked by the process that is writing."""
 
@@ -238,7 +242,7 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
         array[:] = values
     if crs:
         create(CRS_VARIABLE, "<i4", (), (), [], grid_mapping(crs))
-    group.attrs.put(attributes(tiled_map, names))
+    group.attrs.put(attributes(tiled_map, names) | {VERSION_KEY: VERSION})
     # Readers then need only one file for the metadata of all layers.
     zarr.consolidate_metadata(str(path))
 
