@@ -88,7 +88,7 @@ setup(
     ],
     maintainer="grid_map_py contributors",
     maintainer_email="grid-map-py@users.noreply.github.com",
-    license_files=["LICENSE"],
+    license_files=["LICENSE", "NOTICE"],
     **{key: "BSD-3-Clause"},
     options=options,
     python_requires=">=3.11",

@@ -324,7 +324,7 @@ def test_finite_commands_are_make_targets_or_launch_files():
 STAND_INS = f"""
 source() {{ [ "$1" = /opt/ros/jazzy/setup.bash ]; }}
 git() {{ [ "$1 $2" = "clone https://github.com/grid-map-py/grid_map_py" ] && ln -s {ROOT} "$3"; }}
-rosdep() {{ [ "$*" = "install --from-paths src --ignore-src -y" ]; }}
+rosdep() {{ [ "$*" = "install --from-paths $(echo src/grid_map_py/*_py) --ignore-src -y" ]; }}
 colcon() {{ [ "$*" = build ] && command colcon list --names-only; }}
 """
 """They replace ROS and the network; colcon only lists the packages that it would build."""
