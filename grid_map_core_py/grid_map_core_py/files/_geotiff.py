@@ -261,7 +261,7 @@ def _warn_of_fill(raster: Any, values: Layer) -> None:
 def checked_crs(crs: Any) -> str:
     """Return a reference system as text; raise `ConfigError` if rasterio does not know it."""
     if text := as_crs(crs):
-        known = required("rasterio.crs", "crs", "pip install 'grid_map_core_py[geo]'").CRS
+        known = required("rasterio.crs", "crs").CRS
         try:
             known.from_user_input(text)
         except ValueError:  # base class of rasterio's CRSError; a malformed number

@@ -16,7 +16,6 @@ from ..limits import check_cells
 from ..map._grid_map import GridMap
 from ..map._merge import check_frames, lines_under
 from ._datasets import DIMENSIONS, geometry_of, layers_of, mirrored, open_dataset
-from ._engine import REMEDY
 from ._source import TILE, TiledData, Tiles, Window, common, data_errors, within
 from ._zarr_files import (
     VERSION,
@@ -99,8 +98,8 @@ def _stamp(name: str) -> object:
 @lru_cache(maxsize=_OPENED)
 def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # noqa: ARG001
     with data_errors(name, "read"):
-        xarray = required("xarray", f"{name}: a Zarr store", REMEDY)
-        required("zarr", f"{name}: a Zarr store", REMEDY)
+        xarray = required("xarray", f"{name}: a Zarr store")
+        required("zarr", f"{name}: a Zarr store")
         # If `consolidated` is None, xarray warns about local stores without such metadata.
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
         dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
