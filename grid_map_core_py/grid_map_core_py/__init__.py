@@ -68,8 +68,6 @@ if TYPE_CHECKING:
         window_array as window_array,
     )
 
-__version__ = "0.2.0"
-
 _OFFERED = {
     "._arrays": "max_of_finites mean_of_finites min_of_finites number_of_finites sum_of_finites",
     ".conversions": "change_resolution color_value_to_vector color_vector_to_value from_image "

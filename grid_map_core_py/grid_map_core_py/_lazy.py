@@ -14,12 +14,20 @@ def lazy_names(
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__all__`, `__getattr__` and `__dir__` for a package that imports names on first use.
 
+    `__getattr__` also finds `__version__`, which is "0+unknown" if the package is not installed.
     `offered` maps each module of the package to its public names, separated by spaces.
     """
     module_of = {name: module for module, names in offered.items() for name in names.split()}
     modules = [name.removeprefix(".") for name in offered]
 
     def find(name: str) -> Any:
+        if name == "__version__":
+            from importlib import metadata
+
+            try:
+                return metadata.version(package)
+            except metadata.PackageNotFoundError:
+                return "0+unknown"
         if name in modules:
             return import_module(f"{package}.{name}")
         if name not in module_of:

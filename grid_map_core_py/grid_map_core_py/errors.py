@@ -18,6 +18,8 @@ from importlib import import_module
 from itertools import islice
 from typing import Any
 
+from ._packages import remedy_for
+
 __all__ = [
     "ConfigError",
     "GeometryError",
@@ -75,9 +77,9 @@ class LimitError(GridMapError, ValueError):
 class MissingPackageError(GridMapError, ImportError):
     """A feature needs a package that is not installed."""
 
-    def __init__(self, package: str, feature: str, remedy: str) -> None:
+    def __init__(self, package: str, feature: str, remedy: str = "") -> None:
         self.package = package
-        super().__init__(package, feature, remedy)
+        super().__init__(package, feature, remedy or remedy_for(package))
 
     def whole_text(self) -> str:
         package, feature, remedy = self.args
@@ -117,12 +119,13 @@ def wrong_crs(crs: object) -> ConfigError:
     return ConfigError(f"crs: expected {expected}, got {short(crs)}")
 
 
-def required(module: str, feature: str, remedy: str) -> Any:
+def required(module: str, feature: str, remedy: str = "") -> Any:
     """Import a module; if it is missing, raise `MissingPackageError` with feature and remedy."""
     try:
         return import_module(module)
     except ImportError as error:
-        raise MissingPackageError(module.partition(".")[0], feature, remedy) from error
+        package = module.partition(".")[0]
+        raise MissingPackageError(package, feature, remedy or remedy_for(module)) from error
 
 
 def cut(text: str) -> str:

@@ -204,8 +204,7 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
     endings = {".mcap": "bag", ".db3": "bag", ".bt": "octomap", ".ot": "octomap"}
     kind = "bag" if (path / "metadata.yaml").exists() else endings.get(path.suffix.lower())
     if kind is not None and kind not in formats():
-        remedy = "build and source this workspace with ROS 2, or pip install it"
-        return MissingPackageError("grid_map_ros_py", f"{path}: a {kind}", remedy)
+        return MissingPackageError("grid_map_ros_py", f"{path}: a {kind}")
     if writes and kind == "bag":
         text = "a bag is a folder; its name has no ending"
         return GridMapError(f"{path}: {text}: {path.with_suffix('')}")

@@ -261,7 +261,7 @@ def _warn_of_fill(raster: Any, values: Layer) -> None:
 def checked_crs(crs: Any) -> str:
     """Return a reference system as text; raise `ConfigError` if rasterio does not know it."""
     if text := as_crs(crs):
-        rasterio = required("rasterio", "crs", "pip install 'grid_map_core_py[geo]'")
+        rasterio = required("rasterio", "crs")
         try:
             with rasterio.Env():  # else PROJ prints its own message
                 rasterio.crs.CRS.from_user_input(text)

@@ -84,7 +84,7 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
     """Import the package for a kind of file; if this fails, the error says how to install it."""
-    return errors.required(name, f"{path}: {kind}", f"pip install {name}")
+    return errors.required(name, f"{path}: {kind}")
 
 
 def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:

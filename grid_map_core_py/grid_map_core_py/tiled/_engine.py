@@ -22,7 +22,6 @@ from ..errors import GridMapError, required
 T = TypeVar("T")
 P = TypeVar("P")
 
-REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 _AHEAD = 2
 """Number of running and queued calls per thread of this process."""
@@ -56,7 +55,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
         GridMapError: the cluster is lost, or several workers died while computing the same part.
         Exception: the exception of a failed call; no further call is started.
     """
-    required("dask", "tiled maps", REMEDY)
+    required("dask", "tiled maps")
     from dask import base, config, system, threaded
 
     find: Any = base.get_scheduler
@@ -93,7 +92,7 @@ def _on_cluster(
     from distributed import as_completed
 
     # Pickled in advance, because schedulers may unpickle task arguments.
-    call = required("cloudpickle", "tiled maps on a cluster", REMEDY).dumps(function)
+    call = required("cloudpickle", "tiled maps on a cluster").dumps(function)
     running: dict[Any, list[P]] = {}
     completed: Any = as_completed
     ready = completed(with_results=True, raise_errors=False)

@@ -21,7 +21,6 @@ from ..map._interpolation import REACH, Interpolation, Surface, check_inside, me
 from ..plugins import check
 from ._datasets import (
     DIMENSIONS,
-    REMEDY,
     as_dataset,
     geometry_of,
     layers_of,
@@ -438,8 +437,7 @@ def _transformer(crs: str) -> Any:
             "the map has no reference system, so its place on the earth is unknown; a GeoTIFF "
             "file or a store says it, or 'dataclasses.replace(tiled_map, crs=...)'"
         )
-    remedy = "pip install 'grid_map_core_py[geo]'"
-    proj = required("pyproj", "latitude and longitude", remedy)
+    proj = required("pyproj", "latitude and longitude")
     return proj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
 
 
@@ -527,6 +525,6 @@ class GridMapAccessor:
 @cache
 def register() -> None:
     """Register the accessor `grid_map` in xarray."""
-    xr = required("xarray", "the accessor `grid_map`", REMEDY)
+    xr = required("xarray", "the accessor `grid_map`")
     xr.register_dataset_accessor("grid_map")(GridMapAccessor)
     xr.register_dataarray_accessor("grid_map")(GridMapAccessor)

@@ -35,7 +35,6 @@ from grid_map_core_py.files._shared import (
 from grid_map_core_py.plugins import check
 
 from .._layers import lit_heights, usual_layer
-from ..colors import REMEDY
 
 try:
     from matplotlib import rc_context
@@ -45,7 +44,7 @@ try:
     from ._from_above import extent_of
     from ._plots import RELIEF_SIZE, plot, plot_3d, plot_relief
 except ImportError as error:
-    raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
+    raise MissingPackageError("matplotlib", "a picture") from error
 
 __all__, __dir__ = _lazy.public_names(
     ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
