@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tests of the node `path_planner` with Nav2's messages and tf2, run by test_optional_messages.py."""
+"""Tests of `path_planner` with messages of Nav2 and tf2, run by test_optional_messages.py."""
 
 import math
 import sys
@@ -113,7 +113,8 @@ def test_action_plans_between_poses_and_publishes_the_plan() -> None:
     with planner() as client:
         client.peer.publish("/grid_map", to_message(ground()))
         status, result = client.result(client.send(pose(*GOAL), pose(*START)))
-        assert (status, result.error_code, result.error_msg) == (GoalStatus.STATUS_SUCCEEDED, 0, "")
+        assert (status, result.error_code) == (GoalStatus.STATUS_SUCCEEDED, 0)
+        assert result.error_msg == ""
         positions = positions_of(result.path)
         assert length_of(positions) == pytest.approx(expected(ground()))
         np.testing.assert_allclose(positions[[0, -1]], [START, GOAL])
@@ -140,7 +141,7 @@ def test_action_reports_the_error_codes_of_nav2() -> None:
             status, result = client.result(client.send(pose(*goal), pose(*start)))
             assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, code)
             assert result.error_msg.startswith(text)
-            assert f"compute_path_to_pose: {result.error_msg}" in client.node.text
+        assert "compute_path_to_pose: goal: expected a position on the map" in client.node.text
         status, result = client.result(client.send(pose(math.nan, 0.0), pose(*START)))
         assert result.error_code == 200
         assert "pose.position.x: expected a finite number, got nan" in result.error_msg
@@ -195,7 +196,7 @@ def test_goal_in_a_rotated_frame_and_robot_come_from_tf2() -> None:
         origin = np.linalg.inv(from_xyz_rpy((shift_x, shift_y, 0.0), (0.0, 0.0, yaw)))
         client.send_transform("odom", "map", origin[:3, 3], -yaw)
         client.send_transform("odom", "base_link", (*START, 0.6), 0.3)
-        client.peer.publish("/goal_pose", pose(*in_map(*GOAL), "map"), 1)
+        client.peer.publish("/goal_pose", pose(*in_map(*GOAL), "map"))
         path = client.peer.expect("/plan")
         assert path.header.frame_id == "odom"
         np.testing.assert_allclose(positions_of(path)[[0, -1]], [START, GOAL])

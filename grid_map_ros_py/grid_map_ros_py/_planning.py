@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py import GridMap, Interpolation
+from grid_map_core_py import GridMap
+from grid_map_core_py._arrays._checks import Mask
 from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.errors import GeometryError, GridMapError
 from grid_map_core_py.planning import Footprint, NoPathError, SlopeLimits, TravelGraph
@@ -26,14 +27,7 @@ Poses = npt.NDArray[np.float64]
 """(N, 4) poses of a plan: x, y, z [m] and yaw [rad], in the frame of the map."""
 
 UNKNOWN, TF_ERROR, TIMEOUT = 200, 202, 207
-CODES = {
-    "start_outside": 203,
-    "goal_outside": 204,
-    "start_blocked": 205,
-    "goal_blocked": 206,
-    "no_path": 208,
-}
-"""Error codes of `nav2_msgs/ComputePathToPose` by `NoPathError.reason`."""
+"""Error codes of `nav2_msgs/ComputePathToPose`, besides those of `PathFailure`."""
 
 
 class PlanError(GridMapError):
@@ -47,7 +41,7 @@ class PlanError(GridMapError):
 def code_of(error: Exception) -> int:
     """Return the error code of `nav2_msgs/ComputePathToPose` for an error."""
     if isinstance(error, NoPathError):
-        return CODES[error.reason]
+        return int(error.reason)
     return error.code if isinstance(error, PlanError) else UNKNOWN
 
 
@@ -100,8 +94,10 @@ class PlannerSettings:
             value = getattr(self, name)
             check(0 <= value <= 0.5 * math.pi, name, "radians from 0 to pi / 2", value)
         check(self.lethal > 0, "lethal", "a positive number", self.lethal)
-        if not self.layers:
-            raise mismatch("elevation_layer", "a layer, as cost_layer is empty", "")
+        steepness = self.max_slope_up, self.max_slope_down, self.max_slope_cross, self.max_step
+        if not self.elevation_layer and (any(steepness) or not self.cost_layer):
+            expected = "a layer, as there are limits for slopes or steps, or no cost_layer"
+            raise mismatch("elevation_layer", expected, "")
         _ = self.body  # Parse the footprint.
 
     @property
@@ -143,7 +139,7 @@ class Planner:
             self.grid_map,
             cost=settings.cost_layer or None,
             cost_weight=settings.cost_weight,
-            lethal=settings.lethal,
+            lethal=settings.lethal if settings.cost_layer else None,
             elevation=settings.elevation_layer or None,
             limits=settings.slopes,
             max_step=settings.max_step or None,
@@ -158,7 +154,7 @@ class Planner:
         return self.grid_map.frame_id
 
     def plan(self, start: Pose, goal: Pose, tolerance: float) -> Poses:
-        """Return a plan with a pose at least every `resolution`.
+        """Return a plan, whose poses are at most 2.3 cells apart.
 
         Args:
             start, goal: x, y [m] and yaw [rad].
@@ -168,7 +164,32 @@ class Planner:
             NoPathError: there is no path.
         """
         path = self._graph.path(start, goal, tolerance=tolerance)
-        return path
+        return np.column_stack([path.positions, path.heights, path.yaws])
+
+    def blocked(self, poses: Poses) -> Mask:
+        """Return which poses (N,) are not on a free cell, or not free to reach from the last one.
+
+        The straight line from one pose to the next must obey all limits. This is stricter than the
+        moves of the graph: some moves of a new plan may count as blocked.
+        """
+        ground = self._graph._ground
+        inside = np.asarray(self.grid_map.is_inside(poses[:, :2]))
+        points = ground.to_points(poses[:, :2])
+        ways = np.flatnonzero(inside[:-1] & inside[1:] & np.diff(points).any(axis=0))
+        blocked = ~inside
+        if len(ways):
+            costs, _ = ground.straight(points[:, ways], points[:, ways + 1])
+            blocked[ways[np.isinf(costs)] + 1] = True
+        return blocked | self.occupied(poses)
+
+    def occupied(self, poses: Poses) -> Mask:
+        """Return which poses (N,) are outside the map or on a cell that is not free."""
+        ground, graph = self._graph._ground, self._graph
+        inside = np.asarray(self.grid_map.is_inside(poses[:, :2]))
+        cells = ground.flat(*np.rint(ground.to_points(poses[inside, :2])).astype(np.intp))
+        occupied = ~inside
+        occupied[inside] = ~graph._free[cells]
+        return occupied
 
     def cost_to_go(self, goal: npt.NDArray[np.float64]) -> GridMap:
         """Return the map with the layer `cost_to_go`: least cost to a goal (x, y, ...) [m].

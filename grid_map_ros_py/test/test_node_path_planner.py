@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
+from test_node_costmap import set_parameters, wait_for_level
 
 from conftest import arguments
 from grid_map_core_py import GridMap
@@ -21,7 +22,6 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py._planning import Planner, PlannerSettings
 from grid_map_ros_py.testing import Peer, Process, peer, running_node
-from test_node_costmap import set_parameters, wait_for_level
 
 MODULE = "grid_map_ros_py._executables.path_planner"
 START, GOAL = (-1.4, 0.1), (1.4, -0.2)
@@ -88,8 +88,8 @@ def planner(**parameters: object) -> Iterator[tuple[Process, Peer]]:
 
 def ask(other: Peer, grid_map: GridMap) -> None:
     other.publish("/grid_map", to_message(grid_map))
-    other.publish("/initial_pose", robot(START), 1)
-    other.publish("/goal_pose", pose(GOAL, 1.0), 1)
+    other.publish("/initial_pose", robot(START))
+    other.publish("/goal_pose", pose(GOAL, 1.0))
 
 
 def test_goal_gives_a_plan_with_heights_that_late_subscribers_get() -> None:
@@ -101,7 +101,7 @@ def test_goal_gives_a_plan_with_heights_that_late_subscribers_get() -> None:
         found = poses_of(path)
         np.testing.assert_allclose(found[[0, -1], :2], [START, GOAL])
         np.testing.assert_allclose(found[:, 2], 0.1 * found[:, 0], atol=1e-3)
-        assert np.hypot(*np.diff(found[:, :2], axis=0).T).max() <= 0.1 + 1e-9
+        assert np.hypot(*np.diff(found[:, :2], axis=0).T).max() <= 0.23 + 1e-9
         ways = np.diff(found[:, :2], axis=0)
         turns = np.arctan2(ways[:, 1], ways[:, 0]) - found[:-1, 3]
         # The yaw at the start is that of the robot.
@@ -122,7 +122,7 @@ def test_plan_is_repeated_only_if_a_map_blocks_it() -> None:
         behind = beside.copy()
         behind["cost"][behind.get_index((-1.5, 0.1))] = 254.0
         for grid_map in (beside, behind):
-            other.publish("/initial_pose", robot((-0.9, 0.05)), 1)
+            other.publish("/initial_pose", robot((-0.9, 0.05)))
             other.publish("/grid_map", to_message(grid_map))
         # Only the third map blocks the plan.
         other.publish("/grid_map", to_message(HIGH))
@@ -145,10 +145,10 @@ def test_nothing_is_sent_for_a_stale_map() -> None:
     with planner(stale_after=1.0) as (node, other):
         other.listen("/diagnostics", DiagnosticArray, 10)
         other.publish("/grid_map", to_message(OPEN))
-        other.publish("/initial_pose", robot(START), 1)
+        other.publish("/initial_pose", robot(START))
         remedy = "no plans are sent; set stale_after to 0 for a map that is published once"
         other.wait_until(lambda: f"{text}, {remedy}" in node.text, "a stale map")
-        other.publish("/goal_pose", pose(GOAL), 1)
+        other.publish("/goal_pose", pose(GOAL))
         other.wait_until(lambda: f"no plan: {text}" in node.text, "a refusal")
         assert wait_for_level(other, DiagnosticStatus.WARN).message.endswith(text)
         assert other.received["/plan"] == []
@@ -174,7 +174,7 @@ def test_make_plan_starts_at_a_pose_or_at_the_robot() -> None:
         assert passes(plan(pose(START), pose(GOAL)), expected(LOW, START, GOAL))
         assert plan(PoseStamped(), pose(GOAL)).poses == []
         assert "make_plan: no pose of the robot has come on /initial_pose" in node.text
-        other.publish("/initial_pose", robot((0.5, 0.5)), 1)
+        other.publish("/initial_pose", robot((0.5, 0.5)))
         other.wait_until(lambda: plan(PoseStamped(), pose(GOAL)).poses, "a plan")
         assert passes(plan(PoseStamped(), pose(GOAL)), expected(LOW, (0.5, 0.5), GOAL))
         assert plan(pose(START), pose((0.0, 0.5))).poses == []
@@ -215,7 +215,9 @@ def test_parameters_apply_to_the_latched_map_at_once() -> None:
         # The gap of 0.4 m is too narrow for this robot.
         assert changed(other, robot_radius=0.3) == []
         assert other.expect("/plan", 3).poses == []
-        assert changed(other, footprint="[[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]]") == []
+        assert (
+            changed(other, footprint="[[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]]") == []
+        )
         assert other.expect("/plan", 4).poses
         assert changed(other, cost_layer="nothing") == []
         text = "dropped a message of /grid_map: no layer 'nothing'; available: "
@@ -224,12 +226,12 @@ def test_parameters_apply_to_the_latched_map_at_once() -> None:
 
 def test_goal_waits_for_the_first_map_and_pose() -> None:
     with planner() as (node, other):
-        other.publish("/goal_pose", pose(GOAL), 1)
+        other.publish("/goal_pose", pose(GOAL))
         text = "no plan: no usable map has come on /grid_map"
         other.wait_until(lambda: text in node.text, "no map")
         other.publish("/grid_map", to_message(OPEN))
         other.wait_until(lambda: "no plan: no pose of the robot" in node.text, "no pose")
-        other.publish("/initial_pose", robot(START), 1)
+        other.publish("/initial_pose", robot(START))
         other.publish("/grid_map", to_message(OPEN))
         assert passes(other.expect("/plan"), expected(OPEN, START, GOAL))
 
@@ -241,9 +243,11 @@ def test_plans_on_maps_of_one_cell_and_without_values(settings: dict[str, object
     poses = planner.plan((0.0, 0.0, 0.3), (0.01, 0.0, 0.4), 0.0)
     np.testing.assert_allclose(poses[[0, -1], :2], [(0.0, 0.0), (0.01, 0.0)])
     assert np.isfinite(poses).all()
-    assert len(planner.blocked(poses)) == 0
-    empty = Planner(cell.with_layers({"cost": np.full((1, 1), np.nan)}), PlannerSettings(**settings))
-    assert empty.blocked(poses).tolist() == list(range(len(poses)))
+    assert not planner.blocked(poses).any()
+    empty = Planner(
+        cell.with_layers({"cost": np.full((1, 1), np.nan)}), PlannerSettings(**settings)
+    )
+    assert empty.blocked(poses).all()
 
 
 def test_settings_need_a_layer() -> None:

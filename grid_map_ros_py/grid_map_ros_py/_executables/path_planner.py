@@ -17,11 +17,12 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from grid_map_core_py._arrays._checks import Mask
 from grid_map_core_py._parameters import build
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
-from .. import ReceivedMap, from_pose, to_serialized_message, to_stamp
+from .. import ReceivedMap, from_pose, to_serialized_message
 from .._planning import (
     TF_ERROR,
     TIMEOUT,
@@ -43,7 +44,7 @@ from ..nodes._parameters import read_fields
 from ..nodes._poses import PACKAGE as TF, POSE_TYPES, TfPoses, chosen_source, has_tf
 from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
-from ..nodes._topics import describe_topic, listen
+from ..nodes._topics import LatchedSubscription, describe_topic
 
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 
@@ -61,16 +62,15 @@ class Locator:
         node: the node.
         source: `tf`, or a key of `POSE_TYPES`.
         topic: topic of the robot poses, unless they come from tf.
-        log: logs invalid poses of the robot.
     """
 
-    def __init__(self, node: Node, source: str, topic: str, log: LogThrottle) -> None:
-        self._node, self._map_frame = node, ""
+    def __init__(self, node: Node, source: str, topic: str) -> None:
+        self._node, self._map_frame, self._source, self._topic = node, "", source, topic
         self._tf: TfPoses | None = None
         self._latest: Any = None
         if source != "tf":
-            self._describe = listen(node, POSE_TYPES[source], topic, self._keep, log, "a pose")
-        self._has_topic = source != "tf"
+            kind, hears = POSE_TYPES[source], {"hears_best_effort": True, "is_counted": False}
+            self._subscription = LatchedSubscription(node, kind, topic, self._keep, **hears)
 
     def _keep(self, message: Any) -> None:
         from_pose(message)  # Invalid poses are dropped.
@@ -89,11 +89,12 @@ class Locator:
 
     def robot(self, base_frame: str) -> Pose:
         """Return x, y [m] and yaw [rad] of the robot, in the frame of the map."""
-        if not self._has_topic:
+        if self._source == "tf":
             matrix = self._transform(base_frame)
             return matrix[0, 3], matrix[1, 3], yaw_of(matrix)
         if self._latest is None:
-            raise PlanError(TF_ERROR, f"no pose of the robot has come on {self._describe()}")
+            topic = describe_topic(self._node, self._topic, POSE_TYPES[self._source])
+            raise PlanError(TF_ERROR, f"no pose of the robot has come on {topic}")
         return self.pose(self._latest)
 
     def _transform(self, frame_id: str) -> Matrix:
@@ -155,17 +156,21 @@ class PathPlannerNode(ConfiguredNode):
             remedy = "install ros-jazzy-tf2-ros-py and source ROS, or take another pose_source"
             raise MissingPackageError(TF, "pose_source 'tf'", remedy)
         source = chosen_source(source, "pose_with_covariance")
-        self._locator = Locator(self, source, topic, self._log)
+        self._locator = Locator(self, source, topic)
         self._planner: Planner | None = None
         self._used, self._is_stale, self._failure = time.monotonic(), False, ""
         self._goal: PoseStamped | None = None
+        # `_tight` are poses that count as blocked although the plan is new; see `Planner.blocked`.
         self._plan: Poses = np.empty((0, 4))
+        self._tight: Mask = np.empty(0, np.bool_)
         self._requests: list[Request] = []
         self._details = {"plans": 0, "repeated plans": 0, "ms of the last plan": math.nan}
         self._health.details = lambda: self._details
         self._publisher = self.create_publisher(Path, "plan", map_qos())
         self._costs = MapPublisher(self, "cost_to_go", self._cost_to_go, self._log)
-        self.create_subscription(PoseStamped, "goal_pose", self._on_goal, 1)
+        self._goals = LatchedSubscription(
+            self, PoseStamped, "goal_pose", self._on_goal, is_counted=False
+        )
         self.create_service(GetPlan, "make_plan", self._make_plan)
         self._action = self._offer_to_nav2()
         self._subscription = MapSubscription(self, self._map_topic, self._on_map)
@@ -231,10 +236,13 @@ class PathPlannerNode(ConfiguredNode):
         self._costs.publish()
 
     def _is_free(self) -> bool:
-        """Return whether the map has a plan, and the part ahead of the robot is free."""
+        """Return whether there is a plan, and the map is free in the part ahead of the robot."""
         with dropping(self._log, "cannot check the plan"):
-            poses = self._plan[self._passed(self._plan) :]
-            return len(poses) > 0 and not len(self._fresh().blocked(poses))
+            planner, ahead = self._fresh(), slice(self._passed(self._plan), None)
+            poses = self._plan[ahead]
+            blocked = planner.blocked(poses) & ~self._tight[ahead] | planner.occupied(poses)
+            # The robot has already reached the first of these poses.
+            return len(poses) > 0 and not blocked[1:].any()
         return False
 
     def _passed(self, poses: Poses) -> int:
@@ -276,9 +284,7 @@ class PathPlannerNode(ConfiguredNode):
 
     # --- plans ------------------------------------------------------------------------------------
 
-    def _ends(
-        self, start: PoseStamped | None, goal: PoseStamped
-    ) -> tuple[Planner, Pose, Pose]:
+    def _ends(self, start: PoseStamped | None, goal: PoseStamped) -> tuple[Planner, Pose, Pose]:
         """Return the planner, the start and the goal; a start of None is the robot's pose."""
         planner = self._fresh()
         robot = self._settings.base_frame
@@ -315,10 +321,13 @@ class PathPlannerNode(ConfiguredNode):
             if code_of(error) != TIMEOUT and len(self._plan):
                 self._send(self._plan[:0])
 
-    def _send(self, poses: Poses) -> None:
-        self._plan = poses
-        self._publisher.publish(self._message(poses))
+    def _send(self, poses: Poses) -> Path:
+        """Publish a plan, which later maps can block; return its message."""
+        self._plan, self._tight = poses, self._fresh().blocked(poses)
+        message = self._message(poses)
+        self._publisher.publish(message)
         self._costs.publish()
+        return message
 
     def _message(self, poses: Poses) -> Path:
         return to_path(poses, self._fresh().frame_id, self.get_clock().now().nanoseconds)
@@ -367,8 +376,7 @@ class PathPlannerNode(ConfiguredNode):
         else:
             # From now on, the client decides when to plan again.
             self._goal, self._failure = None, ""
-            self._send(poses)
-            result.path = self._message(poses)
+            result.path = self._send(poses)
             handle.succeed()
         result.planning_time = Duration(seconds=time.perf_counter() - begin).to_msg()
         return result
@@ -382,7 +390,7 @@ class PathPlannerNode(ConfiguredNode):
             poses = np.reshape([self._locator.pose(pose) for pose in path.poses], (-1, 3))
             poses = np.insert(poses, 2, 0.0, axis=1)
             first = self._passed(poses)
-            blocked = first + planner.blocked(poses[first:])
+            blocked = first + np.flatnonzero(planner.blocked(poses[first:]))
             response.invalid_pose_indices = blocked.tolist()
             response.is_valid = len(poses) > 0 and not len(blocked)
             # Not in Jazzy.

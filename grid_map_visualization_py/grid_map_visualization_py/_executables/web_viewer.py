@@ -77,8 +77,9 @@ class WebViewerNode(ConfiguredNode):
         self._subscribe(topic)
         if path_topic:
             check_topic(self, "path_topic", path_topic)
-            self._paths = LatchedSubscription(self, Path, path_topic, self._receive_path)
-            health_of(self).inputs = "messages"
+            self._paths = LatchedSubscription(
+                self, Path, path_topic, self._receive_path, is_counted=False
+            )
         steady_timer(self, period, self._update)
 
     def _subscribe(self, topic: str) -> None:
