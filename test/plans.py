@@ -196,7 +196,7 @@ def test_goal_in_a_rotated_frame_and_robot_come_from_tf2() -> None:
         origin = np.linalg.inv(from_xyz_rpy((shift_x, shift_y, 0.0), (0.0, 0.0, yaw)))
         client.send_transform("odom", "map", origin[:3, 3], -yaw)
         client.send_transform("odom", "base_link", (*START, 0.6), 0.3)
-        client.peer.publish("/goal_pose", pose(*in_map(*GOAL), "map"))
+        client.peer.publish("/goal_pose", pose(*in_map(*GOAL), "map"), 1)
         path = client.peer.expect("/plan")
         assert path.header.frame_id == "odom"
         np.testing.assert_allclose(positions_of(path)[[0, -1]], [START, GOAL])

@@ -16,17 +16,23 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from grid_map_core_py.simulation import scan
-from grid_map_ros_py import to_pose, to_serialized_message, to_stamp
+from grid_map_ros_py import ReceivedMap, to_pose, to_serialized_message, to_stamp
 from grid_map_ros_py.messages._point_cloud import write_points
-from grid_map_ros_py.nodes import map_qos
+from grid_map_ros_py.nodes import MapSubscription, map_qos
 from grid_map_ros_py.nodes._spin import steady_timer
 
 from .demo import Demo
-from .elevation_mapping_robot_node import MAX_RANGE, SENSORS, to_bytes
+from .elevation_mapping_robot_node import SENSORS, to_bytes
 from .robot_course import Matrix, load_course, standing_pose
 
-START, GOAL = (3.0, 6.0), (8.0, 1.0)
+START, GOAL = (3.0, 6.0), (6.3, 2.3)
 """Start above the scarp of the terrain, and goal below it [m]."""
+
+MAX_RANGE = 4.0
+"""Range of the sensors [m]; short, so that the robot sees the scarp late."""
+
+MAP = "/elevation_mapping/elevation_map"
+"""Topic of the maps for the planner."""
 
 ARRIVED = 0.2
 """Distance from the end of the plan at which the robot has arrived [m]."""
@@ -88,13 +94,15 @@ class PathPlannerRobotNode(Demo):
         self._truth.publish(to_serialized_message(truth))
         self.create_subscription(Path, "plan", self._on_plan, map_qos())
         steady_timer(self, self._period, self._step)
-        steady_timer(self, 1.0, self._ask)
+        # The planner needs a map first.
+        self._maps = MapSubscription(self, MAP, self._ask)
         self.get_logger().info(f"walks at {self._speed:g} m/s on {self._ground}")
 
-    def _ask(self) -> None:
-        """Publish the goal until there is a plan."""
-        if len(self._walker.plan) or self._is_done:
+    def _ask(self, _: ReceivedMap) -> None:
+        """Publish the goal once the planner is there, and ignore later maps."""
+        if not self._goal.get_subscription_count():
             return
+        self._maps.destroy()
         goal = PoseStamped(header=Header(frame_id="odom"))
         goal.pose.position.x, goal.pose.position.y = GOAL
         self._goal.publish(goal)

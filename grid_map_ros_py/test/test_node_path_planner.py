@@ -89,7 +89,7 @@ def planner(**parameters: object) -> Iterator[tuple[Process, Peer]]:
 def ask(other: Peer, grid_map: GridMap) -> None:
     other.publish("/grid_map", to_message(grid_map))
     other.publish("/initial_pose", robot(START))
-    other.publish("/goal_pose", pose(GOAL, 1.0))
+    other.publish("/goal_pose", pose(GOAL, 1.0), 1)
 
 
 def test_goal_gives_a_plan_with_heights_that_late_subscribers_get() -> None:
@@ -148,7 +148,7 @@ def test_nothing_is_sent_for_a_stale_map() -> None:
         other.publish("/initial_pose", robot(START))
         remedy = "no plans are sent; set stale_after to 0 for a map that is published once"
         other.wait_until(lambda: f"{text}, {remedy}" in node.text, "a stale map")
-        other.publish("/goal_pose", pose(GOAL))
+        other.publish("/goal_pose", pose(GOAL), 1)
         other.wait_until(lambda: f"no plan: {text}" in node.text, "a refusal")
         assert wait_for_level(other, DiagnosticStatus.WARN).message.endswith(text)
         assert other.received["/plan"] == []
@@ -226,7 +226,7 @@ def test_parameters_apply_to_the_latched_map_at_once() -> None:
 
 def test_goal_waits_for_the_first_map_and_pose() -> None:
     with planner() as (node, other):
-        other.publish("/goal_pose", pose(GOAL))
+        other.publish("/goal_pose", pose(GOAL), 1)
         text = "no plan: no usable map has come on /grid_map"
         other.wait_until(lambda: text in node.text, "no map")
         other.publish("/grid_map", to_message(OPEN))

@@ -44,7 +44,7 @@ from ..nodes._parameters import read_fields
 from ..nodes._poses import PACKAGE as TF, POSE_TYPES, TfPoses, chosen_source, has_tf
 from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
-from ..nodes._topics import LatchedSubscription, describe_topic
+from ..nodes._topics import LatchedSubscription, describe_topic, listen
 
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 
@@ -62,13 +62,17 @@ class Locator:
         node: the node.
         source: `tf`, or a key of `POSE_TYPES`.
         topic: topic of the robot poses, unless they come from tf.
+        log: logs invalid poses.
     """
 
-    def __init__(self, node: Node, source: str, topic: str) -> None:
+    def __init__(self, node: Node, source: str, topic: str, log: LogThrottle) -> None:
         self._node, self._map_frame, self._source, self._topic = node, "", source, topic
         self._tf: TfPoses | None = None
         self._latest: Any = None
-        if source != "tf":
+        if source == "odometry":
+            listen(node, POSE_TYPES[source], topic, self._keep, log, "a pose")
+        elif source != "tf":
+            # A single pose must not get lost.
             kind, hears = POSE_TYPES[source], {"hears_best_effort": True, "is_counted": False}
             self._subscription = LatchedSubscription(node, kind, topic, self._keep, **hears)
 
@@ -156,7 +160,7 @@ class PathPlannerNode(ConfiguredNode):
             remedy = "install ros-jazzy-tf2-ros-py and source ROS, or take another pose_source"
             raise MissingPackageError(TF, "pose_source 'tf'", remedy)
         source = chosen_source(source, "pose_with_covariance")
-        self._locator = Locator(self, source, topic)
+        self._locator = Locator(self, source, topic, self._log)
         self._planner: Planner | None = None
         self._used, self._is_stale, self._failure = time.monotonic(), False, ""
         self._goal: PoseStamped | None = None
@@ -168,9 +172,7 @@ class PathPlannerNode(ConfiguredNode):
         self._health.details = lambda: self._details
         self._publisher = self.create_publisher(Path, "plan", map_qos())
         self._costs = MapPublisher(self, "cost_to_go", self._cost_to_go, self._log)
-        self._goals = LatchedSubscription(
-            self, PoseStamped, "goal_pose", self._on_goal, is_counted=False
-        )
+        self.create_subscription(PoseStamped, "goal_pose", self._on_goal, 1)
         self.create_service(GetPlan, "make_plan", self._make_plan)
         self._action = self._offer_to_nav2()
         self._subscription = MapSubscription(self, self._map_topic, self._on_map)
