@@ -93,9 +93,9 @@ class SlowGraph:
         if not all(self.free[cell] for cell in passed):
             return None
         for one, other in product(passed, passed):
-            if sum(abs(np.subtract(one, other))) == 1:
-                if abs(self.height[one] - self.height[other]) > self.max_step:
-                    return None
+            step = abs(self.height[one] - self.height[other])
+            if sum(abs(np.subtract(one, other))) == 1 and step > self.max_step:
+                return None
         rise, run = self.height[b] - self.height[a], self.resolution * math.hypot(*extent)
         angle = math.atan2(rise, run)
         if angle > self.limits.up or -angle > self.limits.down:
@@ -162,7 +162,10 @@ def test_costs_equal_a_slow_graph(seed):
 
 
 def test_random_maps_are_not_all_blocked():
-    counts = [len(SlowGraph(grid_map, **options).cells) for grid_map, options, _ in map(random_map, range(120))]
+    counts = [
+        len(SlowGraph(grid_map, **options).cells)
+        for grid_map, options, _ in map(random_map, range(120))
+    ]
     assert np.median(counts) > 8
 
 
@@ -193,7 +196,9 @@ def test_a_plane_of_20_degrees_is_longer_by_its_cosine(end):
     grid_map = a_map(np.zeros((41, 41)), resolution=0.1, height=heights)
     start, goal = center(grid_map, 20, 20), center(grid_map, *end)
     path = TravelGraph(grid_map, elevation="height").path(start, goal)
-    assert path.length == pytest.approx(math.hypot(math.dist(start, goal), slope * abs(start - goal)[0]), rel=1e-5)
+    assert path.length == pytest.approx(
+        math.hypot(math.dist(start, goal), slope * abs(start - goal)[0]), rel=1e-5
+    )
     assert path.heights[[0, -1]] == pytest.approx([slope * 2.0, slope * 0.1 * end[0]])
 
 
@@ -280,7 +285,9 @@ def test_stepping_stones_of_one_cell_are_found(layer):
     grid_map = a_map(np.zeros((7, 9)))
     grid_map[layer] = stones
     limits = SlopeLimits(0.1, 0.1, 0.1) if layer == "height" else None
-    graph = TravelGraph(grid_map, limits=limits, **{"cost" if layer == "cost" else "elevation": layer})
+    graph = TravelGraph(
+        grid_map, limits=limits, **{"cost" if layer == "cost" else "elevation": layer}
+    )
     path = graph.path(center(grid_map, 3, 0), center(grid_map, 5, 5))
     assert path.length == pytest.approx(7.0)
 
@@ -312,7 +319,10 @@ def test_shortened_lines_avoid_blocked_cells(seed):
     assert path.positions[-1].tolist() == center(grid_map, *goal).tolist()
     assert path.cost <= field.costs[grid_map.get_index(begin)]
     corner = grid_map.geometry.corner
-    points = [[Fraction(round(u * 2**20), 2**20) - HALF for u in corner - position] for position in path.positions]
+    points = [
+        [Fraction(round(u * 2**20), 2**20) - HALF for u in corner - position]
+        for position in path.positions
+    ]
     margin = Fraction(-1, 2**15)  # positions are rounded
     for a, b in pairwise(points):
         near = [cell for cell in np.ndindex(costs.shape) if touches(a, b, cell, margin)]
@@ -320,3 +330,279 @@ def test_shortened_lines_avoid_blocked_cells(seed):
         for one, other in product(near, near):
             if sum(abs(np.subtract(one, other))) == 1:
                 assert abs(heights[one] - heights[other]) <= step + 1e-5
+
+
+def test_the_cost_is_the_integral_along_the_positions():
+    rng = np.random.default_rng(5)
+    costs = np.kron(rng.integers(0, 250, (6, 8)), np.ones((5, 5)))
+    heights = np.add.outer(np.sin(np.arange(30) / 5), np.cos(np.arange(40) / 7))
+    grid_map = a_map(costs, resolution=0.2, height=heights, start_index=(7, 33))
+    graph = TravelGraph(grid_map, cost="cost", cost_weight=3.0, elevation="height")
+    for start, goal in ((2, 3), (28, 35)), ((15, 39), (29, 0)), ((0, 20), (29, 21)):
+        path = graph.path(center(grid_map, *start), center(grid_map, *goal))
+        total = length = 0.0
+        for number, (a, b) in enumerate(pairwise(path.positions)):
+            shares = ((np.arange(2000) + 0.5) / 2000)[:, None]
+            mean = grid_map.at_position("cost", (1.0 - shares) * a + shares * b).mean()
+            piece = math.hypot(math.dist(a, b), path.heights[number + 1] - path.heights[number])
+            length += piece
+            total += piece * (1.0 + 3.0 * mean / 252.0)
+        assert path.cost == pytest.approx(total, rel=1e-4)
+        assert path.length == pytest.approx(length)
+        linear = grid_map.at_position("height", path.positions, "linear")
+        np.testing.assert_allclose(path.heights, linear, atol=1e-6)
+
+
+@pytest.mark.parametrize("start_index", [(0, 0), (3, 8)])
+def test_equal_maps_give_equal_bits(start_index):
+    rng = np.random.default_rng(8)
+    costs = rng.uniform(0, 250, (20, 30))
+    grid_map = a_map(costs, height=rng.normal(0, 0.2, costs.shape))
+    moved = moved_in_buffer(grid_map, start_index)
+    ends = center(grid_map, 1, 2), center(grid_map, 17, 25)
+    fields = [
+        TravelGraph(one, cost="cost", elevation="height").cost_to(ends[1])
+        for one in (grid_map, moved)
+    ]
+    paths = [field.path(ends[0]) for field in fields]
+    moved["to_go"] = np.zeros(costs.shape)
+    assert np.array_equal(np.roll(fields[0].costs, start_index, (0, 1)), fields[1].costs)
+    for name in "positions", "heights", "yaws":
+        assert np.array_equal(getattr(paths[0], name), getattr(paths[1], name))
+    assert (paths[0].cost, paths[0].length) == (paths[1].cost, paths[1].length)
+
+
+# --- Ends -----------------------------------------------------------------------------------------
+
+
+def test_positions_and_yaws_begin_and_end_at_start_and_goal():
+    grid_map = a_map(np.zeros((10, 12)))
+    start, goal = center(grid_map, 8, 9) + [0.3, -0.4], center(grid_map, 2, 1) + [-0.2, 0.45]
+    graph = TravelGraph(grid_map, cost="cost")
+    path = graph.path((*start, 1.5), (*goal, -2.5))
+    assert path.positions[0].tolist() == start.tolist()
+    assert path.positions[-1].tolist() == goal.tolist()
+    assert (path.yaws[0], path.yaws[-1]) == (1.5, -2.5)
+    direction = math.atan2(*(goal - start)[::-1])
+    np.testing.assert_allclose(path.yaws[1:-1], direction)
+    assert path.length == pytest.approx(math.dist(start, goal))
+    assert path.cost == graph.path(center(grid_map, 8, 9), goal).cost
+    np.testing.assert_allclose(graph.path(start, goal).yaws, direction)
+    assert np.hypot(*np.diff(path.positions, axis=0).T).max() < 2.3
+    assert len(path.heights) == len(path.yaws) == len(path.positions)
+
+
+def test_a_start_behind_a_corner_goes_by_the_center_of_its_cell():
+    costs = np.zeros((3, 3))
+    costs[0, 1] = 254.0
+    grid_map = a_map(costs)
+    start = center(grid_map, 0, 0) + [0.45, -0.45]  # beside the blocked cell
+    path = TravelGraph(grid_map, cost="cost", lethal=253).path(start, center(grid_map, 2, 1))
+    assert path.positions[1] == pytest.approx(center(grid_map, 0, 0))
+
+
+def test_start_and_goal_in_one_cell_cost_nothing():
+    grid_map = a_map([[7.0]])
+    graph = TravelGraph(grid_map, cost="cost")
+    start, goal = center(grid_map, 0, 0) + [0.2, 0.1], center(grid_map, 0, 0)
+    path = graph.path(start, goal)
+    assert path.positions.tolist() == [start.tolist(), goal.tolist()]
+    assert (path.cost, path.length) == (0.0, pytest.approx(math.hypot(0.2, 0.1)))
+    assert graph.path(goal, goal).length == 0.0
+
+
+def test_each_cell_leads_to_its_nearest_goal():
+    grid_map = a_map(np.zeros((1, 9)))
+    goals = np.stack([center(grid_map, 0, 0), center(grid_map, 0, 7)])
+    field = TravelGraph(grid_map, cost="cost").cost_to(goals)
+    assert field.costs.tolist() == [[0, 1, 2, 3, 3, 2, 1, 0, 1]]
+    assert field.path(center(grid_map, 0, 2)).positions[-1].tolist() == goals[0].tolist()
+    assert field.path(center(grid_map, 0, 8)).positions[-1].tolist() == goals[1].tolist()
+
+
+def test_the_graph_is_a_snapshot():
+    grid_map = a_map(np.zeros((3, 5)))
+    ends = center(grid_map, 1, 0), center(grid_map, 1, 4)
+    graph = TravelGraph(grid_map, cost="cost")
+    grid_map["cost"][:, 2] = np.nan
+    grid_map.move((9.0, 9.0))
+    assert graph.path(*ends).length == pytest.approx(4.0)
+
+
+def test_a_tolerance_leads_to_the_nearest_cell_within_reach():
+    costs = np.zeros((5, 12))
+    costs[:, 8], costs[2, 10] = 254.0, np.nan
+    grid_map = a_map(costs)
+    graph = TravelGraph(grid_map, cost="cost", lethal=253)
+    start = center(grid_map, 2, 1)
+    for column in 8, 9, 10:  # blocked, out of reach, unknown
+        goal = center(grid_map, 2, column)
+        with pytest.raises(NoPathError):
+            graph.path(start, goal, tolerance=column - 7.5)
+        path = graph.path(start, (*goal, 0.5), tolerance=column - 7.0)
+        assert path.positions[-1] == pytest.approx(center(grid_map, 2, 7))
+        assert path.yaws[-1] == 0.5
+    goal = center(grid_map, 2, 6) + 0.25
+    assert graph.path(start, goal, tolerance=9.0).positions[-1].tolist() == goal.tolist()
+    with pytest.raises(NoPathError) as caught:
+        graph.path(start, center(grid_map, 2, 10) + [0, -9], tolerance=50.0)
+    assert caught.value.reason is PathFailure.GOAL_OUTSIDE_MAP
+
+
+def test_unknown_cells_are_free_on_request():
+    costs = np.full((3, 5), np.nan)
+    costs[0, 0], costs[1, 2] = 0.0, np.inf
+    grid_map = a_map(costs, height=np.zeros((3, 5)))
+    grid_map["height"][2, 2] = np.nan
+    ends = center(grid_map, 2, 0), center(grid_map, 2, 4)
+    graph = TravelGraph(grid_map, cost="cost", unknown="free")
+    assert graph.path(*ends).cost == pytest.approx(4.0)
+    graph = TravelGraph(grid_map, cost="cost", elevation="height", unknown="free")
+    path = graph.path(*ends)
+    assert path.positions[:, 0].max() > grid_map.geometry.corner[0] - 1.5
+
+
+# --- Footprints -----------------------------------------------------------------------------------
+
+
+def test_a_footprint_needs_room_in_its_direction():
+    costs = np.full((30, 40), 254.0)
+    costs[5:12, 2:38] = costs[5:28, 30:37] = 0.0  # two corridors of 0.7 m
+    grid_map = a_map(costs, resolution=0.1, start_index=(9, 22))
+    ends = center(grid_map, 8, 9), center(grid_map, 20, 33)
+    options = {"cost": "cost", "lethal": 253}
+    assert TravelGraph(grid_map, **options).path(*ends)
+    graph = TravelGraph(grid_map, **options, footprint=Footprint.circle(0.2))
+    path = graph.path(*ends)
+    shape = math.dist(*ends)
+    assert shape < path.length < 1.6 * shape
+    with pytest.raises(NoPathError, match=r"start: expected a free cell.*the footprint touches"):
+        TravelGraph(grid_map, **options, footprint=Footprint.circle(0.4)).path(*ends)
+    long = TravelGraph(grid_map, **options, footprint=Footprint.rectangle(1.2, 0.3))
+    assert long.path(ends[0], center(grid_map, 8, 20)).length == pytest.approx(1.1)
+    with pytest.raises(NoPathError, match="no path"):  # it cannot turn into the other corridor
+        long.path(*ends)
+    with pytest.raises(NoPathError, match="goal: expected a free cell") as caught:
+        long.path(ends[0], (*center(grid_map, 8, 20), 0.0))
+    assert caught.value.reason is PathFailure.GOAL_OCCUPIED
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("shape", ["circle", "rectangle"])
+def test_a_footprint_stays_free_along_the_path(shape, seed):
+    """Points all over the footprint, but a quarter of a cell inside, are on free cells."""
+    x, y = np.meshgrid(np.linspace(-0.425, 0.425, 86), np.linspace(-0.225, 0.225, 46))
+    inside, footprint = np.stack([x.ravel(), y.ravel()]), Footprint.rectangle(0.9, 0.5)
+    if shape == "circle":
+        inside, footprint = inside[:, np.hypot(*inside) < 0.225], Footprint.circle(0.25)
+    rng = np.random.default_rng(seed)
+    costs = np.where(rng.random((50, 60)) < 0.012, 254.0, 0.0)
+    grid_map = a_map(costs, resolution=0.1, start_index=(20, 3))
+    graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=footprint)
+    free = np.argwhere(graph.cost_to((3.0, -2.0)).costs < np.inf)
+    path = graph.path(grid_map.get_position(free[0]), (3.0, -2.0))
+    assert len(path.positions) > 10
+    for position, yaw in zip(path.positions[1:-1], path.yaws[1:-1], strict=True):
+        turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+        assert grid_map.at_position("cost", position + (turn @ inside).T).max() == 0.0
+
+
+# --- Errors ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def walled():
+    costs = np.zeros((4, 9))
+    costs[:, 5], costs[0, 0], costs[3, 0] = 254.0, np.nan, np.inf
+    return a_map(costs, start_index=(1, 1))
+
+
+@pytest.mark.parametrize(
+    ("cell", "text", "kind"),
+    [
+        ((0, -3), r"expected a position on the map \(center .*\), got \(4.5, 5.0\)", "OUTSIDE_MAP"),
+        ((0, 0), r"got \(4.5, 2.0\), which is unknown. The nearest free cell is at ", "OCCUPIED"),
+        ((2, 5), r"which is blocked. The nearest free cell is at \(2.5, -2.0\), 1 m", "OCCUPIED"),
+        ((3, 0), r"which is blocked. The nearest", "OCCUPIED"),
+        ((np.nan, 0), r"expected finite numbers, got \(nan, ", "OUTSIDE_MAP"),
+        ((0, -np.inf), r"expected finite numbers, got \(4.5, inf\)", "OUTSIDE_MAP"),
+    ],
+)
+def test_errors_name_the_end_the_cause_and_the_next_free_cell(walled, cell, text, kind):
+    position = walled.geometry.corner - 0.5 - np.array(cell)
+    good, graph = center(walled, 1, 1), TravelGraph(walled, cost="cost", lethal=253)
+    for name, ends in ("start", (position, good)), ("goal", (good, position)):
+        with pytest.raises(
+            NoPathError, match=f"^{name}: {text}" if text[0] == "e" else text
+        ) as caught:
+            graph.path(*ends)
+        assert str(caught.value).startswith(f"{name}: ")
+        assert caught.value.reason is PathFailure[f"{name.upper()}_{kind}"]
+        assert isinstance(caught.value, GridMapError | ValueError)
+    with pytest.raises(NoPathError, match="goal 1: "):
+        graph.cost_to([good, position])
+    with pytest.raises(NoPathError, match="start: "):
+        graph.cost_to(good).path(position)
+
+
+def test_errors_tell_how_many_cells_are_connected(walled):
+    graph = TravelGraph(walled, cost="cost", lethal=253)
+    ends = center(walled, 1, 1), center(walled, 1, 7)
+    with pytest.raises(NoPathError, match=r"start: no path .* only from 12 of 30 free cells"):
+        graph.path(*ends)
+    with pytest.raises(NoPathError, match=r"at most 1 m away; 18 of 30 free cells can be"):
+        graph.path(*ends, tolerance=1.0)
+    with pytest.raises(NoPathError, match="any of 2 goals") as caught:
+        graph.cost_to([center(walled, 1, 7), center(walled, 1, 8)]).path(ends[0])
+    assert caught.value.reason == 208
+
+
+def test_a_map_without_a_free_cell_says_so():
+    grid_map = a_map(np.full((3, 2), np.nan))
+    with pytest.raises(NoPathError, match="The map has no free cell"):
+        TravelGraph(grid_map, cost="cost").cost_to(center(grid_map, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "text"),
+    [
+        ({"cost": "none"}, LayerNotFoundError, "no layer 'none'"),
+        ({"elevation": "none"}, LayerNotFoundError, "no layer 'none'"),
+        ({"cost": "signed"}, GeometryError, "cost: expected no negative numbers .* got -1 at "),
+        ({"cost_weight": -1}, GeometryError, "cost_weight: expected a number >= 0, got -1"),
+        ({"cost_weight": np.nan}, GeometryError, "cost_weight: expected a number"),
+        ({"cost": "cost", "lethal": np.nan}, GeometryError, "lethal: expected a number, got nan"),
+        ({"lethal": 253}, ConfigError, "lethal: expected the argument cost as well"),
+        ({"max_step": 1.0}, ConfigError, "max_step: expected the argument elevation as well"),
+        ({"elevation": "cost", "max_step": -1}, GeometryError, "max_step: expected .* >= 0"),
+        ({"limits": SlopeLimits(1, 1, 1)}, ConfigError, "limits: expected the argument elev"),
+        ({"elevation": "cost", "limits": 0.3}, ConfigError, "limits: expected SlopeLimits"),
+        ({"footprint": 0.3}, ConfigError, "footprint: expected a Footprint, got 0.3"),
+        ({"neighbors": 4}, ConfigError, "neighbors: expected 8 or 16, got 4"),
+        ({"unknown": "lethal"}, ConfigError, "unknown: expected 'blocked' or 'free'"),
+    ],
+)
+def test_wrong_options_are_named(options, error, text):
+    grid_map = a_map(np.zeros((2, 2)), signed=[[0, 1], [-1, np.nan]])
+    with pytest.raises(error, match=f"^{text}"):
+        TravelGraph(grid_map, **options)
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda graph: graph.path((0, 0, 0, 0), (0, 0)), "start: expected x, y of shape"),
+        (lambda graph: graph.path((3, -2), [[3, -2]]), "goal: expected x, y of shape"),
+        (lambda graph: graph.path((3, -2), (3, -2), tolerance=-1), "tolerance: expected a number"),
+        (lambda graph: graph.cost_to([]), "goals: expected shape"),
+        (lambda graph: graph.cost_to(np.zeros((1, 2, 2))), "goals: expected shape"),
+        (lambda graph: graph.cost_to("here"), "goals: expected numbers"),
+        (lambda _: SlopeLimits(25.0, 0.1, 0.1), "up: expected an angle .* Convert degrees"),
+        (lambda _: SlopeLimits(0.1, np.nan, 0.1), "down: expected an angle"),
+        (lambda _: SlopeLimits(0.1, 0.1, -0.1), "cross: expected an angle"),
+    ],
+)
+def test_wrong_arguments_are_named(call, text):
+    graph = TravelGraph(a_map(np.zeros((2, 2))), cost="cost")
+    with pytest.raises(GeometryError, match=f"^{text}"):
+        call(graph)

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Integers, Mask, Positions, as_finite
-from .._arrays._pieces import PIECE, slices
+from .._arrays._checks import Integers, Mask, Positions, Size, as_finite
+from .._arrays._pieces import PIECE, expanded, slices
 from ..errors import GeometryError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
@@ -138,88 +138,101 @@ def touched_runs(
     step = int(PIECE // (side * len(x)))
     parts = []
     for part in slices(len(yaws), step):
-        cosine, sine = np.cos(yaws[part, None]), np.sin(yaws[part, None])
-        u = origins[part, :1] - (cosine * x - sine * y)
-        v = origins[part, 1:] - (sine * x + cosine * y)
+        cosine, sine = np.cos(yaws[part]), np.sin(yaws[part])
+        u = origins[part, 0] - (np.outer(x, cosine) - np.outer(y, sine))
+        v = origins[part, 1] - (np.outer(x, sine) + np.outer(y, cosine))
         pose, *runs = _runs(u, v, BORDER_TOLERANCE / resolution, footprint.is_convex)
         parts.append((pose + part.start, *runs))
     return Runs(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _runs(u: Positions, v: Positions, tolerance: float, is_convex: bool) -> tuple[Integers, ...]:
-    """Return the runs under polygons with the corners u, v (P, V) [cells]."""
-    top = np.floor(u.min(axis=1) + tolerance)
-    bottom = np.ceil(u.max(axis=1) - tolerance)
-    rows = top[:, None] + np.arange((bottom - top).max())
-    # From here on, the axes are poses, rows and edges.
-    upper, lower = rows[..., None] + tolerance, rows[..., None] + (1.0 - tolerance)
+    """Return the runs under polygons with the corners u, v (V, P) [cells]."""
+    top = np.floor(u.min(axis=0) + tolerance)
+    bottom = np.ceil(u.max(axis=0) - tolerance)
+    rows = top + np.arange((bottom - top).max())[:, None]
+    # From here on, the axes are edges, rows and poses.
     u0, v0 = u[:, None], v[:, None]
-    u1, v1 = np.roll(u0, -1, axis=-1), np.roll(v0, -1, axis=-1)
+    u1, v1 = np.roll(u0, -1, axis=0), np.roll(v0, -1, axis=0)
     along_u, along_v = u1 - u0, v1 - v0
+    upper, lower = rows + tolerance, rows + (1.0 - tolerance)
     with np.errstate(divide="ignore", invalid="ignore"):
         begin = v0 + along_v * np.clip((upper - u0) / along_u, 0.0, 1.0)
         end = v0 + along_v * np.clip((lower - u0) / along_u, 0.0, 1.0)
-    meets = (np.maximum(u0, u1) > upper) & (np.minimum(u0, u1) < lower)
-    low = np.where(meets, np.minimum(begin, end), np.inf)
-    high = np.where(meets, np.maximum(begin, end), -np.inf)
+    misses = (np.maximum(u0, u1) <= upper) | (np.minimum(u0, u1) >= lower)
+    low, high = np.minimum(begin, end), np.maximum(begin, end)
+    low[misses], high[misses] = np.inf, -np.inf
     if is_convex:
-        low, high = low.min(axis=-1, keepdims=True), high.max(axis=-1, keepdims=True)
+        low, high = low.min(axis=0, keepdims=True), high.max(axis=0, keepdims=True)
     else:
         # Cells without a piece of an edge are inside if the middle of their row is.
-        middle = rows[..., None] + 0.5
+        middle = rows + 0.5
         crosses = (u0 > middle) != (u1 > middle)
         with np.errstate(divide="ignore", invalid="ignore"):
             places = v0 + along_v * ((middle - u0) / along_u)
-        places = np.sort(np.where(crosses, places, np.inf), axis=-1)
-        low = np.concatenate((low, places[..., :-1:2]), axis=-1)
-        high = np.concatenate((high, places[..., 1::2]), axis=-1)
-    is_run = np.isfinite(low) & np.isfinite(high)
-    first = np.floor(np.where(is_run, low, 0.0) + tolerance)
-    stop = np.where(is_run, np.ceil(high - tolerance), 0.0)
+        places = np.sort(np.where(crosses, places, np.inf), axis=0)
+        low = np.concatenate((low, places[:-1:2]))
+        high = np.concatenate((high, places[1::2]))
+    low[np.isinf(high)] = high[np.isinf(high)] = 0.0
+    first, stop = np.floor(low + tolerance), np.ceil(high - tolerance)
     if not is_convex:
         first, stop = _without_overlaps(first, stop)
-    pose, row, _ = kept = np.nonzero(stop > first)
-    return (
-        pose,
-        rows[pose, row].astype(np.int64),
-        *(columns[kept].astype(np.int64) for columns in (first, stop)),
-    )
+    pose, row, _ = kept = np.nonzero((stop > first).T)
+    runs = (rows.T[pose, row], first.T[kept], stop.T[kept])
+    return (pose, *(numbers.astype(np.int64) for numbers in runs))
 
 
 def _without_overlaps(first: Positions, stop: Positions) -> tuple[Positions, Positions]:
-    """Sort the runs along the last axis, and let each begin after the ends of those before."""
-    order = np.argsort(first, axis=-1)
-    first, stop = (np.take_along_axis(columns, order, axis=-1) for columns in (first, stop))
-    ends = np.maximum.accumulate(stop, axis=-1)
-    first[..., 1:] = np.maximum(first[..., 1:], ends[..., :-1])
+    """Sort the runs along the first axis, and let each begin after the ends of those before."""
+    order = np.argsort(first, axis=0)
+    first, stop = (np.take_along_axis(columns, order, axis=0) for columns in (first, stop))
+    first[1:] = np.maximum(first[1:], np.maximum.accumulate(stop, axis=0)[:-1])
     return first, stop
 
 
-def kernel_of(
-    footprint: Footprint, resolution: float, yaw: float, size: tuple[int, int]
-) -> tuple[NDArray[np.uint8], bool]:
-    """Return the cells that the footprint touches around a cell at whose center it stands.
+class Kernel(NamedTuple):
+    """The cells that a footprint touches around the cell at whose center it stands.
+
+    Attributes:
+        element: (2 c + 1, 2 r + 1), transposed like an image of the map; the middle is the cell.
+        is_whole: False if cells are missing because no map of the given size contains them.
+    """
+
+    element: NDArray[np.uint8]
+    is_whole: bool
+
+
+def kernels_of(
+    footprint: Footprint, resolution: float, yaws: Sequence[float], size: Size
+) -> tuple[list[Kernel], list[int]]:
+    """Return the different kernels of a footprint, and the number of the kernel of each yaw.
 
     Args:
-        yaw: direction of the footprint [rad].
+        resolution: side of a cell [m].
+        yaws: directions of the footprint [rad].
         size: rows and columns of the map.
-
-    Returns:
-        kernel: (2 c + 1, 2 r + 1), transposed like an image of the map; the middle is the cell.
-        is_whole: False if the kernel lacks cells, because they are beyond every map of this size.
     """
-    origin, yaws = np.array([[0.5, 0.5]]), np.array([yaw])
-    _, rows, first, stop = touched_runs(footprint, resolution, origin, yaws)
-    reach = min(int(np.abs(rows).max()), size[0] - 1)
-    side = min(int(max(np.abs(first).max(), np.abs(stop - 1).max())), size[1] - 1)
-    columns = np.arange(-side, side + 1)
-    kernel = np.zeros((2 * side + 1, 2 * reach + 1), np.uint8)
-    count = 0
-    for row, begin, end in zip(rows.tolist(), first.tolist(), stop.tolist(), strict=True):
-        count += end - begin
-        if abs(row) <= reach:
-            kernel[(columns >= begin) & (columns < end), row + reach] = 1
-    return kernel, int(np.count_nonzero(kernel)) == count
+    kernels: dict[bytes, tuple[int, Kernel]] = {}
+    numbers = []
+    for yaw in yaws:
+        kernel = _kernel(footprint, resolution, yaw, size)
+        key = kernel.element.tobytes() + bytes(kernel.element.shape[0])
+        number, _ = kernels.setdefault(key, (len(kernels), kernel))
+        numbers.append(number)
+    return [kernel for _, kernel in kernels.values()], numbers
+
+
+def _kernel(footprint: Footprint, resolution: float, yaw: float, size: Size) -> Kernel:
+    origin, direction = np.array([[0.5, 0.5]]), np.array([yaw])
+    _, row, first, stop = touched_runs(footprint, resolution, origin, direction)
+    rows = min(int(np.abs(row).max()), size[0] - 1)
+    columns = min(int(np.maximum(np.abs(first), np.abs(stop - 1)).max()), size[1] - 1)
+    run, offset = next(expanded(stop - first, int((stop - first).sum())))
+    row, column = row[run], first[run] + offset
+    inside = (np.abs(row) <= rows) & (np.abs(column) <= columns)
+    element = np.zeros((2 * columns + 1, 2 * rows + 1), np.uint8)
+    element[column[inside] + columns, row[inside] + rows] = 1
+    return Kernel(element, bool(inside.all()))
 
 
 def free_poses(
@@ -241,18 +254,20 @@ def free_poses(
     Returns:
         (rows, cols, len(yaws)) bool in Fortran order.
     """
-    result = np.empty((*free.shape, len(yaws)), np.bool_, order="F")
+    rows, columns = free.shape
     image = np.ascontiguousarray(free.T).view(np.uint8)
+    kernels, numbers = kernels_of(footprint, resolution, yaws, (rows, columns))
     border: dict[str, Any] = {
         "borderType": cv2.BORDER_CONSTANT,
         "borderValue": float(outside_is_free),
     }
-    for number, yaw in enumerate(yaws):
-        kernel, is_whole = kernel_of(footprint, resolution, yaw, result.shape[:2])
-        if is_whole or outside_is_free:
-            result[..., number] = cv2.erode(image, kernel, **border).T
-        else:
-            result[..., number] = False
+    found = [
+        cv2.erode(image, element, **border).T if is_whole or outside_is_free else False
+        for element, is_whole in kernels
+    ]
+    result = np.empty((rows, columns, len(numbers)), np.bool_, order="F")
+    for place, number in enumerate(numbers):
+        result[..., place] = found[number]
     return result
 
 

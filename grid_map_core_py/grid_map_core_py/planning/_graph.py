@@ -63,31 +63,31 @@ class TravelGraph:
     the center of a free cell to 8 or 16 neighbors. A diagonal move needs both cells at its corner,
     and a knight's move (two cells along, one across) needs both cells that it passes between.
 
-    The cost of a move is its length in 3-D [m] times `1 + cost_weight * cost / 252`. The factor
-    252 is Nav2's highest cost without a collision, and `cost` is the mean along the move: over both
-    cells, or over all four cells of a knight's move. So a map without costs has costs in meters.
+    The cost of a move is its length in 3-D [m] times `1 + cost_weight * cost / 252`, where 252 is
+    Nav2's highest cost without a collision, and `cost` is the mean along the move: over both cells,
+    or over all four cells of a knight's move. Without a `cost` layer, it is the length.
 
     The graph is a snapshot: later changes of the map have no effect. It needs about 400 bytes per
     cell with 16 neighbors.
 
     Args:
         grid_map: the map.
-        cost: layer of costs, not negative; None if all cells cost the same.
-        cost_weight: relative extra cost of a meter at a cost of 252; 0 finds the shortest path.
-        lethal: cells with at least this cost are blocked; 253 for costs of Nav2. None blocks
+        cost: layer of costs, not negative; None for a cost of 0 everywhere.
+        cost_weight: extra cost per meter at a cost of 252; 0 finds the shortest path.
+        lethal: cells with at least this cost are blocked, 253 for costs of Nav2. None blocks
             infinite costs only.
         elevation: layer of heights [m]; None for flat ground.
-        limits: steepest slopes. The slope along a move is that between its ends. The slope across it
-            is that of the gradient at each end: central differences, or one-sided beside an unknown
-            cell. Needs `elevation`.
-        max_step: largest difference of height between two cells that share a side [m], for all cells
-            that a move passes. Needs `elevation`.
-        footprint: outline of the robot, which must be free in the direction of the move on all cells
+        limits: steepest slopes; needs `elevation`. The slope along a move is that between its ends.
+            The slope across it is that of the gradient at each end: central differences, or
+            one-sided differences beside an unknown cell.
+        max_step: largest difference of height between two cells that share a side [m], for all
+            cells that a move passes; needs `elevation`.
+        footprint: outline of the robot. It must be free in the direction of a move at every cell
             that the move passes. None if the robot fits into a cell.
-        neighbors: 8 or 16 moves from each cell. On flat ground without obstacles, `cost_to` is up to
-            8.3 % or 2.8 % above the straight distance.
-        unknown: `"blocked"`, or `"free"`, which travels over cells with a cost of NaN as if they
-            cost 0. Cells with an elevation of NaN are always blocked.
+        neighbors: number of moves from each cell, 8 or 16. On flat ground, costs are at most 8.3 %
+            or 2.8 % above the straight distance.
+        unknown: `"blocked"` or `"free"`, for cells whose cost is NaN; if free, they cost 0. Cells
+            whose elevation is NaN are always blocked.
 
     Raises:
         LayerNotFoundError: the map has no such layer.
@@ -120,12 +120,10 @@ class TravelGraph:
             raise ConfigError(f"neighbors: expected 8 or 16, got {short(neighbors)}")
         if unknown not in ("blocked", "free"):
             raise ConfigError(f"unknown: expected 'blocked' or 'free', got {short(unknown)}")
-        for name, value, kind in (
-            ("limits", limits, SlopeLimits),
-            ("footprint", footprint, Footprint),
-        ):
-            if not isinstance(value, kind | None):
-                raise ConfigError(f"{name}: expected a {kind.__name__}, got {short(value)}")
+        if not isinstance(limits, SlopeLimits | None):
+            raise ConfigError(f"limits: expected SlopeLimits, got {short(limits)}")
+        if not isinstance(footprint, Footprint | None):
+            raise ConfigError(f"footprint: expected a Footprint, got {short(footprint)}")
         for name, value, needed, layer in (
             ("lethal", lethal, "cost", cost),
             ("limits", limits, "elevation", elevation),
@@ -134,7 +132,7 @@ class TravelGraph:
             if value is not None and layer is None:
                 raise ConfigError(f"{name}: expected the argument {needed} as well, got None")
         known, passable, costs = _read_costs(grid_map, cost, lethal, unknown)
-        heights = gradient = None
+        heights, gradient = np.zeros(padded(known, False).size), np.zeros((2, 1))
         if elevation is not None:
             values = grid_map.unwrapped(elevation).astype(np.float64)
             has_height = np.isfinite(values)
@@ -148,6 +146,7 @@ class TravelGraph:
             known=padded(known, False),
             passable=padded(passable, False),
             factor=1.0 + weight / _HIGHEST_COST * padded(costs, 0.0),
+            is_flat=elevation is None,
             heights=heights,
             gradient=gradient,
             steepness=_steepness(limits, max_step),
@@ -156,7 +155,7 @@ class TravelGraph:
         )
         moves = _MOVES[neighbors]
         free = self._ground.free_at(np.array([math.atan2(-j, -i) for i, j in moves]))
-        self._free: Mask = free.any(axis=0)
+        self._free: Mask = np.logical_or.reduce(free)
         self._matrix = _matrix(self._ground, free, moves)
 
     def cost_to(self, goals: ArrayLike) -> CostField:
@@ -169,7 +168,7 @@ class TravelGraph:
             NoPathError: a goal is outside the map, blocked or unknown.
         """
         poses = np.atleast_2d(as_array(goals, np.float64, "goals"))
-        if poses.ndim != 2 or not len(poses):
+        if poses.ndim != 2 or not poses.size:
             raise GeometryError(f"goals: expected shape (M, 2) or (M, 3), got {poses.shape}")
         ends: dict[int, Floats] = {}
         for number, values in enumerate(poses):
@@ -217,7 +216,9 @@ class TravelGraph:
         centers = ground.to_positions(ground.cells(cells))
         distances = np.hypot(*(centers - goal[:2]).T)
         if not distances.min(initial=math.inf) <= tolerance:
-            text = f"goal: no path leads to {as_text(goal[:2])} or a cell at most {tolerance:g} m away"
+            text = (
+                f"goal: no path leads to {as_text(goal[:2])} or a cell at most {tolerance:g} m away"
+            )
             count = f"{len(reached)} of {np.count_nonzero(self._free)} free cells"
             text += f"; {count} can be reached from the start"
             raise NoPathError(text, PathFailure.NO_VALID_PATH)
@@ -236,8 +237,8 @@ class TravelGraph:
         """Return the free cells where the footprint is also free in the yaw of a pose, if any."""
         if self._ground.footprint is None or np.isnan(pose[2]):
             return self._free
-        found: Mask = self._free & self._ground.free_at(pose[2:])[0]
-        return found
+        free: Mask = self._free & self._ground.free_at(pose[2:])[0]
+        return free
 
 
 def _steepness(limits: SlopeLimits | None, max_step: float | None) -> Steepness:
@@ -262,7 +263,7 @@ def _read_costs(
     is_nan = np.isnan(costs)
     costs[is_nan] = 0.0
     if (costs < 0.0).any():
-        cell = np.unravel_index(costs.argmin(), costs.shape)
+        cell = divmod(int(costs.argmin()), costs.shape[1])
         text = f"cost: expected no negative numbers in layer {layer!r}, got {costs[cell]:g}"
         place = as_text(grid_map.geometry.center_of(cell))
         raise GeometryError(f"{text} at {place}. Set the costs of unknown cells to NaN")
@@ -325,7 +326,7 @@ def _move_costs(ground: Ground, free: Mask, move: Move) -> Floats:
     cells = ((0, 0), *passed, move)
     exists = np.logical_and.reduce([at(free, cell) for cell in cells])
     run = length = ground.geometry.resolution * math.hypot(i, j)
-    if ground.heights is not None:
+    if not ground.is_flat:
         rise = at(ground.heights, move) - at(ground.heights, (0, 0))
         exists &= ground.steepness.allows(rise, run) & _is_gentle(ground, move, cells, at)
         length = np.hypot(run, rise)
@@ -337,7 +338,7 @@ def _move_costs(ground: Ground, free: Mask, move: Move) -> Floats:
 def _is_gentle(ground: Ground, move: Move, cells: Sequence[Move], at: Any) -> Mask | bool:
     """Return whether the slope across a move and the steps on its cells are allowed."""
     limits, gentle = ground.steepness, True
-    if limits.cross < VERTICAL and ground.gradient is not None:
+    if limits.cross < VERTICAL:
         (i, j), (along_rows, along_columns) = move, ground.gradient
         across = np.abs(along_rows * j - along_columns * i) / math.hypot(i, j)
         level = across <= limits.cross + ROUNDING

@@ -36,7 +36,7 @@ class Steepness:
     cross: float = VERTICAL
     step: float = math.inf
 
-    def allows(self, rise: Floats, run: Floats) -> Mask:
+    def allows(self, rise: Floats, run: Floats | float) -> Mask:
         """Return whether the slope along lines is allowed; `rise` and `run` in meters."""
         return (rise <= (self.up + ROUNDING) * run) & (-rise <= (self.down + ROUNDING) * run)
 
@@ -53,8 +53,9 @@ class Ground:
         known: cells with all data that the graph needs.
         passable: known, finite cells below the lethal cost.
         factor: cost per meter, at least 1.
-        heights: [m], 0 where unknown; None if there are no heights.
-        gradient: (2, S) slope along the rows and along the columns; None without `heights`.
+        is_flat: whether the map has no heights.
+        heights: [m], 0 where unknown.
+        gradient: (2, S) slope along the rows and along the columns; anything on flat ground.
         steepness: limits of slopes and steps.
         footprint: None for a robot that fits into a cell.
         outside_is_free: whether the footprint may extend beyond the map.
@@ -65,8 +66,9 @@ class Ground:
     known: Mask
     passable: Mask
     factor: Floats
-    heights: Floats | None
-    gradient: Floats | None
+    is_flat: bool
+    heights: Floats
+    gradient: Floats
     steepness: Steepness
     footprint: Footprint | None
     outside_is_free: bool
@@ -92,7 +94,7 @@ class Ground:
         """Convert positions (N, 2) [m] to points (2, N) [cells]."""
         return ((self.geometry.corner - positions) / self.geometry.resolution - 0.5).T
 
-    def to_positions(self, points: Floats) -> Positions:
+    def to_positions(self, points: Floats | Integers) -> Positions:
         """Convert points (2, N) [cells] to positions (N, 2) [m]."""
         return self.geometry.corner - (points.T + 0.5) * self.geometry.resolution
 
@@ -120,15 +122,16 @@ class Ground:
         if self.footprint is None:
             return self.passable[np.newaxis]
         count = math.ceil(4.0 * math.pi * self.footprint.radius / self.geometry.resolution)
-        return self.free_at(np.arange(count) * (2.0 * math.pi / count))
+        return self.free_at(np.linspace(0.0, 2.0 * math.pi, count, endpoint=False))
 
     def heights_at(self, points: Floats) -> Floats:
         """Return the heights (P,) [m] at points (2, P): bilinear over the passable cells."""
-        if self.heights is None:
+        if self.is_flat:
             return np.zeros(points.shape[1])
         corners, weights = self._corners(points)
         weights *= self.passable[corners]
-        return (weights * self.heights[corners]).sum(axis=0) / weights.sum(axis=0)
+        heights: Floats = (weights * self.heights[corners]).sum(axis=0) / weights.sum(axis=0)
+        return heights
 
     def _corners(self, points: Floats) -> tuple[Integers, Floats]:
         """Return the four cells (4, P) around points (2, P), and their bilinear weights."""
@@ -168,7 +171,7 @@ class Ground:
         crossing = _Crossing.of(self, points, extent)
         run = self.geometry.resolution * np.hypot(*extent)
         allowed = self._is_free(direction, line, points, crossing)
-        if self.heights is not None:
+        if not self.is_flat:
             rise = np.diff(self.heights_at(points))
             allowed &= self._is_gentle(rise, run, extent, crossing)
             run = np.hypot(run, rise)
@@ -183,22 +186,24 @@ class Ground:
             return crossing.all_touched(table.take)
         turns = np.arctan2(direction[1], direction[0]) / (2.0 * math.pi)
         at = (np.rint(turns * len(tables)).astype(np.int64) % len(tables) * tables.shape[1])[line]
-        free = crossing.all_touched(lambda cells: table[at[:-1] + cells])
+        free: Mask = crossing.all_touched(lambda cells: table[at[:-1] + cells])
         # The footprint at a point touches only cells that it touches at one of these corners.
         corners, weights = self._corners(points)
         is_free = (table[at + corners] | (weights <= ROUNDING)).all(axis=0)
-        return free & is_free[:-1] & is_free[1:]
+        free &= is_free[:-1] & is_free[1:]
+        return free
 
     def _is_gentle(self, rise: Floats, run: Floats, extent: Floats, crossing: _Crossing) -> Mask:
         limits, resolution = self.steepness, self.geometry.resolution
-        gentle = limits.allows(rise, run)
-        if limits.cross < VERTICAL and self.gradient is not None:
+        gentle: Mask = limits.allows(rise, run)
+        if limits.cross < VERTICAL:
             along_rows, along_columns = self.gradient
             across = extent[::-1] * resolution / run
 
             def level(cells: Integers) -> Mask:
                 slope = along_rows[cells] * across[0] - along_columns[cells] * across[1]
-                return np.abs(slope) <= limits.cross + ROUNDING
+                is_level: Mask = np.abs(slope) <= limits.cross + ROUNDING
+                return is_level
 
             gentle &= crossing.all_touched(level)
         if math.isfinite(limits.step):
@@ -262,7 +267,8 @@ class _Crossing:
         steps = np.maximum(
             np.abs(beside - heights[self.here]), np.abs(beside - heights[self.there])
         )
-        return np.where(self.touches, steps, 0.0).max(axis=0)
+        highest: Floats = np.where(self.touches, steps, 0.0).max(axis=0)
+        return highest
 
 
 def sampled(begin: Floats, end: Floats, pieces: Integers) -> tuple[Floats, Integers, Integers]:

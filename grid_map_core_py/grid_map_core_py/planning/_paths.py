@@ -8,7 +8,7 @@ from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._arrays._checks import Integers, Mask, Positions, as_array, as_text
 from ..errors import GeometryError, GridMapError
@@ -161,17 +161,23 @@ def _path(ground: Ground, costs: Floats, cells: Integers, start: Floats, goal: F
     """Return the path along the flat indices (K,) of cells."""
     way, pieces, cost = _shortened(ground, ground.cells(cells).astype(np.float64), costs[cells])
     first, last = ground.to_points(np.stack([start[:2], goal[:2]])).T
+    by_center = [False, False]
     if len(cells) == 1:
         way, pieces = np.stack([first, last], axis=1), np.ones(1, np.int64)
     else:
-        way, pieces = _with_end(ground, way, pieces, 0, first)
-        way, pieces = _with_end(ground, way, pieces, -1, last)
+        way, pieces, by_center[0] = _with_end(ground, way, pieces, 0, first)
+        way, pieces, by_center[1] = _with_end(ground, way, pieces, -1, last)
     points, _, begin = sampled(way[:, :-1], way[:, 1:], pieces)
     points = np.delete(points, begin[1:], axis=1)
     positions, heights = ground.to_positions(points), ground.heights_at(points)
     positions[0], positions[-1] = start[:2], goal[:2]
     x, y = np.diff(positions, axis=0).T
     yaws = np.arctan2(y, x)
+    # Between the center of its cell and the start or goal, a robot does not turn.
+    if by_center[0]:
+        yaws[0] = yaws[1]
+    if by_center[1]:
+        yaws[-1] = yaws[-2]
     yaws = np.append(yaws, yaws[-1])
     for index, pose in (0, start), (-1, goal):
         yaws[index] = yaws[index] if np.isnan(pose[2]) else pose[2]
@@ -217,14 +223,22 @@ def _shortened(ground: Ground, way: Floats, costs: Floats) -> tuple[Floats, Inte
 
 def _with_end(
     ground: Ground, way: Floats, pieces: Integers, end: int, point: Floats
-) -> tuple[Floats, Integers]:
-    """Let a way begin (`end` 0) or stop (-1) at a point in its cell, by the center if necessary."""
+) -> tuple[Floats, Integers, bool]:
+    """Let a way begin (`end` 0) or stop (-1) at a point in its first or last cell.
+
+    If the straight line to the next waypoint is not allowed, it leads by the center of the cell.
+
+    Returns:
+        way, pieces: as in `_shortened`.
+        by_center: whether it leads by the center.
+    """
     if np.abs(point - way[:, end]).max() <= _EQUAL:
-        return way, pieces
+        return way, pieces, False
     moved, neighbor = point[:, np.newaxis], way[:, [-2 if end else 1]]
     straight, parts = ground.straight(*((neighbor, moved) if end else (moved, neighbor)))
     if np.isfinite(straight[0]):
         way[:, end], pieces[end] = point, parts[0]
-        return way, pieces
+        return way, pieces, False
     at = way.shape[1] if end else 0
-    return np.insert(way, at, point, axis=1), np.insert(pieces, at and at - 1, 1)
+    pieces = np.insert(pieces, at and at - 1, 1)
+    return np.insert(way, at, point, axis=1), pieces, True
