@@ -237,7 +237,7 @@ def ramp_path(cross, *, upwards):
 
 
 @pytest.mark.parametrize("cross", [10, 22])
-def test_a_steep_ramp_has_no_way_up_with_a_low_cross_limit(cross):
+def test_low_cross_limit_leaves_no_way_up_a_steep_ramp(cross):
     assert ramp_path(cross, upwards=False).length > 4.0
     with pytest.raises(NoPathError, match="no path") as caught:
         ramp_path(cross, upwards=True)
@@ -392,7 +392,7 @@ def test_positions_and_yaws_begin_and_end_at_start_and_goal():
     assert len(path.heights) == len(path.yaws) == len(path.positions)
 
 
-def test_a_start_behind_a_corner_goes_by_the_center_of_its_cell():
+def test_a_start_behind_a_corner_leads_by_its_cell_center():
     costs = np.zeros((3, 3))
     costs[0, 1] = 254.0
     grid_map = a_map(costs)
@@ -528,7 +528,7 @@ def walled():
         ((0, -np.inf), r"expected finite numbers, got \(4.5, inf\)", "OUTSIDE_MAP"),
     ],
 )
-def test_errors_name_the_end_the_cause_and_the_next_free_cell(walled, cell, text, kind):
+def test_errors_name_end_cause_and_nearest_free_cell(walled, cell, text, kind):
     position = walled.geometry.corner - 0.5 - np.array(cell)
     good, graph = center(walled, 1, 1), TravelGraph(walled, cost="cost", lethal=253)
     for name, ends in ("start", (position, good)), ("goal", (good, position)):

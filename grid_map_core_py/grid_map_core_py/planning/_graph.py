@@ -201,7 +201,7 @@ class TravelGraph:
             cell, end = self._nearest_goal(first, free, end, tolerance)
         else:
             cell = free_cell(self._ground, free, end, "goal")
-        return self._field({cell: end}).path_from(first, begin)
+        return self._field({cell: end})._path_from(first, begin)
 
     def _nearest_goal(
         self, start: int, free: Mask, goal: Floats, tolerance: float

@@ -95,9 +95,9 @@ class CostField:
             NoPathError: the start is outside the map, blocked or unknown, or cannot reach a goal.
         """
         pose = as_pose(start, "start")
-        return self.path_from(free_cell(self._ground, self._free, pose, "start"), pose)
+        return self._path_from(free_cell(self._ground, self._free, pose, "start"), pose)
 
-    def path_from(self, cell: int, start: Floats) -> Path:
+    def _path_from(self, cell: int, start: Floats) -> Path:
         """Return the path from a cell (flat index) and a pose x, y, yaw in it."""
         if not np.isfinite(self._costs[cell]):
             goal = as_text(next(iter(self._goals.values()))[:2])
