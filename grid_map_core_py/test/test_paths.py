@@ -17,6 +17,7 @@ from grid_map_core_py.planning import (
     PathFailure,
     SlopeLimits,
     TravelGraph,
+    check_path,
 )
 from grid_map_core_py.testing import moved_in_buffer
 
@@ -490,7 +491,7 @@ def test_a_footprint_needs_room_in_its_direction():
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("shape", ["circle", "rectangle"])
 def test_a_footprint_stays_free_along_the_path(shape, seed):
-    """Points all over the footprint, but a quarter of a cell inside, are on free cells."""
+    """Points all over the footprint are on free cells, and `check_path` agrees."""
     x, y = np.meshgrid(np.linspace(-0.425, 0.425, 86), np.linspace(-0.225, 0.225, 46))
     inside, footprint = np.stack([x.ravel(), y.ravel()]), Footprint.rectangle(0.9, 0.5)
     if shape == "circle":
@@ -505,6 +506,10 @@ def test_a_footprint_stays_free_along_the_path(shape, seed):
     for position, yaw in zip(path.positions[1:-1], path.yaws[1:-1], strict=True):
         turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
         assert grid_map.at_position("cost", position + (turn @ inside).T).max() == 0.0
+    grid_map["traversability"] = grid_map["cost"] == 0.0
+    for a, b, yaw in zip(path.positions, path.positions[1:-1], path.yaws[:-1], strict=False):
+        piece = [(*a, yaw), (*b, yaw)]
+        assert check_path(grid_map, footprint, piece, layer="traversability", limit=0.5).is_free
 
 
 # --- Errors ---------------------------------------------------------------------------------------
