@@ -285,7 +285,7 @@ def test_blocked_cells_do_not_raise_the_ground_beside_them():
     costs[:, 2], heights[:, 2] = 254.0, 5.0
     grid_map = a_map(costs, height=heights)
     graph = TravelGraph(grid_map, cost="cost", lethal=253, elevation="height")
-    start, goal = center(grid_map, 0, 0), center(grid_map, 11, 1)
+    start, goal = center(grid_map, 0, 0), center(grid_map, 11, 1) - [0.0, 0.4]
     path = graph.path(start, goal)
     assert path.heights.max() == 0.0
     assert path.length == pytest.approx(math.dist(start, goal))
@@ -317,6 +317,22 @@ def test_a_path_around_a_wall_is_shortened_to_its_corner():
     shortest = math.dist(start, corners[0]) + 2.0 + math.dist(corners[1], goal)
     length = TravelGraph(grid_map, cost="cost", lethal=253).path(start, goal).length
     assert length <= 1.005 * shortest
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_further_waypoint_can_be_dropped(seed):
+    rng = np.random.default_rng(seed)
+    costs = np.where(rng.random((25, 30)) < 0.08, 254.0, 0.0)
+    costs[0, 0] = costs[-1, -1] = 0.0
+    grid_map = a_map(costs)
+    field = TravelGraph(grid_map, cost="cost", lethal=253).cost_to(center(grid_map, 24, 29))
+    path = field.path(center(grid_map, 0, 0))
+    turns = np.flatnonzero(np.abs(np.diff(path.yaws)) > 1e-9) + 1
+    corners = path.positions[[0, *turns.tolist(), -1]]
+    cells = np.rint(grid_map.geometry.corner - 0.5 - corners).astype(int).tolist()
+    blocked = np.argwhere(costs > 0).tolist()
+    for a, c in zip(cells, cells[2:], strict=False):
+        assert any(touches(a, c, cell) for cell in blocked)
 
 
 def test_a_diagonal_wall_is_not_crossed():
@@ -558,6 +574,28 @@ def test_a_footprint_needs_room_in_its_direction():
     with pytest.raises(NoPathError, match="goal: expected a free cell") as caught:
         long.path(ends[0], (*center(grid_map, 8, 20), 0.0))
     assert caught.value.reason is PathFailure.GOAL_OCCUPIED
+
+
+def test_a_footprint_goes_straight_where_it_fits():
+    costs = np.full((40, 13), 254.0)
+    costs[:, 1:-1] = 0.0
+    grid_map = a_map(costs, resolution=0.1)
+    robot = Footprint.rectangle(0.9, 0.3)
+    graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=robot, unknown="free")
+    ends = center(grid_map, 2, 5), center(grid_map, 37, 7)
+    assert graph.path(*ends).length == pytest.approx(math.dist(*ends))
+
+
+def test_a_footprint_keeps_its_distance_between_cell_centers():
+    costs = np.zeros((60, 20))
+    costs[22, 14] = 254.0
+    grid_map = a_map(costs, resolution=0.1, free=1.0)
+    grid_map["free"][22, 14] = 0.0
+    robot = Footprint.circle(0.33)
+    graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=robot)
+    path = graph.path(center(grid_map, 5, 10), center(grid_map, 55, 11))
+    poses = np.column_stack([path.positions, path.yaws])
+    assert check_path(grid_map, robot, poses, layer="free", limit=0.5).is_free
 
 
 @pytest.mark.parametrize("seed", range(12))
