@@ -64,7 +64,7 @@ def test_footprint_cells_are_the_touched_squares(grid_map, footprint, fraction, 
     assert surely <= {numbers[cell] for cell in cell_set(found)} <= perhaps
 
 
-def test_cells_on_the_rim_of_an_aligned_footprint_do_not_count():
+def test_cells_on_the_rim_of_a_footprint_do_not_count():
     grid_map = value_map()
     pose = (*grid_map.get_position((20, 20)), 0.0)
     assert len(footprint_cells(grid_map, Footprint.rectangle(0.9, 0.5), pose)) == 9 * 5
@@ -223,7 +223,7 @@ def test_turn_on_the_spot_takes_the_shorter_way(yaws):
             assert found.is_free
 
 
-def test_post_in_the_way_is_found_and_one_beside_it_is_not():
+def test_path_check_finds_posts_in_the_way_only():
     poses = [(-1.2, 0.0, 0.0), (1.5, 0.0, 0.0)]
     for side, is_free in ((0.0, False), (0.24, False), (-0.24, False), (0.4, True), (-0.4, True)):
         grid_map = value_map()
@@ -415,8 +415,18 @@ def test_huge_value_changes_only_means_under_it():
 
 def test_footprint_layer_of_a_map_smaller_than_the_footprint():
     grid_map = GridMap((0.3, 0.5), 0.1, layers={"value": 1.0})
+    narrow = GridMap((2.1, 0.5), 0.1, layers={"value": 1.0})
     for statistic in ("min", "mean", "max"):
         assert np.isnan(footprint_layer(grid_map, ROBOT, "value", 4, statistic)).all()
+        found = footprint_layer(narrow, ROBOT, "value", 12, statistic)
+        assert np.isfinite(found).sum(axis=(0, 1)).tolist() == [13, *5 * [0], 13, *5 * [0]]
+
+
+def test_direction_that_leaves_the_map_differs_from_one_that_fits():
+    """Both touch the same cells of a map with a single column."""
+    grid_map = GridMap((0.9, 0.3), 0.3, layers={"value": 1.0})
+    found = footprint_layer(grid_map, Footprint.rectangle(0.5, 0.3), "value", 3)
+    assert np.isfinite(found).sum(axis=(0, 1)).tolist() == [1, 0, 0]
 
 
 # Errors

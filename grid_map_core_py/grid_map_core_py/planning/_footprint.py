@@ -8,7 +8,7 @@ of the map with the largest x and y. Cell (r, c) is the square r <= u <= r + 1, 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
 import cv2
@@ -207,11 +207,11 @@ def kernels_of(
         yaws: directions of the footprint [rad].
         size: rows and columns of the map.
     """
-    kernels: dict[bytes, tuple[int, Kernel]] = {}
+    kernels: dict[Hashable, tuple[int, Kernel]] = {}
     numbers = []
     for yaw in yaws:
         kernel = _kernel(footprint, resolution, yaw, size)
-        key = kernel.element.tobytes() + bytes(kernel.element.shape[0])
+        key = kernel.element.tobytes(), kernel.element.shape, kernel.is_whole
         number, _ = kernels.setdefault(key, (len(kernels), kernel))
         numbers.append(number)
     return [kernel for _, kernel in kernels.values()], numbers
