@@ -542,7 +542,7 @@ def test_unknown_cells_are_free_on_request():
         graph.path(ends[0], center(grid_map, 2, 2))
 
 
-def test_a_footprint_may_leave_the_map_if_unknown_cells_are_free():
+def test_a_footprint_may_leave_the_map_with_free_unknown_cells():
     grid_map = a_map(np.zeros((3, 8)))
     ends = center(grid_map, 0, 0), center(grid_map, 0, 7)
     options = {"cost": "cost", "footprint": Footprint.circle(0.8)}
