@@ -67,7 +67,7 @@ class TravelGraph:
     Nav2's highest cost without a collision, and `cost` is the mean along the move: over both cells,
     or over all four cells of a knight's move. Without a `cost` layer, it is the length.
 
-    The graph is a snapshot: later changes of the map have no effect. It needs about 400 bytes per
+    The graph is a snapshot: later changes of the map have no effect. It needs about 450 bytes per
     cell with 16 neighbors.
 
     Args:
