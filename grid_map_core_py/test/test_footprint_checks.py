@@ -290,9 +290,8 @@ def plane_by_hand(grid_map, pose, footprint=ROBOT):
     centers = grid_map.get_positions(cells)[np.isfinite(heights)] - pose[:2]
     heights = heights[np.isfinite(heights)]
     rows = np.column_stack([centers, np.ones(len(centers))])
-    # The small second objective tells apart planes that are equally low: the hull has one only.
     found = linprog(rows.mean(axis=0), A_ub=-rows, b_ub=-heights, bounds=(None, None))
-    return found.x, heights, rows.mean(axis=0)
+    return rows.mean(axis=0) @ found.x, rows, heights
 
 
 @given(st.integers(0, 999), fractions, yaws, st.sampled_from([ROBOT, ELL, Footprint.circle(0.4)]))
@@ -302,22 +301,25 @@ def test_sole_rests_on_the_lowest_plane_above_rough_ground(seed, position, yaw, 
     grid_map["elevation"][random.random(grid_map.size) < 0.3] = np.nan
     pose = (*position, yaw)
     found = rest(grid_map, pose, footprint, unknown="free", body_height=0.3)
-    (x, y, height), heights, middle = plane_by_hand(grid_map, pose, footprint)
+    lowest, rows, heights = plane_by_hand(grid_map, pose, footprint)
     ahead, left = -math.tan(found.pitch), math.tan(found.roll) / math.cos(found.pitch)
     slope = (
         ahead * math.cos(yaw) - left * math.sin(yaw),
         ahead * math.sin(yaw) + left * math.cos(yaw),
     )
-    assert middle @ (*slope, found.height) == pytest.approx(middle @ (x, y, height), abs=1e-5)
-    np.testing.assert_allclose((*slope, found.height), (x, y, height), atol=1e-4)
+    # On a ridge, two planes are equally low.
+    plane = np.array([*slope, found.height])
+    assert rows.mean(axis=0) @ plane == pytest.approx(lowest, abs=1e-5)
+    assert (rows @ plane >= heights - 1e-5).all()
     assert found.clearance == pytest.approx(found.height + 0.3 - heights.max(), abs=1e-6)
 
 
 def test_block_under_one_corner():
     grid_map = hill(lambda x, y: 0.1 * (x > 0.2 and y > 0.1))
     found = rest(grid_map, (0.0, 0.0, 0.0), body_height=0.2)
-    (x, y, height), _, middle = plane_by_hand(grid_map, (0.0, 0.0, 0.0))
-    assert found.height == pytest.approx(middle @ (x, y, height), abs=0.005)
+    lowest, rows, _ = plane_by_hand(grid_map, (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(rows.mean(axis=0), (0, 0, 1), atol=1e-9)
+    assert found.height == pytest.approx(lowest, abs=1e-5)
     # The center is on the ridge from the block to the far corner, so the sole rocks to either side.
     assert found.pitch < -0.05 or found.roll > 0.05
     assert found.clearance == pytest.approx(found.height + 0.1, abs=1e-6)
