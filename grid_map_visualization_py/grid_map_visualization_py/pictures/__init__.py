@@ -42,7 +42,12 @@ try:
     from matplotlib.figure import Figure
 
     from ._from_above import extent_of
-    from ._plots import RELIEF_SIZE, plot, plot_3d, plot_relief
+    from ._plots import (
+        RELIEF_SIZE,
+        plot as plot,
+        plot_3d as plot_3d,
+        plot_relief as plot_relief,
+    )
 except ImportError as error:
     raise MissingPackageError("matplotlib", "a picture") from error
 
