@@ -33,8 +33,8 @@ from .robot_course import (
     to_bytes,
 )
 
-MAX_RANGE = 5.0
-"""Range of the sensors [m]; short, so that the robot sees the scarp late."""
+MAX_RANGE = 12.0
+"""Range of the sensors [m]."""
 
 MAP = "/elevation_mapping/elevation_map"
 """Topic of the maps for the planner."""

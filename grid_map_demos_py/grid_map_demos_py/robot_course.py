@@ -57,7 +57,7 @@ SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
 }
 """Sensors by frame name: transform to the robot frame, beam directions, and noise model."""
 
-START, GOAL = (2.0, 5.0), (5.9, 2.0)
+START, GOAL = (3.0, 6.0), (5.9, 2.0)
 """Start above the scarp of the terrain, and goal below it [m]."""
 
 ARRIVED = 0.35
