@@ -34,12 +34,12 @@ class Inflation(LayerFilter):
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
             the footprint. To match `robot_radius` in Nav2 without `footprint_padding`, use that
             radius times cos(pi / 16) = 0.9808.
-        footprint: corners [x, y] [m], as a list or (as in Nav2) a string, after padding; replaces
-            `inscribed_radius`.
+        footprint: corners [x, y] of the padded footprint [m], as a list or, as in Nav2, a string;
+            replaces `inscribed_radius`.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
-        inflate_unknown: raise unknown cells to any cost of at least 1; if false, only to 253 or
-            254.
+        inflate_unknown: replace unknown with the inflated cost if it is at least 1; if false, only
+            if it is 253 or 254.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 

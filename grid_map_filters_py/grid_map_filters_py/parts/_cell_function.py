@@ -3,8 +3,8 @@
 
 A function uses only operators and helpers such as `choose` and `clamp`, so that it works for both
 numbers and arrays. If numba is installed, it is compiled to a loop over the cells on first use.
-Otherwise, NumPy evaluates it for one part of the map at a time. The results are bitwise equal, but
-computing them takes several times as long.
+Otherwise, NumPy evaluates it for one part of the map at a time, which takes several times as long.
+The results are bitwise equal.
 """
 
 import functools
