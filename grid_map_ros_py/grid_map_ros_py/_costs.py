@@ -9,14 +9,14 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap, GridMapError
 from grid_map_core_py.conversions import CostRange
-from grid_map_core_py.conversions._costmap import FREE, INSCRIBED, LETHAL, UNKNOWN
+from grid_map_core_py.conversions._costmap import FREE, LETHAL, UNKNOWN
 from grid_map_core_py.limits import check_cells
 
 from .errors import TiltedFrameError
 from .messages._fields import Matrix
 
 TOLERANCE = 1e-3
-"""Cells touch if they overlap by more than this [cells]."""
+"""Minimum overlap of two cells that touch [cells]; smaller overlaps may be rounding errors."""
 
 WORST_BELOW_UNKNOWN = {"worst": LETHAL, "above_free": FREE}
 """Largest cost that an unknown cell hides, by the value of the parameter `unknown`."""

@@ -121,7 +121,7 @@ def _stereo(parameters: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class SourceSettings:
-    """Parameters of a source of scans or images.
+    """Parameters of one source of scans or images in `input_sources`.
 
     Attributes:
         type: kind of sensor data on the topic.
@@ -188,7 +188,7 @@ class InputSource:
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fusion methods by name pattern; `default` becomes the last pattern, `.*`.
 
-    ROS splits patterns such as `feat_.*` at the dots. Nested parameters are joined again.
+    ROS splits patterns such as `feat_.*` at the dots. This function joins the parts again.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

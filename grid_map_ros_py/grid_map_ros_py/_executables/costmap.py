@@ -36,18 +36,19 @@ from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
 
 PATIENCE, QUEUE = 1.0, 10
-"""Maximum wait for a transform [s]; maximum number of waiting maps and of latched updates."""
+"""Maximum time to wait for a transform [s]; maximum number of waiting maps and latched updates."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CostmapSettings:
-    """Parameters that can be changed while the node runs.
+    """Parameters of the node `costmap` that can be changed while it runs.
 
     Attributes:
         layer: layer with integer costs from 0 to 254; NaN means unknown.
         frame_id: frame of the costmap; empty means the map frame. Another frame needs tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
-        origin_grid: send the largest window whose borders are multiples of this number of cells.
+        origin_grid: send only the largest part of the map whose borders are at multiples of this
+            number of cells.
         unknown: rank of unknown map cells if a costmap cell touches several map cells: `worst`
             (above all costs) or `above_free` (between costs 0 and 1).
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
@@ -70,7 +71,7 @@ class CostmapSettings:
 
 
 class Output:
-    """Publishes latched full grids of type `kind`, and updates of type `update` unless it is None.
+    """Publisher of latched full grids of type `kind`, and of updates of type `update` if not None.
 
     An update expires after `period` [s]. Two full grids follow it, one per period. If a late
     subscriber applies an update to a newer grid, a full grid soon replaces the result.
@@ -120,7 +121,7 @@ class Output:
 
 
 class CostmapNode(ConfiguredNode):
-    """Converts every map to costs in the requested frame, and publishes the changes."""
+    """Node that converts every map to costs in the requested frame, and publishes the changes."""
 
     def __init__(self) -> None:
         super().__init__("costmap")
@@ -161,7 +162,7 @@ class CostmapNode(ConfiguredNode):
             return None
 
     def _answer(self, _request: Any, response: Any) -> Any:
-        """Fill the answer of the service; before the first map, it has no cells."""
+        """Fill the response of the service; before the first map, its costmap has no cells."""
         if self._outputs[-1].last is None:
             topic = self._subscription.topic_name
             self._log.warning(f"get_costmap: no costs yet, as no map of {topic} has been used")

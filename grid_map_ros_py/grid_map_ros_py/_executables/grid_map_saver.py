@@ -19,7 +19,7 @@ LOG_PERIOD = 10.0
 
 
 class GridMapSaverNode(ConfiguredNode):
-    """Saves the first received map, or every received map, to a bag."""
+    """Node that saves the first received map, or every received map, to a bag."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_saver")

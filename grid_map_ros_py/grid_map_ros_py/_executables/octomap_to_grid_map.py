@@ -20,7 +20,7 @@ NAME = "octomap_to_grid_map"
 
 
 class OctomapToGridMapNode(ConfiguredNode):
-    """Converts each octomap from a topic or a service to a grid map, and publishes it."""
+    """Node that converts each octomap from a topic or a service to a map, and publishes it."""
 
     def __init__(self) -> None:
         super().__init__(NAME)

@@ -26,7 +26,7 @@ from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(ConfiguredNode):
-    """Visualizes maps on demand: publishes only outputs that have subscribers.
+    """Node that converts maps to visualizations, and publishes only those with subscribers.
 
     The node subscribes to maps while any output has subscribers. In this time, it keeps the last
     map, so that late-joining subscribers of an output receive a message immediately.

@@ -30,7 +30,7 @@ PERIOD = 0.5
 
 
 class RerunViewerNode(ConfiguredNode):
-    """Forwards the requested topics to Rerun; by default, all topics of supported types."""
+    """Node that forwards topics to Rerun: those requested, or all topics of supported types."""
 
     def __init__(self) -> None:
         super().__init__("rerun_viewer")

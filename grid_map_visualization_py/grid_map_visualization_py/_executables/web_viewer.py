@@ -29,7 +29,7 @@ LOOK_PERIOD = 1.0
 
 
 class WebViewerNode(ConfiguredNode):
-    """Subscribes to the map topic that the user selects on the page, and shows its maps there."""
+    """Node that shows the maps of one topic on a web page, where the user selects the topic."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
