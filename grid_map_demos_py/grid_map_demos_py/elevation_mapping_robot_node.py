@@ -45,7 +45,7 @@ SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
 
 
 class ElevationMappingRobotNode(Demo):
-    """Moves the robot, simulates both sensors and publishes the measurements."""
+    """Node that moves the robot, simulates both sensors and publishes the measurements."""
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_robot")

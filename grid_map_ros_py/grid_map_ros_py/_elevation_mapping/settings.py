@@ -184,12 +184,12 @@ def read_fusion(
     if settings.visibility_cleanup_rate == 0:
         parameters["enable_visibility_cleanup"] = False
     build(Parameters, parameters)
-    about = "`covariance_scale` multiplies the pose covariances"
+    about = "`covariance_scale`: factor applied to the pose covariances"
     motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
     scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)
-    about = "fusion of cloud fields, by name or regular expression"
+    about = "fusion methods of cloud fields, by name or regular expression"
     fields = read_parameter_tree(node, "pointcloud_channel_fusions", description=about)
-    about = "fusion of image channels: `color`, `latest` or `exponential`"
+    about = "fusion methods of image channels, by name or regular expression"
     channels = read_parameter_tree(node, "image_channel_fusions", description=about)
     frame, fusions = frame_name(settings.map_frame_id), channel_fusions(fields)
     return ElevationFusion(

@@ -130,7 +130,7 @@ class CostmapNode(ConfiguredNode):
         self._map_topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         topic = self.read_topic("costmap_topic", "costmap", "topic of the occupancy grids")
         publishes_raw = self.read("publish_raw", True, "also publish `nav2_msgs/Costmap`")
-        about = "maximum time from an update to a full grid [s]"
+        about = "maximum time from an update to the next full grid [s]"
         period = 0.5 * self.read_number("full_period", 5.0, 0.01, 1e6, about)
         self._next = self._settings = read_fields(self, CostmapSettings, read_only=False)
         update = getattr(self._find("map_msgs", "full grids only"), "OccupancyGridUpdate", None)

@@ -33,7 +33,7 @@ class WebViewerNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        about = "initial map topic; any other can be selected on the page"
+        about = "initial map topic; other topics can be selected on the page"
         topic = self.resolve_topic_name(self.read_topic("grid_map_topic", "/grid_map", about))
         about = "maximum number of cells; larger maps are thinned out. 0 means no limit"
         max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
