@@ -25,9 +25,9 @@ class ColorBlending(CellFilter):
     Attributes:
         background_layer: layer with the background colors.
         foreground_layer: layer with the foreground colors.
-        blend_mode: "normal" shows the foreground; "hard_light" darkens the background where the
-            foreground is dark, and brightens it elsewhere; "soft_light" (Pegtop) is weaker.
-        opacity: weight of the blended color, from 0 (only background) to 1 (only blended color).
+        blend_mode: "normal" shows the foreground; "hard_light" and the weaker "soft_light" (Pegtop)
+            darken the background where the foreground is dark, and brighten it elsewhere.
+        opacity: weight of the blended color relative to the background, from 0 to 1.
         output_layer: layer for the result.
     """
 

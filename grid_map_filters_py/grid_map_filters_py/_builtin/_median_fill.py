@@ -37,12 +37,11 @@ class MedianFill:
         filter_existing_values: also replace finite cells in the mask with the median.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
-        fill_mask_layer: layer with the mask of the cells that may change; if it is missing, the
-            mask is computed and stored in this layer.
+        fill_mask_layer: layer with the mask of the cells that may change; computed if missing.
         num_erode_dilation_iterations: number of one-cell dilations in the closing, and of the
             erosions that follow.
-        debug: if the mask is computed, also store it as it is before the closing.
-        debug_infill_mask_layer: layer for the mask before the closing; required with `debug`.
+        debug: also store the computed mask before the closing.
+        debug_infill_mask_layer: layer for that mask; required with `debug`.
     """
 
     input_layer: str

@@ -30,8 +30,7 @@ class Slope:
         input_layers_prefix: common prefix of the normal layers, which end in `x`, `y` and `z`; use
             it instead of `input_layer`.
         output_layer: layer for the result.
-        radius: radius of the disc for the plane fit [m]; if 0, the slope is computed from the four
-            neighbors.
+        radius: radius of the disc for the plane fit [m]; if 0, the four neighbors are used.
     """
 
     input_layer: str | None = None

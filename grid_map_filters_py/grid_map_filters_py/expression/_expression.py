@@ -242,7 +242,7 @@ class _PartsOfTile:
             of_tiles: results for each tile, in tile order.
             size: rows and columns of the map.
         """
-        # Only the shape is used.
+        # Only the shape of this array is used.
         whole = np.broadcast_to(np.float32(0), size)
         results = []
         with _faults_as_errors(self.expression.text):

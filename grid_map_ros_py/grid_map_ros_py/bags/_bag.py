@@ -82,8 +82,8 @@ class BagWriter:
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
         in_place: delete an existing bag first, and write directly to `path`. Use this for long
-            MCAP recordings: the bag can be completed even if the disk is full, and `recover=True`
-            can read it after a crash.
+            MCAP recordings: the bag can be completed even if the disk is full, and readers with
+            `recover=True` can read it after a crash.
     """
 
     def __init__(

@@ -32,7 +32,7 @@ class ContoursVisualization(LineMarker):
         layer: layer to draw, usually heights [m].
         interval: spacing of the contour values; lines are drawn at its multiples.
         levels: contour values, in any order; used instead of `interval`.
-        flat: draw all lines at height zero; useful for layers that do not contain heights.
+        flat: draw all lines at height zero; useful for layers without heights.
 
     Raises:
         ConfigError: the interval is not positive, or a level is not finite.

@@ -87,8 +87,8 @@ class RerunViewerNode(ConfiguredNode):
         about = "maximum memory for the messages on the timeline, such as `512MB` or `10%`"
         memory_limit = self.read("memory_limit", "512MB", about)
         about = (
-            "additional host names under which browsers may open the page. Always allowed: IP "
-            "addresses, `localhost`, the value of `host`, and the machine name (also with `.local`)"
+            "additional host names under which browsers may open the page, besides IP addresses, "
+            "`localhost`, `host`, and the machine name (also with `.local`)"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         remedy = "pip install 'grid_map_visualization_py[rerun]', or use web_viewer"
