@@ -69,10 +69,10 @@ class FilterChain:
 
     @classmethod
     def from_config(cls, config: object, *, threads: int = 1) -> "FilterChain":
-        """Create a chain from a configuration in YAML form.
+        """Create a chain from its configuration, as stored under `filters:` in a YAML file.
 
-        The configuration is a mapping `filter1`, `filter2`, ... or a list. Each value is a mapping
-        with the keys `name`, `type` and `params`.
+        The configuration is a mapping with the keys `filter1`, `filter2`, ..., or a list. Each item
+        is a mapping with the keys `name`, `type` and `params`.
 
         Raises:
             FilterConfigError: the chain is invalid; the message names filter, type and parameter.
