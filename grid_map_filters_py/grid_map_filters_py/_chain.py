@@ -83,7 +83,7 @@ class FilterChain:
     def from_yaml(
         cls, path: str | Path, name: str = "filters", *, threads: int = 1
     ) -> "FilterChain":
-        """Create a chain from a ROS 2 parameter file, a ROS 1 file, or a plain list of filters.
+        """Create a chain from a ROS 2 or ROS 1 parameter file, or a YAML file with only a list.
 
         Args:
             path: path of the YAML file.

@@ -86,7 +86,7 @@ def resampled(
         grid_map, layer: the costs.
         transform: pose of the map's frame in the frame `frame_id`.
         frame_id, resolution: frame and cell size [m] of the result.
-        worst_below_unknown: unknown is worse than this cost, and better than the next higher one.
+        worst_below_unknown: unknown ranks above this cost, and below the next higher cost.
     """
     (*shift, yaw), source = transform, grid_map.resolution
     cos, sin = math.cos(yaw), math.sin(yaw)

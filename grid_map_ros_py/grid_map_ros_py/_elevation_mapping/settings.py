@@ -50,7 +50,8 @@ class Settings:
         robot_base_frame_id: frame of the robot.
         track_point_frame_id: frame of the point that the map follows (tf only); empty means the
             robot frame.
-        track_point_x, track_point_y, track_point_z: coordinate of that point in its frame [m].
+        track_point_x, track_point_y, track_point_z: coordinate of the followed point in its frame
+            [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. Without tf, empty means `/pose`.
             With tf, only the covariances are used; if empty, poses are assumed exact.

@@ -133,7 +133,7 @@ class SourceSettings:
         channels: cloud fields or image channels that become layers.
         min_range: ignore points closer to the sensor than this [m].
         max_range: ignore points farther from the sensor than this [m].
-        stride: use only every n-th row and column of depth images.
+        stride: use only every `stride`-th row and column of depth images.
         sensor_xyz: position of the sensor on the robot [m]; unused with tf.
         sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
         reliability: `best_effort` works with every publisher; `reliable` recovers lost messages,

@@ -266,7 +266,7 @@ class MapPublisher:
 def offer_service(
     node: Node, kind: type, name: str, action: Callable[[Any, Any], None], log: LogThrottle
 ) -> None:
-    """Create the service `~/name`.
+    """Create the service `~/name`, and log the errors of its requests.
 
     Args:
         node: the node.
