@@ -66,6 +66,7 @@ setup(
     install_requires=requirements,
     extras_require={
         "completion": ["argcomplete>=3"],
+        "fast": ["numba>=0.59"],
         "files": ["pypcd4>=1.1", "trimesh>=4.8"],
         "geo": ["pyproj>=3.6.1", "rasterio>=1.3.9"],
         "test": ["pytest"],

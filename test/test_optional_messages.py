@@ -39,6 +39,14 @@ INTERFACES = {
             "std_msgs/Header header\nuint32 x\nuint32 y\nuint32 size_x\nuint32 size_y\n"
             "uint8[] data\n"
         ),
+        "action/ComputePathToPose.action": (
+            "geometry_msgs/PoseStamped goal\ngeometry_msgs/PoseStamped start\nstring planner_id\n"
+            "bool use_start\n---\nnav_msgs/Path path\nbuiltin_interfaces/Duration planning_time\n"
+            "uint16 error_code\nstring error_msg\n---\n"
+        ),
+        "srv/IsPathValid.srv": (
+            "nav_msgs/Path path\n---\nbool is_valid\nint32[] invalid_pose_indices\n"
+        ),
         "srv/GetCostmap.srv": "nav2_msgs/CostmapMetaData specs\n---\nnav2_msgs/Costmap map\n",
         "msg/Costmap.msg": "std_msgs/Header header\nCostmapMetaData metadata\nuint8[] data\n",
         "msg/CostmapMetaData.msg": (
@@ -56,16 +64,27 @@ INTERFACES = {
     "tf2_msgs": {"msg/TFMessage.msg": "geometry_msgs/TransformStamped[] transforms\n"},
 }
 
+TYPE_HASHES = {
+    "map_msgs/msg/OccupancyGridUpdate": (
+        "RIHS01_c4095b0be2e4363f8978a1570e0293ee093436f1e1c61d99b48502ac317025e8"
+    ),
+    "tf2_msgs/msg/TFMessage": (
+        "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+    ),
+}
+"""Type hashes that Jazzy shows for messages of these types (`ros2 topic info --verbose`)."""
+
 # Only the Python generators: all generators would take twice as long.
 CMAKE = """
 cmake_minimum_required(VERSION 3.8)
 project({name})
-foreach(package ament_cmake builtin_interfaces geometry_msgs std_msgs
+foreach(package ament_cmake action_msgs builtin_interfaces geometry_msgs nav_msgs std_msgs
         rosidl_cmake rosidl_generator_c rosidl_typesupport_c
         rosidl_typesupport_fastrtps_c rosidl_generator_py)
   find_package(${{package}} REQUIRED)
 endforeach()
-rosidl_generate_interfaces({name} {files} DEPENDENCIES builtin_interfaces geometry_msgs std_msgs)
+rosidl_generate_interfaces({name} {files}
+  DEPENDENCIES action_msgs builtin_interfaces geometry_msgs nav_msgs std_msgs)
 ament_package()
 """
 
@@ -76,8 +95,10 @@ MANIFEST = """
   <description>The fields of the messages of that name.</description>
   <maintainer email="nobody@example.com">nobody</maintainer>
   <license>BSD-3-Clause</license>
+  <depend>action_msgs</depend>
   <depend>builtin_interfaces</depend>
   <depend>geometry_msgs</depend>
+  <depend>nav_msgs</depend>
   <depend>std_msgs</depend>
   <member_of_group>rosidl_interface_packages</member_of_group>
   <export><build_type>ament_cmake</build_type></export>
@@ -202,11 +223,22 @@ def node(environ: dict[str, str], module: str = NODE, **parameters: object) -> P
     return Process([sys.executable, "-m", module, "--ros-args", *given], environ)
 
 
-def test_node_costmap_works_with_messages_of_nav2(with_messages, tmp_path):
+@pytest.mark.parametrize("name", TYPE_HASHES)
+def test_messages_have_the_type_hashes_of_jazzy(with_messages, name):
+    package = name.partition("/")[0]
+    prefixes = with_messages["AMENT_PREFIX_PATH"].split(os.pathsep)
+    (prefix,) = (path for path in prefixes if Path(path).name == package)
+    hashes = json.loads(Path(prefix, "share", f"{name}.json").read_text())["type_hashes"]
+    (found,) = (entry["hash_string"] for entry in hashes if entry["type_name"] == name)
+    assert found == TYPE_HASHES[name]
+
+
+@pytest.mark.parametrize("file", ["costmaps.py", "plans.py"])
+def test_nodes_work_with_messages_of_nav2(with_messages, tmp_path, file):
     (tmp_path / "tf2_ros.py").write_text(TF2)
     path = os.pathsep.join([str(tmp_path), with_messages["PYTHONPATH"]])
     environ = {**with_messages, "PYTHONPATH": path}
-    done = run(sys.executable, "-m", "pytest", "-q", "test/costmaps.py", environ=environ)
+    done = run(sys.executable, "-m", "pytest", "-q", f"test/{file}", environ=environ)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

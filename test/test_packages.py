@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 from pages import page
 
-from grid_map_core_py.errors import ros_package
+from grid_map_core_py import _packages
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 from grid_map_ros_py.testing import environment
@@ -54,7 +54,7 @@ TILED = {
 """Modules of the extras `tiled` and `geo`, and of their tests."""
 
 OPTIONAL = {
-    *("llvmlite", "nav2_msgs", "numba", "octomap_msgs"),
+    *("llvmlite", "numba"),
     *("rasterio", "rerun", "rerun_cli", "viser"),
 } | TILED
 """Optional modules, imported on use; if one is missing, an error names the remedy."""
@@ -102,7 +102,8 @@ def test_package_declares_what_it_imports_and_nothing_else(package):
     optional = OPTIONAL | ({"python3-hypothesis"} & declared(package, "test_depend"))
     assert used - run - optional == set()
     assert used_by_tests - run - declared(package, "test_depend") - OPTIONAL == set()
-    launched = {other.name for other in PACKAGES}
+    # tf2_ros_py imports tf2_msgs.
+    launched = {other.name for other in PACKAGES} | {"tf2_msgs"}
     assert declared(package, "exec_depend") - used - launched == set()
 
 
@@ -182,10 +183,8 @@ def test_services_have_the_fields_of_cpp_in_order(message, fields):
 
 
 def test_apt_packages_are_of_the_sourced_distribution(monkeypatch):
-    monkeypatch.setenv("ROS_DISTRO", "kilted")
-    assert ros_package("nav2_msgs") == "ros-kilted-nav2-msgs"
-    monkeypatch.delenv("ROS_DISTRO")
-    assert ros_package("nav2_msgs") == "ros-$ROS_DISTRO-nav2-msgs"
+    monkeypatch.setattr(_packages, "_DISTRIBUTION", "kilted")
+    assert _packages.remedy_for("nav2_msgs.msg").startswith("apt install ros-kilted-nav2-msgs")
     pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("grid_map_*/*.md")]
     code = [*ROOT.glob("tools/*.py"), *ROOT.glob("grid_map_*_py/grid_map_*_py/**/*.py")]
     assert len(pages) > 20

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Multi-layer grid maps in NumPy, without ROS.
 
-- `GridMap`: named float32 layers over a rectangular grid that follows a robot without copying data.
+- `GridMap`: named float32 layers over a grid that can move with a robot without copying data.
   Related classes: `GridGeometry`, `Interpolation`, `BufferRegion`, `SignedDistanceField`.
 - Regions: `circle_cells` and similar functions return the (rows, cols) of the cells in a shape, for
   indexing a layer. See also `cells_to_mask`, `sliding_windows`, `window_array` and `Polygon`.
@@ -11,8 +11,8 @@
 - Statistics of finite values: `mean_of_finites` and similar functions.
 - Errors: all derive from `GridMapError`.
 
-The modules `map`, `regions`, `conversions`, `files`, `elevation`, `simulation`, `tiled`, `plugins`,
-`limits`, `errors` and `testing` provide further names and are imported lazily.
+The modules `map`, `regions`, `conversions`, `files`, `elevation`, `planning`, `simulation`,
+`tiled`, `plugins`, `limits`, `errors` and `testing` provide further names and are imported lazily.
 """
 
 from typing import TYPE_CHECKING
@@ -78,6 +78,6 @@ _OFFERED = {
     ".map": "BufferRegion GridGeometry GridMap Interpolation SignedDistanceField",
     ".regions": "Polygon cells_to_mask circle_cells ellipse_cells line_cells line_cells_between "
     "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
-} | dict.fromkeys((".elevation", ".limits", ".plugins", ".simulation", ".testing"), "")
+} | dict.fromkeys((".elevation", ".limits", ".planning", ".plugins", ".simulation", ".testing"), "")
 # Programs such as `grid-map --help` start without NumPy, SciPy and OpenCV.
 __all__, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)

@@ -12,7 +12,8 @@ import math
 from typing import Any
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import required, ros_package
+from grid_map_core_py._packages import remedy_for
+from grid_map_core_py.errors import required
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
 from grid_map_ros_py.errors import DROPPED, reason
@@ -29,11 +30,11 @@ PERIOD = 10.0
 PATIENCE = 1.0
 """Time between two checks while the service is not available [s]."""
 
-REMEDY = f"install {ros_package('octomap_msgs')} and source ROS, or name a file by 'octomap_path'"
+REMEDY = f"{remedy_for('octomap_msgs.msg')}, or name a file by 'octomap_path'"
 
 
 class OctomapToGridmapDemoNode(Demo):
-    """Converts an octomap from a service or a file to a map."""
+    """Node that converts an octomap from a service or a file to a map."""
 
     def __init__(self) -> None:
         super().__init__("octomap_to_gridmap_demo")

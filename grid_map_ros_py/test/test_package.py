@@ -74,7 +74,7 @@ def test_import_needs_no_message_package(tmp_path):
     assert result.stderr == ""
     *rest, refusal = result.stdout.splitlines()
     assert rest == ["[0.5  0.25] 1"] * 2 + ["True map"]
-    assert re.search(r"install ros-\$?\w+-\w+-msgs and source ROS$", refusal)
+    assert re.search(r"apt install ros-\w+-\w+-msgs, then source ROS 2", refusal)
 
 
 def test_conversions_work_without_rclpy() -> None:

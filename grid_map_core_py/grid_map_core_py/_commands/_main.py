@@ -11,6 +11,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import FrameType
@@ -25,13 +26,14 @@ from ._output import CommandError, UsageError, message, shown
 PROGRAM = "grid-map"
 GROUP = "grid_map_core_py.commands"
 
-BUILT_IN = ("info", "inspect", "convert", "submap", "doctor")
+BUILT_IN = ("info", "inspect", "convert", "submap", "path", "doctor")
 
 HELP = {
     "info": "show the contents of a file: topics, layers, size, position and time",
     "inspect": "show range, mean, missing values and histogram of every layer",
     "convert": "convert maps between file formats; make maps from clouds, meshes and height images",
     "submap": "cut a rectangle out of a map of any size",
+    "path": "print the length and cost of the least-cost path between two positions, and draw it",
     "doctor": "show versions, missing or broken packages, and the settings of ROS and DDS",
     "filter": "run a filter chain on a map of any size, or on all maps of a bag",
     "plot": "draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video",
@@ -105,8 +107,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(format=f"{PROGRAM}: %(message)s")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("once", UserWarning)
-            warnings.showwarning = lambda text, *_, **__: message(f"warning: {text}")
+            warnings.simplefilter("always", UserWarning)
+            # The warning filter "once" of CPython shows a warning once per module.
+            once = cache(lambda text: message(f"warning: {text}"))
+            warnings.showwarning = lambda warning, *_, **__: once(str(warning))
             return _run(sys.argv[1:] if arguments is None else arguments)
     except OSError as error:
         # Standard output is broken; redirect it, or Python would try to flush it again at exit.
@@ -183,9 +187,8 @@ def _failed(text: str) -> int:
 def on_end(handler: Handler) -> dict[signal.Signals, Any]:
     """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
-    A SIGHUP that is ignored, as under `nohup`, stays ignored.
-    A handler must not acquire locks, as `threading.Event` does, because the interrupted thread may
-    hold them.
+    A SIGHUP that is ignored, as under `nohup`, stays ignored. A handler must not acquire locks, as
+    `threading.Event` does, because the interrupted thread may hold them.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:

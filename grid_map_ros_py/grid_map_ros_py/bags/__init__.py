@@ -2,10 +2,12 @@
 """Read and write maps in rosbag2 bags (MCAP and sqlite3) without ROS.
 
 New bags are folders with `metadata.yaml` and one storage file, as written by `ros2 bag record` in
-ROS 2 Jazzy. Readers accept bags of both formats, split or not, and single storage files. All
-functions raise `BagError` if a bag cannot be read or written, and `MissingPackageError` if a
+ROS 2 Jazzy. Readers accept bags in both formats, including split bags, and single storage files.
+All functions raise `BagError` if a bag cannot be read or written, and `MissingPackageError` if a
 compressed bag needs the package `lz4` or `zstandard`, and it is not installed.
 """
+
+from grid_map_core_py import _lazy
 
 from ._bag import (
     BagMessage as BagMessage,
@@ -19,4 +21,4 @@ from ._bag import (
     save_to_bag as save_to_bag,
 )
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

@@ -52,9 +52,7 @@ _FOOTER_SIZE = _RECORD.size + _FOOTER_HEAD.size + 4 + len(MAGIC)
 
 def package(module: str, feature: str) -> Any:
     """Import a package that compresses data."""
-    name = module.partition(".")[0]
-    remedy = f"sudo apt install python3-{name}, or pip install {name}"
-    return required(module, feature, remedy)
+    return required(module, feature)
 
 
 class _Channel(NamedTuple):

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from grid_map_core_py import GeometryError, GridGeometry, GridMap
 from grid_map_core_py._arrays import as_array
 from grid_map_core_py._arrays._checks import is_name
+from grid_map_core_py.files._shared import say_crs_is_lost
 from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
@@ -74,7 +75,8 @@ def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
 
 
 def to_header(grid_map: GridMap) -> "Header":
-    """Return a `std_msgs/Header` with the frame and timestamp of a map."""
+    """Return a `std_msgs/Header` with the frame and timestamp of a map; warn if `crs` is lost."""
+    say_crs_is_lost(grid_map, "a message", stacklevel=4)
     return messages_of("std_msgs").Header(
         stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id
     )
@@ -186,7 +188,7 @@ def as_float32(field: str, value: float) -> float:
 def as_written(value: float) -> float:
     """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1.
 
-    Values outside the float32 range become 0 or infinity. Received messages never contain any.
+    Values outside the float32 range, which received messages never contain, become 0 or infinity.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))
@@ -203,7 +205,7 @@ def from_pose(message: Any) -> Matrix:
             `PoseWithCovarianceStamped` or `Odometry`.
 
     Raises:
-        MessageError: a coordinate is not finite, or the norm of the quaternion is not 1.
+        MessageError: a coordinate is not finite, or the quaternion norm differs from 1 by over 1 %.
     """
     kind = "geometry_msgs/Pose, or one with a pose"
     return _from(message, "pose", kind, "position", "orientation")

@@ -5,7 +5,7 @@ import array
 import sys
 from typing import Any
 
-from grid_map_core_py.errors import required, ros_package
+from grid_map_core_py.errors import required
 
 
 def messages_of(package: str, needed_by: str = "this message", kind: str = "msg") -> Any:
@@ -14,8 +14,7 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
     `kind` is "msg", or "srv" for services. If the package is missing, the error names `needed_by`.
     """
     name = f"{package}.{kind}"
-    remedy = f"install {ros_package(package)} and source ROS"
-    return sys.modules.get(name) or required(name, needed_by, remedy)
+    return sys.modules.get(name) or required(name, needed_by)
 
 
 def set_array(message: Any, values: "array.array[Any]") -> None:

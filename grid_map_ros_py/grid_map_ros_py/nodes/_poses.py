@@ -16,7 +16,8 @@ from rclpy.node import Node
 from rclpy.time import Time
 from scipy.spatial.transform import Rotation, Slerp
 
-from grid_map_core_py.errors import GridMapError, MissingPackageError, ros_package
+from grid_map_core_py._packages import remedy_for
+from grid_map_core_py.errors import GridMapError, MissingPackageError
 
 from ..errors import MessageError
 from ..messages._fields import NANOSECONDS, Matrix, as_matrix, from_pose, from_stamp, from_transform
@@ -326,7 +327,7 @@ class TfPoses(Poses):
         covariances: PoseHistory | None = None,
     ) -> None:
         if not has_tf():
-            remedy = f"install {ros_package('tf2_ros_py')}, or take another pose_source"
+            remedy = f"{remedy_for('tf2_ros')}, or take another pose_source"
             raise MissingPackageError(PACKAGE, "pose_source 'tf'", remedy)
         super().__init__(map_frame)
         import tf2_ros

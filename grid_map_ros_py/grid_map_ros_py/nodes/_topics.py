@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
@@ -109,6 +110,7 @@ class LatchedSubscription:
         hears_best_effort: also switch to best effort when a best-effort publisher appears; if
             False, only log a warning about that publisher.
         depth: queue depth if `qos` is None.
+        is_counted: count the messages in the `Health` of the node.
 
     Attributes:
         topic_name: full name of the topic.
@@ -125,8 +127,9 @@ class LatchedSubscription:
         raw: bool = False,
         hears_best_effort: bool = False,
         depth: int = 1,
+        is_counted: bool = True,
     ) -> None:
-        self._node = node
+        self._node, self._is_counted = node, is_counted
         self.topic_name: str = node.resolve_topic_name(topic)
         self._callback = callback
         self._qos = qos or map_qos()
@@ -136,7 +139,7 @@ class LatchedSubscription:
         offers = [one.qos_profile for one in node.get_publishers_info_by_topic(self.topic_name)]
         for kind in self._can_give_up:
             policy, weaker = kind.name.lower(), WEAKER[kind]
-            # Publishers warn of stricter subscriptions.
+            # A stricter subscription would make the publishers log a warning.
             if offers and all(getattr(offer, policy) == weaker for offer in offers):
                 setattr(self._qos, policy, weaker)
         self._log = LogThrottle(node.get_logger())
@@ -162,7 +165,8 @@ class LatchedSubscription:
         if isinstance(message, bytes) and len(message) > LARGEST_BLOCK:
             keep_memory()
         what = f"dropped a message of {self.topic_name}"
-        with dropping(self._log, what), health_of(self._node).counted():
+        counted = health_of(self._node).counted() if self._is_counted else nullcontext()
+        with dropping(self._log, what), counted:
             self._callback(message)
 
     def _on_incompatible(self, event: Any) -> None:
@@ -266,7 +270,7 @@ class MapPublisher:
 def offer_service(
     node: Node, kind: type, name: str, action: Callable[[Any, Any], None], log: LogThrottle
 ) -> None:
-    """Create the service `~/name`.
+    """Create the service `~/name`, and log the errors of its requests.
 
     Args:
         node: the node.

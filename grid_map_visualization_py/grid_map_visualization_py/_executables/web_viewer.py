@@ -4,18 +4,22 @@
 import time
 
 import numpy as np
+from nav_msgs.msg import Path
 from rclpy.node import Node
 
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py.messages._fields import check_finite
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
     MapSubscription,
     read_parameter,
 )
 from grid_map_ros_py.nodes._health import LogThrottle, health_of
+from grid_map_ros_py.nodes._parameters import check_topic
 from grid_map_ros_py.nodes._poses import TfPoses, has_tf
 from grid_map_ros_py.nodes._spin import steady_timer
+from grid_map_ros_py.nodes._topics import LatchedSubscription
 
 from .._viewer.page import Page
 from .._viewer.viewer import Viewer
@@ -29,11 +33,11 @@ LOOK_PERIOD = 1.0
 
 
 class WebViewerNode(ConfiguredNode):
-    """Subscribes to the map topic that the user selects on the page, and shows its maps there."""
+    """Node that shows the maps of one topic on a web page, where the user selects the topic."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        about = "initial map topic; any other can be selected on the page"
+        about = "initial map topic; other topics can be selected on the page"
         topic = self.resolve_topic_name(self.read_topic("grid_map_topic", "/grid_map", about))
         about = "maximum number of cells; larger maps are thinned out. 0 means no limit"
         max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
@@ -43,6 +47,8 @@ class WebViewerNode(ConfiguredNode):
         if self._robot_frame and not has_tf():
             remedy = "install tf2_ros_py of your ROS distribution, or leave it empty"
             raise MissingPackageError("tf2_ros", "robot_frame", remedy)
+        about = "topic of a path in the map frame, drawn on the surface; empty means none"
+        path_topic = self.read("path_topic", "/plan", about)
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
         host = self.read("host", "127.0.0.1", about)
         port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 means any free port")
@@ -54,8 +60,8 @@ class WebViewerNode(ConfiguredNode):
         color_layer = self.read("color_layer", "", about)
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, "initial Matplotlib color map")
         about = (
-            "additional host names under which browsers may open the page. Always allowed: IP "
-            "addresses, `localhost`, the value of `host`, and the machine name (also with `.local`)"
+            "additional host names under which browsers may open the page, besides IP addresses, "
+            "`localhost`, `host`, and the machine name (also with `.local`)"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         self._page = Page(host, port, height_layer, color_layer, color_map, names, topic)
@@ -69,6 +75,11 @@ class WebViewerNode(ConfiguredNode):
         self._poses = TfPoses(self, self._robot_frame) if self._robot_frame else None
         self._next_look = 0.0
         self._subscribe(topic)
+        if path_topic:
+            check_topic(self, "path_topic", path_topic)
+            self._paths = LatchedSubscription(
+                self, Path, path_topic, self._receive_path, is_counted=False
+            )
         steady_timer(self, period, self._update)
 
     def _subscribe(self, topic: str) -> None:
@@ -90,6 +101,12 @@ class WebViewerNode(ConfiguredNode):
             text = f"the first map of {self._maps.topic_name} has come; see\n{self._page.url}"
             self.get_logger().info(text)
         self._has_map = True
+
+    def _receive_path(self, message: Path) -> None:
+        places = [one.pose.position for one in message.poses]
+        points = np.array([(place.x, place.y, place.z) for place in places]).reshape(-1, 3)
+        check_finite("poses", points)
+        self._viewer.receive_path(points, message.header.frame_id)
 
     def _update(self) -> None:
         if self._page.is_watched:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from grid_map_core_py._arrays import Positions
+from grid_map_core_py._packages import remedy_for
 from grid_map_core_py.errors import required
 
 from .._layers import titled
@@ -46,6 +47,7 @@ NO_LAYER = "(no map yet)"
 NO_TOPIC = "(no topic)"
 NO_VECTORS = "(none)"
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
+PATH_COLOR = MARKER_COLOR
 
 AXES_COLOR = (128, 128, 128)
 """Gray, visible on white and on black backgrounds."""
@@ -94,6 +96,8 @@ class Page:
         self._drawn_axes: object = None
         # Scene node, label and size of each coordinate frame.
         self._frames: dict[str, tuple[Any, Any]] = {}
+        self._path: Any = None
+        self._drawn_path = np.empty((0, 3))
         self._shown: list[Any] = []
         # Scene parts of each map, by name of the map node.
         self._parts: dict[str, list[Any]] = {}
@@ -222,6 +226,22 @@ class Page:
         if pose is not None:
             node.position = self._lifted(pose[:3, 3])
             node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
+
+    def draw_path(self, points: Positions) -> None:
+        """Draw a line through points (N, 3) [m] in the map frame; fewer than two remove it."""
+        lifted = self._lifted(points)
+        if np.array_equal(lifted, self._drawn_path):
+            return
+        self._drawn_path = lifted
+        if self._path is not None:
+            self._path.remove()
+            self._path = None
+        if len(lifted) > 1:
+            add, start = self._server.scene, lifted[0]
+            self._path = add.add_frame("/path", show_axes=False, position=start)
+            lines = np.stack([lifted[:-1], lifted[1:]], axis=1) - start
+            style: Any = {"thickness": 4.0, "thickness_units": "screen"}
+            add.add_line_segments("/path/line", lines.astype(np.float32), PATH_COLOR, **style)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
         """Return and clear the ray (start, direction) of the last click; None if there was none."""
@@ -402,7 +422,8 @@ class Page:
             }
         with gui.add_folder("Color", expand_by_default=False):
             mode = next(name for name, mode in MODES.items() if mode == coloring.mode)
-            names = dict.fromkeys((*FIRST_COLOR_MAPS, *color_map_names()))
+            # The list contains no reversed maps, such as `viridis_r`.
+            names = dict.fromkeys((coloring.color_map, *FIRST_COLOR_MAPS, *color_map_names()))
             # The keys are field names of `Coloring`.
             self._colors = {
                 "mode": gui.add_dropdown("Color by", tuple(MODES), initial_value=mode),
@@ -449,7 +470,7 @@ def vector_prefixes(layers: Sequence[str]) -> list[str]:
 def _serve(host: str, port: int, names: Container[str]) -> Any:
     """Start a viser server that answers only requests from its own page."""
     viser, websockets = (
-        required(name, "web_viewer", "install viser (pip)")
+        required(name, "web_viewer", remedy_for("viser"))
         for name in ("viser", "websockets.asyncio.server")
     )
     serve: Callable[..., Any] = websockets.serve
