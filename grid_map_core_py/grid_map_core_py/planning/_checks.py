@@ -25,8 +25,6 @@ _FAR = 2.0**40
 
 _CELLS = 2**18  # cells under footprints that are looked at together
 
-_NONE = np.empty(0, np.int64)
-
 Unknown = Literal["blocked", "free"]
 
 
@@ -106,10 +104,7 @@ def footprint_cells(grid_map: GridMap, footprint: Footprint, pose: ArrayLike) ->
         LimitError: the footprint is larger than the largest permitted map.
     """
     runs, _ = _on_map(grid_map, _runs_of(grid_map, footprint, _as_poses(pose, "pose")))
-    lengths = runs.stop - runs.first
-    rows = np.repeat(runs.row, lengths)
-    columns = np.concatenate([_NONE, *map(np.arange, runs.first, runs.stop)])
-    return _buffer_indices(grid_map, (0, 0), rows, columns)
+    return _buffer_indices(grid_map, (0, 0), *runs.cells())
 
 
 def check_pose(
@@ -378,9 +373,7 @@ def _rests(
     ends = np.searchsorted(runs.pose, np.arange(len(poses) + 1))
     rests = []
     for begin, end, pose in zip(ends[:-1], ends[1:], poses, strict=True):
-        first, stop = runs.first[begin:end], runs.stop[begin:end]
-        row = np.repeat(runs.row[begin:end], stop - first)
-        column = np.concatenate([_NONE, *map(np.arange, first, stop)])
+        row, column = Runs(*(numbers[begin:end] for numbers in runs)).cells()
         heights = ground.heights[row - ground.corner[0], column - ground.corner[1]]
         points = np.stack([x[row] - pose[0], y[column] - pose[1], heights], axis=1)
         points = points[np.isfinite(heights)]

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Integers, Mask, Positions, Size, as_finite
-from .._arrays._pieces import PIECE, expanded, slices
+from .._arrays._checks import Cells, Integers, Mask, Positions, Size, as_finite
+from .._arrays._pieces import PIECE, slices
 from ..errors import GeometryError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
@@ -110,6 +110,13 @@ class Runs(NamedTuple):
     row: Integers
     first: Integers
     stop: Integers
+
+    def cells(self) -> Cells:
+        """Return the rows and columns of all cells, run by run."""
+        lengths = self.stop - self.first
+        starts = self.first - (np.cumsum(lengths) - lengths)
+        columns = np.repeat(starts, lengths) + np.arange(lengths.sum())
+        return np.repeat(self.row, lengths), columns
 
 
 def touched_runs(
@@ -219,11 +226,11 @@ def kernels_of(
 
 def _kernel(footprint: Footprint, resolution: float, yaw: float, size: Size) -> Kernel:
     origin, direction = np.array([[0.5, 0.5]]), np.array([yaw])
-    _, row, first, stop = touched_runs(footprint, resolution, origin, direction)
-    rows = min(int(np.abs(row).max()), size[0] - 1)
-    columns = min(int(np.maximum(np.abs(first), np.abs(stop - 1)).max()), size[1] - 1)
-    run, offset = next(expanded(stop - first, int((stop - first).sum())))
-    row, column = row[run], first[run] + offset
+    row, column = touched_runs(footprint, resolution, origin, direction).cells()
+    rows, columns = (
+        min(int(np.abs(lines).max()), count - 1)
+        for lines, count in zip((row, column), size, strict=True)
+    )
     inside = (np.abs(row) <= rows) & (np.abs(column) <= columns)
     element = np.zeros((2 * columns + 1, 2 * rows + 1), np.uint8)
     element[column[inside] + columns, row[inside] + rows] = 1
