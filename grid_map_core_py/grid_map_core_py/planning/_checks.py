@@ -11,18 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._arrays._checks import Integers, Layer, Mask, Positions, as_array
-from .._arrays._pieces import slices
 from ..errors import ConfigError, GeometryError, short
 from ..limits import check_visits
 from ..map._grid_map import GridMap
 from ..plugins import check
-from ._footprint import Footprint, touched_cells
+from ._footprint import Footprint, batches, touched_cells
 from ._resting import NOT_RESTING, Resting, resting_pose
 
 _FAR = 2**30
 """Row or column that is beyond every map."""
-
-_CELLS = 2**14  # cells under footprints that are looked at together; they fit into the cache
 
 _SPAN = 2**32
 """Factor that packs a row and a column into one integer; more than the range of columns."""
@@ -220,8 +217,7 @@ def _check(
 ) -> tuple[PathCheck, Resting]:
     """Check poses (P, 3) with the numbers `indices` (P,); also return how the last one rests."""
     touched, is_blocked, rest = [], np.zeros(len(poses), np.bool_), NOT_RESTING
-    side = 2.0 * (footprint.radius / grid_map.resolution + 1.0)
-    for part in slices(len(poses), int(_CELLS // side**2)):
+    for part in batches(footprint, grid_map.resolution, len(poses)):
         pose, row, column = _touched(grid_map, footprint, poses[part])
         touched.append(np.unique(row * _SPAN + column))
         values, heights, known, blocked = _ground(grid_map, rules, row, column)

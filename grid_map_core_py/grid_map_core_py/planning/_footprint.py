@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Integers, Positions, as_finite
+from .._arrays._checks import Integers, Mask, Positions, as_finite
+from .._arrays._pieces import slices
 from ..errors import GeometryError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
@@ -37,7 +39,7 @@ class Footprint:
 
     __slots__ = ("_polygon",)
 
-    def __init__(self, points: ArrayLike) -> None:
+    def __init__(self, points: Polygon | ArrayLike) -> None:
         self._polygon = Polygon.of(points)
         if len(self.points) < 3 or not self._polygon.area > 0 or _cross_each_other(self.points):
             expected = "at least 3 corners in order along an outline that does not cross itself"
@@ -120,22 +122,28 @@ def touched_cells(
     upper, middle, lower = rows + tolerance, rows + 0.5, rows + (1.0 - tolerance)
     begin, end = columns_at(upper), columns_at(lower)
     hits = (np.maximum(u0, u1) > upper) & (np.minimum(u0, u1) < lower)
-    first = np.where(hits, np.floor(np.minimum(begin, end) + tolerance), width)
-    stop = np.where(hits, np.ceil(np.maximum(begin, end) - tolerance), width)
+    first, stop = np.minimum(begin, end) + tolerance, np.ceil(np.maximum(begin, end) - tolerance)
     crosses = (u0 > middle) != (u1 > middle)
-    crossing = np.where(crosses, np.ceil(columns_at(middle) - 0.5), width)
+    crossing = np.ceil(columns_at(middle) - 0.5)
     shape = len(yaws), len(rows), width + 1
     line = np.arange(shape[0] * shape[1]).reshape(shape[:2]) * shape[2]
 
-    def counts(columns: Positions) -> Integers:
-        """Return how many edges (poses, rows, columns) have each of the columns."""
-        places = (line + columns.astype(np.int64)).ravel()
-        return np.bincount(places, minlength=math.prod(shape)).reshape(shape)[..., :width]
+    def counts(columns: Positions, counted: Mask) -> Integers:
+        """Return how many of the counted edges have each of the cells as their column."""
+        places = np.broadcast_to(line, columns.shape)[counted] + columns[counted].astype(np.int64)
+        return np.bincount(places, minlength=math.prod(shape))
 
-    is_on_edge = np.cumsum(counts(first) - counts(stop), axis=2) > 0
-    is_inside = np.cumsum(counts(crossing), axis=2) % 2 == 1
-    pose, row, column = np.nonzero(is_on_edge | is_inside)
+    # In each row, as many runs end as begin, and the number of crossings is even.
+    is_on_edge = np.cumsum(counts(first, hits) - counts(stop, hits)) > 0
+    is_inside = np.cumsum(counts(crossing, crosses)) % 2 == 1
+    pose, row, column = np.nonzero((is_on_edge | is_inside).reshape(shape))
     return pose, row + top.astype(np.int64)[pose], column + left.astype(np.int64)[pose]
+
+
+def batches(footprint: Footprint, resolution: float, count: int) -> Iterator[slice]:
+    """Yield slices of `count` poses, so small that the cells under them fit into the cache."""
+    side = 2.0 * (footprint.radius / resolution + 1.0)
+    return slices(count, int(2**14 // side**2))
 
 
 def kernel_of(footprint: Footprint, resolution: float, yaw: float) -> NDArray[np.uint8]:

@@ -275,8 +275,8 @@ def _move_costs(ground: Ground, free: Mask, move: Move) -> Floats:
         rise = at(ground.heights, move) - at(ground.heights, (0, 0))
         if ground.limits is not None:
             slope = (ground.gradient[0] * j - ground.gradient[1] * i) / math.hypot(i, j)
-            level = ground.limits.allow_across(slope)
-            exists &= ground.limits.allow_along(rise, length) & at(level, (0, 0)) & at(level, move)
+            level = ground.limits._allow_across(slope)
+            exists &= ground.limits._allow_along(rise, length) & at(level, (0, 0)) & at(level, move)
         for a, b in combinations(cells, 2):
             if abs(a[0] - b[0]) + abs(a[1] - b[1]) == 1:
                 step = at(ground.heights, a) - at(ground.heights, b)

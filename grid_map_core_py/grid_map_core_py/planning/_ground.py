@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .._arrays._checks import Integers, Mask, Positions, Size, as_number
 from ..errors import GeometryError, short
 from ..map._geometry import GridGeometry
-from ._footprint import Footprint, kernel_of, touched_cells
+from ._footprint import Footprint, batches, kernel_of, touched_cells
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -48,12 +48,12 @@ class SlopeLimits:
                 text = f"{name}: expected an angle from 0 to pi / 2 [rad], got {short(angle)}"
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
-    def allow_along(self, rise: Floats, run: Floats | float) -> Mask:
+    def _allow_along(self, rise: Floats, run: Floats | float) -> Mask:
         """Return whether the slope along lines is allowed; `rise` and `run` in meters."""
         up, down = (math.tan(limit) + ROUNDING for limit in (self.up, self.down))
         return (rise <= up * run) & (-rise <= down * run)
 
-    def allow_across(self, slope: Floats) -> Mask:
+    def _allow_across(self, slope: Floats) -> Mask:
         """Return whether the tangent of the slope across a line is allowed."""
         return np.asarray(np.abs(slope) <= math.tan(self.cross) + ROUNDING)
 
@@ -127,12 +127,15 @@ class Ground:
         """Return whether the footprint is free (P,) at points (2, P) in directions (P,) [rad]."""
         assert self.footprint is not None
         resolution = self.geometry.resolution
-        pose, row, column = touched_cells(self.footprint, resolution, points.T + 0.5, yaws)
-        rows, columns = self.geometry.size
-        blocked = ~self.passable[self.flat(row.clip(-1, rows), column.clip(-1, columns))]
-        if self.outside_is_free:
-            blocked &= (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        return np.asarray(np.bincount(pose, blocked, len(yaws)) == 0)
+        fits, (rows, columns) = np.ones(len(yaws), np.bool_), self.geometry.size
+        for part in batches(self.footprint, resolution, len(yaws)):
+            origins = points[:, part].T + 0.5
+            pose, row, column = touched_cells(self.footprint, resolution, origins, yaws[part])
+            blocked = ~self.passable[self.flat(row.clip(-1, rows), column.clip(-1, columns))]
+            if self.outside_is_free:
+                blocked &= (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+            fits[part.start + pose[blocked]] = False
+        return fits
 
     def heights_at(self, points: Floats) -> Floats:
         """Return the heights (P,) [m] at points (2, P): bilinear over the passable cells."""
@@ -146,11 +149,14 @@ class Ground:
         heights: Floats = (weights * self.heights[corners]).sum(axis=0) / weights.sum(axis=0)
         return heights
 
-    def straight(self, begin: Floats, end: Floats) -> tuple[Floats, Integers]:
+    def straight(
+        self, begin: Floats, end: Floats, most: Floats | float = math.inf
+    ) -> tuple[Floats, Integers]:
         """Return the costs of straight lines, and the number of pieces to sample each in.
 
         Args:
             begin, end: (2, M) points on the map.
+            most: (M,) or scalar; lines that cost more are not allowed.
 
         Returns:
             costs: (M,) integral of the cost along each line; inf if the line is not allowed.
@@ -161,13 +167,21 @@ class Ground:
         # Lines of no length, and heights over blocked cells only, are NaN and not allowed.
         with np.errstate(divide="ignore", invalid="ignore"):
             costs, allowed = self._over_pieces(points, extent)
-        if self.footprint is not None:
-            # At most half a cell apart, as in `check_path`.
-            samples = np.concatenate([points + extent * (k / 3) for k in range(4)], axis=1)
-            yaws = np.tile(np.arctan2(-extent[1], -extent[0]), 4)
-            allowed &= self._footprint_fits(samples, yaws).reshape(4, -1).all(axis=0)
         total = np.add.reduceat(costs, first)
-        total[~np.logical_and.reduceat(allowed, first)] = np.inf
+        total[~(np.logical_and.reduceat(allowed, first) & (total <= most))] = np.inf
+        if self.footprint is not None:
+            tested = np.flatnonzero(np.isfinite(total))
+            begin, end = begin[:, tested], end[:, tested]
+            # At most half a cell apart, as in `check_path`.
+            steps = np.ceil(2.0 * np.hypot(*(end - begin))).astype(np.int64)
+            points, extent, first = divided(begin, end, steps)
+            directions = np.append(extent, end - begin, axis=1)
+            yaws = np.arctan2(-directions[1], -directions[0])
+            fits = self._footprint_fits(np.append(points, end, axis=1), yaws)
+            along, at_end = np.split(fits, [len(fits) - len(tested)])
+            if tested.size:
+                fits_along = np.logical_and.reduceat(along, first)
+                total[tested[~(fits_along & at_end)]] = np.inf
         return total, pieces
 
     def _over_pieces(self, begin: Floats, extent: Floats) -> tuple[Floats, Mask]:
@@ -196,10 +210,10 @@ class Ground:
             steps = np.abs(around - around[[1, 2, 3, 0]])
             allowed &= steps.max(axis=(0, 1)) <= self.max_step + ROUNDING
             if self.limits is not None:
-                allowed &= self.limits.allow_along(rise, length)
+                allowed &= self.limits._allow_along(rise, length)
                 (rows, columns), (along, across) = self.gradient, extent / np.hypot(*extent)
                 slope = rows[touched] * across - columns[touched] * along
-                allowed &= self.limits.allow_across(slope).all(axis=(0, 1))
+                allowed &= self.limits._allow_across(slope).all(axis=(0, 1))
             length = np.hypot(length, rise)
         return length * mean, allowed
 

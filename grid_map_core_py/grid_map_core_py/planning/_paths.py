@@ -198,8 +198,10 @@ def _shortened(ground: Ground, waypoints: Floats, costs: Floats) -> tuple[Floats
         if not here.size:
             continue
         tested[here] = True
-        straight, parts = ground.straight(waypoints[:, here - 1], waypoints[:, here + 1])
-        drops = straight <= (cost[here - 1] + cost[here]) * (1.0 + _EQUAL)
+        most = (cost[here - 1] + cost[here]) * (1.0 + _EQUAL)
+        ends = waypoints[:, here - 1], waypoints[:, here + 1]
+        straight, parts = ground.straight(*ends, most)
+        drops = np.isfinite(straight)
         here = here[drops]
         cost[here - 1], pieces[here - 1] = straight[drops], parts[drops]
         tested[here - 1] = tested[here + 1] = False
