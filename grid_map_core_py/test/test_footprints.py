@@ -394,14 +394,6 @@ def test_sole_on_few_known_cells():
     assert tilted.pitch == pytest.approx(-math.atan(slope[0]))
 
 
-def test_sole_on_huge_heights():
-    grid_map = hill(lambda x, _: x)
-    grid_map["elevation"][grid_map.get_index((0.1, 0.1))] = 1e30
-    assert rest(grid_map, (0.0, 0.0, 0.0)).height > 1e28
-    one_cell = GridMap((0.1, 0.1), 0.1, layers={"elevation": 3.0, "value": 1.0})
-    assert rest(one_cell, (0.0, 0.0, 0.0), unknown="free").height == pytest.approx(3)
-
-
 @given(
     grid_maps(max_side=7),
     st.sampled_from([Footprint.rectangle(0.5, 0.3), ELL, FORK, Footprint.circle(0.2)]),
