@@ -28,20 +28,13 @@ def command(site, grid_map_command):
     return grid_map_command
 
 
-def test_path_prints_length_and_cost(command, site):
-    line = "path site.npz 1.5,1.0 -1.5,1 --cost cost --lethal 253"
-    path = TravelGraph(site, cost="cost", lethal=253).path((1.5, 1.0), (-1.5, 1.0))
-    code, text, _ = command(line)
-    assert code == 0
-    assert text == f"length  {path.length:.6g} m\ncost    {path.cost:.6g}\n"
-
-
 def test_path_passes_all_options_to_the_graph(command, site):
     line = "path site.npz 1.5,1,0.5 -1.5,1.0,-3 --json --cost cost --cost-weight 2 --lethal 253"
     line += (
         " --elevation height --limits 20 15 20 --max-step 0.1 --footprint 0.5,0.3 --unknown free"
     )
     found = json.loads(command(line)[1])
+    text = command(line.replace("--json", ""))[1]
     graph = TravelGraph(
         site,
         cost="cost",
@@ -56,8 +49,7 @@ def test_path_passes_all_options_to_the_graph(command, site):
     path = graph.path((1.5, 1.0, 0.5), (-1.5, 1.0, -3.0))
     for name in "length", "cost", "positions", "heights", "yaws":
         assert found[name] == np.asarray(getattr(path, name)).tolist()
-    code, _, error = command(line.replace("0.5,0.3", "0.45"))
-    assert (code, "the footprint touches" in error) == (1, True)
+    assert text == f"length  {path.length:.6g} m\ncost    {path.cost:.6g}\n"
 
 
 def test_path_accepts_a_tolerance(command):
@@ -72,14 +64,9 @@ def test_path_accepts_a_tolerance(command):
     ("line", "code", "text"),
     [
         ("9,9 1,1 --cost cost", 1, "start: expected a position on the map"),
-        ("1.5,1 -0.05,1 --cost cost --lethal 253", 1, "goal: expected a free cell, got"),
-        ("1,1 1,0 --cost costs", 1, "no layer 'costs'; available: cost, height"),
-        ("1,1,1,1 1,0 --cost cost", 1, "start: expected x, y of shape"),
         ("1;1 1,0 --cost cost", 2, "expected numbers separated by commas, got '1;1'"),
         ("1,1 1,0", 2, "expected --cost or --elevation, or both"),
-        ("1,1 1,0 --cost cost --limits 1 2 3", 1, "limits: expected the argument elevation"),
         ("1,1 1,0 --cost cost --footprint 1,2,3", 2, "--footprint: expected one or two numbers"),
-        ("1,1 1,0 --elevation height --limits 100 2 3", 1, "up: expected an angle"),
         ("1,1 1,0 --cost cost -o path.txt", 2, "path.txt: expected a name that ends in .jpg, "),
         ("1,1 1,0 --cost cost -o site.png", 1, "site.png: already exists; --force replaces it"),
     ],

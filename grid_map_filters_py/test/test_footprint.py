@@ -38,24 +38,6 @@ def test_footprint_combines_the_layers_of_all_directions(
         np.testing.assert_equal(float(value), choose(values) if values else np.nan)
 
 
-def test_long_robot_passes_a_gap_only_lengthwise():
-    """A wall along x with a gap of 0.5 m; the robot is 0.9 m long and 0.3 m wide."""
-    free = np.ones((40, 40))
-    free[:, 20] = 0.0
-    free[18:23, 20] = 1.0
-    grid_map = ground(free)
-    robot = {"footprint": [[0.45, 0.15], [-0.45, 0.15], [-0.45, -0.15], [0.45, -0.15]]}
-    worst, best = (
-        filtered("Footprint", grid_map, **robot, directions=directions)
-        for directions in ("worst", "best")
-    )
-    assert (worst[20, 20], best[20, 20]) == (0, 1)
-    assert (worst[20, 30], best[20, 30]) == (1, 1)
-    assert (worst[10, 20], best[10, 20]) == (0, 0)
-    assert np.isnan(worst[0, 0])
-    assert np.isnan(best[0, 0])
-
-
 @pytest.mark.parametrize(
     ("params", "cells"),
     [

@@ -87,17 +87,9 @@ def _find(grid_map: "GridMap", options: argparse.Namespace) -> "planning.Path":
         if len(size) not in shapes:
             raise UsageError(f"--footprint: expected one or two numbers, got {len(size)}")
         footprint = shapes[len(size)](*size)
-    graph = TravelGraph(
-        grid_map,
-        cost=options.cost,
-        cost_weight=options.cost_weight,
-        lethal=options.lethal,
-        elevation=options.elevation,
-        limits=limits,
-        max_step=options.max_step,
-        footprint=footprint,
-        unknown=options.unknown,
-    )
+    names = "cost", "cost_weight", "lethal", "elevation", "max_step", "unknown"
+    arguments = {name: getattr(options, name) for name in names}
+    graph = TravelGraph(grid_map, limits=limits, footprint=footprint, **arguments)
     return graph.path(options.start, options.goal, tolerance=options.tolerance)
 
 

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     )
     from ._footprint import Footprint as Footprint
     from ._footprint_layer import footprint_layer as footprint_layer
-    from ._graph import SlopeLimits as SlopeLimits, TravelGraph as TravelGraph
+    from ._graph import TravelGraph as TravelGraph
+    from ._ground import SlopeLimits as SlopeLimits
     from ._paths import (
         CostField as CostField,
         NoPathError as NoPathError,
@@ -39,7 +40,8 @@ _OFFERED = {
     "._checks": "PathCheck PoseCheck check_path check_pose footprint_cells",
     "._footprint": "Footprint",
     "._footprint_layer": "footprint_layer",
-    "._graph": "SlopeLimits TravelGraph",
+    "._graph": "TravelGraph",
+    "._ground": "SlopeLimits",
     "._paths": "CostField NoPathError Path PathFailure",
 }
 # Paths need SciPy, which is slow to import.

@@ -5,58 +5,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Integers, Layer, Mask, Positions, Size, as_array
-from .._arrays._pieces import expanded
+from .._arrays._checks import Integers, Layer, Mask, Positions, as_array
 from ..errors import ConfigError, GeometryError, short
 from ..limits import check_visits
-from ..map import _ring_buffer as ring_buffer
 from ..map._grid_map import GridMap
 from ..plugins import check
-from ._footprint import Footprint, Runs, touched_runs
+from ._footprint import Footprint, batches, touched_cells
 from ._resting import NOT_RESTING, Resting, resting_pose
 
-_FAR = 2.0**40
-"""Coordinate [cells] that is beyond every map, and at which float64 still counts cells."""
+_FAR = 2**30
+"""Row or column that is beyond every map."""
 
-_CELLS = 2**18  # cells under footprints that are looked at together
-
-_NONE = np.empty(0, np.int64)
-
-Unknown = Literal["blocked", "free"]
-
-
-@dataclass(frozen=True, eq=False)
-class PoseCheck:
-    """Result of `check_pose`.
-
-    Attributes:
-        is_free: whether the robot may stand there.
-        blocked: (N, 2) buffer indices of the blocked cells under the footprint.
-        worst: lowest known value under the footprint; NaN if there is none.
-        mean: mean of the known values under the footprint; NaN if there is none.
-        unknown: share of unknown cells under the footprint, from 0 to 1; cells beyond the map are
-            unknown.
-        height: height of the sole at the pose [m]; like all of the following, it is NaN without
-            `surface` or if no height under the footprint is known.
-        roll, pitch: rotations of the sole about its x and y axes [rad], as in ROS: the roll is
-            positive if the left side is higher, the pitch is positive if the front is lower.
-        clearance: height of the body above the highest cell [m]; NaN without `body_height`.
-    """
-
-    is_free: bool
-    blocked: NDArray[np.int64]
-    worst: float
-    mean: float
-    unknown: float
-    height: float
-    roll: float
-    pitch: float
-    clearance: float
+_SPAN = 2**32
+"""Factor that packs a row and a column into one integer; more than the range of columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +34,12 @@ class PathCheck:
         index: number of the first blocked pose; if the path is blocked between two poses, the
             number of the pose before. None if the path is free.
         pose: (3,) x, y, yaw of the first blocked pose, given or in between; None if there is none.
-        blocked: (N, 2) buffer indices of the blocked cells under the path.
-        worst: lowest known value under the path; NaN if there is none.
-        mean: mean of the known values under the path, in which each cell counts once; NaN if there
-            is none.
-        unknown: share of unknown cells under the path, from 0 to 1; cells beyond the map are
+        blocked: (N, 2) buffer indices of the blocked cells under the footprint.
+        worst: lowest known value under the footprint; NaN if there is none.
+        mean: mean of the known values under the footprint, in which each cell counts once; NaN if
+            there is none.
+        unknown: share of unknown cells under the footprint, from 0 to 1; cells beyond the map are
             unknown.
-        roll, pitch: largest absolute roll and pitch on the path [rad]; NaN without `surface`.
-        clearance: smallest clearance on the path [m]; NaN without `body_height`.
     """
 
     is_free: bool
@@ -85,6 +49,21 @@ class PathCheck:
     worst: float
     mean: float
     unknown: float
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCheck(PathCheck):
+    """Result of `check_pose`: that of a path with one pose, and how the robot rests there.
+
+    Attributes:
+        height: height of the sole at the pose [m]; like all of the following, it is NaN without
+            `surface` or if no height under the footprint is known.
+        roll, pitch: rotations of the sole about its x and y axes [rad], as in ROS: the roll is
+            positive if the left side is higher, the pitch is positive if the front is lower.
+        clearance: height of the body above the highest cell [m]; NaN without `body_height`.
+    """
+
+    height: float
     roll: float
     pitch: float
     clearance: float
@@ -105,11 +84,9 @@ def footprint_cells(grid_map: GridMap, footprint: Footprint, pose: ArrayLike) ->
         GeometryError: the pose is not finite.
         LimitError: the footprint is larger than the largest permitted map.
     """
-    runs, _ = _on_map(grid_map, _runs_of(grid_map, footprint, _as_poses(pose, "pose")))
-    lengths = runs.stop - runs.first
-    rows = np.repeat(runs.row, lengths)
-    columns = np.concatenate([_NONE, *map(np.arange, runs.first, runs.stop)])
-    return _buffer_indices(grid_map, (0, 0), rows, columns)
+    _, row, column = _touched(grid_map, footprint, _as_poses(pose, "pose"))
+    inside = _is_inside(grid_map, row, column)
+    return _buffer_indices(grid_map, row[inside], column[inside])
 
 
 def check_pose(
@@ -120,7 +97,7 @@ def check_pose(
     layer: str,
     limit: float,
     mean_limit: float | None = None,
-    unknown: Unknown = "blocked",
+    unknown: Literal["blocked", "free"] = "blocked",
     surface: str | None = None,
     max_roll: float | None = None,
     max_pitch: float | None = None,
@@ -167,68 +144,34 @@ def check_pose(
     rules = _Rules(
         layer, limit, mean_limit, unknown, surface, max_roll, max_pitch, body_height, min_clearance
     )
-    found = _check(grid_map, footprint, _as_poses(pose, "pose"), rules)
-    rest = found.rests[0] if found.rests else NOT_RESTING
-    return PoseCheck(not found.is_blocked[0], *found.cells, *rest)
+    poses = _as_poses(pose, "pose")
+    found, rest = _check(grid_map, footprint, poses, np.zeros(1, np.int64), rules)
+    return PoseCheck(**vars(found), **rest._asdict())
 
 
 def check_path(
-    grid_map: GridMap,
-    footprint: Footprint,
-    poses: ArrayLike,
-    *,
-    layer: str,
-    limit: float,
-    mean_limit: float | None = None,
-    unknown: Unknown = "blocked",
-    surface: str | None = None,
-    max_roll: float | None = None,
-    max_pitch: float | None = None,
-    body_height: float | None = None,
-    min_clearance: float | None = None,
+    grid_map: GridMap, footprint: Footprint, poses: ArrayLike, **limits: Any
 ) -> PathCheck:
     """Check whether a robot may move along a path.
 
     Between two poses, the robot moves straight ahead and turns evenly, the shorter way round (half
-    a turn: counter-clockwise). Poses are checked as by `check_pose`, so close to each other that no
-    corner of the footprint moves by more than half a cell in between. An obstacle that comes at
-    least a quarter of a cell inside the footprint is therefore found.
+    a turn: counter-clockwise). Poses are checked so close to each other that no corner of the
+    footprint moves by more than half a cell in between. An obstacle that comes at least a quarter
+    of a cell inside the footprint is therefore found.
 
     Args:
         poses: (N, 3) x, y [m] and yaw [rad] of the footprint along the path, map frame.
-        layer: layer in which high values are good, such as traversability.
-        limit: lowest value of a free cell.
-        mean_limit: lowest mean of the known values under the footprint, at each pose.
-        unknown: "blocked" or "free": how unknown cells count; their values never count.
-        surface: layer with heights [m].
-        max_roll, max_pitch: largest absolute roll and pitch of the sole [rad].
-        body_height: height of the underside of the body above the sole at the pose [m].
-        min_clearance: smallest height of the body above the highest cell under the footprint [m].
+        **limits: `layer`, `limit` and the optional arguments of `check_pose`; they hold at each
+            pose.
 
     Raises:
-        LayerNotFoundError: a layer does not exist.
-        ConfigError: a limit is NaN, or `surface` or `body_height` is missing.
+        LayerNotFoundError, ConfigError: as for `check_pose`.
         GeometryError: there is no pose, or a pose is not finite.
         LimitError: the footprint or the path is too large.
     """
-    rules = _Rules(
-        layer, limit, mean_limit, unknown, surface, max_roll, max_pitch, body_height, min_clearance
-    )
+    rules = _Rules(**limits)
     samples, indices = _between(_as_poses(poses, "poses"), footprint, grid_map.resolution)
-    found = _check(grid_map, footprint, samples, rules)
-    first = int(np.argmax(found.is_blocked))
-    is_free = not found.is_blocked[first]
-    rests = np.array(found.rests or [NOT_RESTING])
-    roll, pitch = np.fmax.reduce(np.abs(rests[:, 1:3])).tolist()
-    return PathCheck(
-        is_free,
-        None if is_free else int(indices[first]),
-        None if is_free else samples[first],
-        *found.cells,
-        roll,
-        pitch,
-        float(np.fmin.reduce(rests[:, 3])),
-    )
+    return _check(grid_map, footprint, samples, indices, rules)[0]
 
 
 @dataclass(frozen=True)
@@ -237,23 +180,24 @@ class _Rules:
 
     layer: str
     limit: float
-    mean_limit: float | None
-    unknown: str
-    surface: str | None
-    max_roll: float | None
-    max_pitch: float | None
-    body_height: float | None
-    min_clearance: float | None
+    mean_limit: float | None = None
+    unknown: str = "blocked"
+    surface: str | None = None
+    max_roll: float | None = None
+    max_pitch: float | None = None
+    body_height: float | None = None
+    min_clearance: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("limit", "mean_limit", *_TILTS, "body_height"):
+        of_sole = "max_roll", "max_pitch", "min_clearance", "body_height"
+        for name in ("limit", "mean_limit", *of_sole):
             value = getattr(self, name)
             is_number = isinstance(value, int | float | np.integer | np.floating)
-            check(value is None or (is_number and value == value), name, "a number", value)
-        check(self.limit is not None, "limit", "a number", self.limit)
+            is_default = value is None and name != "limit"
+            check(is_default or (is_number and value == value), name, "a number", value)
         known = self.unknown in ("blocked", "free")
         check(known, "unknown", "'blocked' or 'free'", self.unknown)
-        for name in (*_TILTS, "body_height"):
+        for name in of_sole:
             if self.surface is None and getattr(self, name) is not None:
                 raise ConfigError(f"{name}: expected `surface`, the layer with heights, as well")
         if self.min_clearance is not None and self.body_height is None:
@@ -268,124 +212,63 @@ class _Rules:
         )
 
 
-_TILTS = ("max_roll", "max_pitch", "min_clearance")
-
-
-class _Cells(NamedTuple):
-    """Summary of the cells under all poses; see `PathCheck`."""
-
-    blocked: NDArray[np.int64]
-    worst: float
-    mean: float
-    unknown: float
-
-
-class _Found(NamedTuple):
-    """Result of a check of (P,) poses; `rests` is empty without a surface."""
-
-    is_blocked: Mask
-    cells: _Cells
-    rests: list[Resting]
-
-
-class _Ground(NamedTuple):
-    """The block of the map that contains all cells under the poses, in map order.
-
-    Attributes:
-        corner: row and column of its first cell in the map.
-        values: (rows, cols) values of the checked layer.
-        known, blocked: (rows, cols) which cells are known, and which are blocked.
-        heights: (rows, cols) heights [m]; None without a surface.
-    """
-
-    corner: Size
-    values: Layer
-    known: Mask
-    blocked: Mask
-    heights: Layer | None
-
-
-def _check(grid_map: GridMap, footprint: Footprint, poses: Positions, rules: _Rules) -> _Found:
-    all_runs = _runs_of(grid_map, footprint, poses)
-    runs, leaves = _on_map(grid_map, all_runs)
-    ground = _ground(grid_map, runs, rules)
-    touched, is_blocked = _touched(ground, runs, len(poses), rules.mean_limit)
-    if rules.unknown == "blocked":
-        is_blocked[all_runs.pose[leaves]] = True
-    rests = [] if ground.heights is None else _rests(grid_map, ground, runs, poses, rules)
-    for number, rest in enumerate(rests):
-        is_blocked[number] |= rules.refuse(rest)
-    values = ground.values[touched & ground.known]
-    total = _area(all_runs) if leaves.any() else np.count_nonzero(touched)
-    cells = _Cells(
-        _buffer_indices(grid_map, ground.corner, *np.nonzero(touched & ground.blocked)),
-        float(values.min(initial=np.inf)) if values.size else math.nan,
-        float(values.mean(dtype=np.float64)) if values.size else math.nan,
-        1.0 - values.size / float(total),
+def _check(
+    grid_map: GridMap, footprint: Footprint, poses: Positions, indices: Integers, rules: _Rules
+) -> tuple[PathCheck, Resting]:
+    """Check poses (P, 3) with the numbers `indices` (P,); also return how the last one rests."""
+    touched, is_blocked, rest = [], np.zeros(len(poses), np.bool_), NOT_RESTING
+    for part in batches(footprint, grid_map.resolution, len(poses)):
+        pose, row, column = _touched(grid_map, footprint, poses[part])
+        touched.append(np.unique(row * _SPAN + column))
+        values, heights, known, blocked = _ground(grid_map, rules, row, column)
+        count = part.stop - part.start
+        is_blocked[part] = np.bincount(pose, blocked, count) > 0
+        if rules.mean_limit is not None:
+            sums = np.bincount(pose, np.where(known, values, 0.0), count)
+            with np.errstate(invalid="ignore"):
+                means = (sums / np.bincount(pose, known, count)).astype(np.float32)
+            is_blocked[part] |= means < np.float32(rules.mean_limit)
+        if rules.surface is not None:
+            cells = np.stack([row, column], axis=1)[has_height := np.isfinite(heights)]
+            places = grid_map.geometry.corner - (cells + 0.5) * grid_map.resolution
+            ends = np.searchsorted(pose[has_height], np.arange(count + 1))
+            points = np.column_stack([places, heights[has_height]])
+            for number, one in enumerate(poses[part]):
+                here = points[ends[number] : ends[number + 1]] - (*one[:2], 0.0)
+                rest = resting_pose(here, one[2], grid_map.resolution, rules.body_height)
+                is_blocked[part.start + number] |= rules.refuse(rest)
+    row, column = np.divmod(np.unique(np.concatenate(touched)) + _SPAN // 2, _SPAN)
+    column -= _SPAN // 2
+    values, _, known, blocked = _ground(grid_map, rules, row, column)
+    blocked &= _is_inside(grid_map, row, column)
+    is_free, first, values = not is_blocked.any(), int(is_blocked.argmax()), values[known]
+    found = PathCheck(
+        is_free=is_free,
+        index=None if is_free else int(indices[first]),
+        pose=None if is_free else poses[first],
+        blocked=_buffer_indices(grid_map, row[blocked], column[blocked]),
+        worst=float(values.min()) if values.size else math.nan,
+        mean=float(values.mean(dtype=np.float64)) if values.size else math.nan,
+        unknown=1.0 - values.size / known.size,
     )
-    return _Found(is_blocked, cells, rests)
+    return found, rest
 
 
-def _ground(grid_map: GridMap, runs: Runs, rules: _Rules) -> _Ground:
-    block, corner = (slice(0, 0), slice(0, 0)), (0, 0)
-    if len(runs.row):
-        corner = int(runs.row.min()), int(runs.first.min())
-        block = slice(corner[0], int(runs.row.max()) + 1), slice(corner[1], int(runs.stop.max()))
-    start = grid_map.start_index
-    values = ring_buffer.block(grid_map[rules.layer], start, *block)
-    known, heights = np.isfinite(values), None
+def _ground(
+    grid_map: GridMap, rules: _Rules, row: Integers, column: Integers
+) -> tuple[Layer, Layer, Mask, Mask]:
+    """Return values, heights, and which cells are known and blocked; NaN beyond the map."""
+    inside = _is_inside(grid_map, row, column)
+    cells = tuple(_buffer_indices(grid_map, row[inside], column[inside]).T)
+    values, heights = np.full((2, len(row)), np.nan, np.float32)
+    values[inside] = grid_map[rules.layer][cells]
+    known = np.isfinite(values)
     if rules.surface is not None:
-        heights = ring_buffer.block(grid_map[rules.surface], start, *block)
+        heights[inside] = grid_map[rules.surface][cells]
         known &= np.isfinite(heights)
     # In float32, a value that was set to the limit is not below it.
     blocked = known & (values < np.float32(rules.limit))
-    if rules.unknown == "blocked":
-        blocked |= ~known
-    return _Ground(corner, values, known, blocked, heights)
-
-
-def _touched(
-    ground: _Ground, runs: Runs, count: int, mean_limit: float | None
-) -> tuple[Mask, Mask]:
-    """Return which cells any pose touches, and which of the `count` poses are blocked."""
-    # Flat arrays, column by column: indexing them is twice as fast.
-    values, known, blocked = (layer.ravel("F") for layer in ground[1:4])
-    rows = len(ground.values)
-    begins = (runs.first - ground.corner[1]) * rows + runs.row - ground.corner[0]
-    touched, is_blocked = np.zeros(values.size, np.bool_), np.zeros(count, np.bool_)
-    sums, counts = np.zeros((2, count))
-    for run, offset in expanded(runs.stop - runs.first, _CELLS):
-        cells = begins[run] + rows * offset
-        touched[cells] = True
-        is_blocked[runs.pose[run[blocked[cells]]]] = True
-        if mean_limit is not None:
-            pose, is_known = runs.pose[run], known[cells]
-            sums += np.bincount(pose, np.where(is_known, values[cells], 0.0), count)
-            counts += np.bincount(pose, is_known, count)
-    if mean_limit is not None:
-        with np.errstate(invalid="ignore"):
-            is_blocked |= (sums / counts).astype(np.float32) < np.float32(mean_limit)
-    return touched.reshape(ground.known.shape, order="F"), is_blocked
-
-
-def _rests(
-    grid_map: GridMap, ground: _Ground, runs: Runs, poses: Positions, rules: _Rules
-) -> list[Resting]:
-    """Return how the sole rests at each pose; only called with a surface."""
-    assert ground.heights is not None
-    x, y = grid_map.geometry.axes_in_map_order()
-    body_height = math.nan if rules.body_height is None else rules.body_height
-    ends = np.searchsorted(runs.pose, np.arange(len(poses) + 1))
-    rests = []
-    for begin, end, pose in zip(ends[:-1], ends[1:], poses, strict=True):
-        first, stop = runs.first[begin:end], runs.stop[begin:end]
-        row = np.repeat(runs.row[begin:end], stop - first)
-        column = np.concatenate([_NONE, *map(np.arange, first, stop)])
-        heights = ground.heights[row - ground.corner[0], column - ground.corner[1]]
-        points = np.stack([x[row] - pose[0], y[column] - pose[1], heights], axis=1)
-        points = points[np.isfinite(heights)]
-        rests.append(resting_pose(points, pose[2], grid_map.resolution, body_height))
-    return rests
+    return values, heights, known, (blocked if rules.unknown == "free" else blocked | ~known)
 
 
 def _as_poses(values: ArrayLike, name: str) -> Positions:
@@ -404,50 +287,31 @@ def _between(
     poses: Positions, footprint: Footprint, resolution: float
 ) -> tuple[Positions, Integers]:
     """Return poses (P, 3) along a path, and for each the number of the given pose before (P,)."""
-    moves = np.diff(poses, axis=0)
+    moves = np.diff(poses, axis=0, append=poses[-1:])
     moves[:, 2] = math.pi - (math.pi - moves[:, 2]) % (2.0 * math.pi)
     farthest = np.hypot(moves[:, 0], moves[:, 1]) + footprint.radius * np.abs(moves[:, 2])
     steps = np.fmax(np.ceil(farthest / (0.5 * resolution)), 1.0)
-    check_visits("poses", float(steps.sum() + 1.0) * (2.0 * footprint.radius / resolution) ** 2)
-    counts = np.append(steps, 1.0).astype(np.int64)
+    check_visits("poses", float(steps.sum()) * (2.0 * footprint.radius / resolution) ** 2)
+    counts = steps.astype(np.int64)
     indices = np.repeat(np.arange(len(poses)), counts)
-    number = np.arange(len(indices)) - np.repeat(np.cumsum(counts) - counts, counts)
-    shares = number / counts[indices]
-    moves = np.concatenate((moves, np.zeros((1, 3))))
-    return poses[indices] + shares[:, None] * moves[indices], indices
+    shares = (np.arange(len(indices)) - (np.cumsum(counts) - counts)[indices]) / counts[indices]
+    return poses[indices] + shares[:, np.newaxis] * moves[indices], indices
 
 
-def _runs_of(grid_map: GridMap, footprint: Footprint, poses: Positions) -> Runs:
-    geometry = grid_map.geometry
-    origins = (geometry.corner - poses[:, :2]) / geometry.resolution
-    return touched_runs(footprint, geometry.resolution, np.clip(origins, -_FAR, _FAR), poses[:, 2])
+def _touched(
+    grid_map: GridMap, footprint: Footprint, poses: Positions
+) -> tuple[Integers, Integers, Integers]:
+    """Return number of the pose, row and column of the cells under poses (P, 3)."""
+    origins = (grid_map.geometry.corner - poses[:, :2]) / grid_map.resolution
+    return touched_cells(footprint, grid_map.resolution, origins.clip(-_FAR, _FAR), poses[:, 2])
 
 
-def _on_map(grid_map: GridMap, runs: Runs) -> tuple[Runs, Mask]:
-    """Return the parts of the runs on the map, and which runs (M,) have cells beyond the map."""
+def _is_inside(grid_map: GridMap, row: Integers, column: Integers) -> Mask:
     rows, columns = grid_map.size
-    pose, row, first, stop = runs
-    begin, end = np.maximum(first, 0), np.minimum(stop, columns)
-    inside = (row >= 0) & (row < rows) & (begin < end)
-    leaves = ~inside | (begin > first) | (end < stop)
-    return Runs(pose[inside], row[inside], begin[inside], end[inside]), leaves
+    return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
 
-def _area(runs: Runs) -> int:
-    """Return the number of different cells of runs."""
-    order = np.lexsort((runs.first, runs.row))
-    lowest = runs.first.min()
-    lines = (runs.row[order] - runs.row.min()) * (runs.stop.max() - lowest)
-    begins, ends = lines + runs.first[order] - lowest, lines + runs.stop[order] - lowest
-    # Each run counts its cells beyond the ends of the runs before.
-    before = np.maximum.accumulate(np.append(0, ends[:-1]))
-    return int(np.maximum(ends - np.maximum(begins, before), 0).sum())
-
-
-def _buffer_indices(
-    grid_map: GridMap, corner: Size, rows: Integers, columns: Integers
-) -> NDArray[np.int64]:
-    """Return cells as (N, 2) buffer indices, given rows and columns counted from `corner`."""
-    indices = np.stack((rows, columns), axis=1) + corner + grid_map.start_index
-    indices %= grid_map.size
-    return indices
+def _buffer_indices(grid_map: GridMap, row: Integers, column: Integers) -> NDArray[np.int64]:
+    """Return cells of the map, in map order, as (N, 2) buffer indices."""
+    indices = np.stack([row, column], axis=1) + grid_map.start_index
+    return np.where(indices < grid_map.size, indices, indices - grid_map.size)

@@ -5,17 +5,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays._checks import Layer, Size
-from ..map import _ring_buffer as ring_buffer
+from .._arrays._checks import Layer
 from ..map._grid_map import GridMap
 from ..plugins import check
-from ._footprint import Footprint, Kernel, kernels_of
+from ._footprint import Footprint, kernel_of
 
 Statistic = Literal["min", "mean", "max"]
 
@@ -53,15 +52,10 @@ def footprint_layer(
     """
     values = grid_map.unwrapped(layer)
     check_directions(yaws, statistic)
-    rows, columns = values.shape
-    result = np.empty((rows, columns, yaws), np.float32, order="F")
-    copies = ring_buffer.copies(
-        grid_map.start_index, (rows, columns), slice(0, rows), slice(0, columns)
-    )
-    for found, numbers in statistics_under(values, footprint, grid_map.resolution, yaws, statistic):
-        for number in numbers:
-            for target, source in copies:
-                result[..., number][target] = found[source]
+    result = np.empty((*values.shape, yaws), np.float32, order="F")
+    found = statistics_under(values, footprint, grid_map.resolution, yaws, statistic)
+    for number, one in enumerate(found):
+        result[..., number] = np.roll(one, grid_map.start_index, axis=(0, 1))
     return result
 
 
@@ -75,83 +69,32 @@ def check_directions(yaws: int, statistic: str) -> None:
 
 def statistics_under(
     values: Layer, footprint: Footprint, resolution: float, yaws: int, statistic: Statistic
-) -> Iterator[tuple[Layer, list[int]]]:
-    """Yield the layers of `footprint_layer` in map order, each with the numbers of its directions.
+) -> Iterator[Layer]:
+    """Yield the layers of `footprint_layer` in map order, one for each direction."""
+    unknown = np.ascontiguousarray(~np.isfinite(values).T)
+    image = np.ascontiguousarray(np.where(unknown, np.float32(0.0), values.T))
+    compute: Any = {"min": cv2.erode, "mean": _means, "max": cv2.dilate}[statistic]
+    border: dict[str, Any] = {"borderType": cv2.BORDER_CONSTANT, "borderValue": 1}
+    for number in range(yaws):
+        kernel = kernel_of(footprint, resolution, 2.0 * math.pi * number / yaws)
+        under = compute(image, kernel)
+        under[cv2.dilate(unknown.view(np.uint8), kernel, **border) > 0] = np.nan
+        yield under.T
 
-    Directions in which the footprint touches the same cells share a layer.
+
+def _means(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the means of the values under a kernel.
+
+    Differences of running sums, or a Fourier transform, would be faster, but a huge value would
+    spoil the means of cells far away from it.
     """
-    directions = [2.0 * math.pi * number / yaws for number in range(yaws)]
-    rows, columns = values.shape
-    kernels, of_yaw = kernels_of(footprint, resolution, directions, (rows, columns))
-    under = means_under if statistic == "mean" else extremes_under
-    sign = np.float32(-1 if statistic == "max" else 1)
-    for kernel, found in zip(kernels, under(sign * values, kernels), strict=True):
-        if not kernel.is_whole:
-            found[...] = np.nan
-        yield sign * found, [place for place, used in enumerate(of_yaw) if kernels[used] is kernel]
-
-
-def extremes_under(values: Layer, kernels: list[Kernel]) -> Iterator[Layer]:
-    """Yield the lowest value under each kernel around every cell; NaN if a cell is unknown."""
-    image = np.ascontiguousarray(np.where(np.isfinite(values), values, np.float32(-np.inf)).T)
-    for element, _ in kernels:
-        lowest = cv2.erode(image, element, borderType=cv2.BORDER_CONSTANT, borderValue=-np.inf)
-        lowest[np.isneginf(lowest)] = np.nan
-        yield np.asarray(lowest.T, np.float32)
-
-
-def means_under(values: Layer, kernels: list[Kernel]) -> Iterator[Layer]:
-    """Yield the mean under each kernel around every cell; NaN if a cell is unknown."""
-    known = np.isfinite(values)
-    unknown = np.ascontiguousarray(~known.T).view(np.uint8)
-    margins = np.max([np.array(element.shape[::-1]) // 2 for element, _ in kernels], axis=0)
-    sums = _Sums(np.where(known, values, 0.0), (int(margins[0]), int(margins[1])))
-    for element, _ in kernels:
-        mean = (sums.under(element) / np.count_nonzero(element)).astype(np.float32)
-        mean[
-            cv2.dilate(unknown, element, borderType=cv2.BORDER_CONSTANT, borderValue=1.0).T > 0
-        ] = np.nan
-        yield mean
-
-
-class _Sums:
-    """Sums of the values under kernels.
-
-    Sums are never differences of running sums, so that a huge value affects the precision only
-    where it is under the kernel. A line of cells is composed of lines whose lengths are powers of
-    two.
-
-    Args:
-        values: (rows, cols), all finite.
-        margins: largest number of rows and columns from the middle of a kernel to its end.
-    """
-
-    def __init__(self, values: NDArray[np.float64], margins: Size) -> None:
-        padded = np.zeros(np.add(values.shape, np.multiply(2, margins)), order="F")
-        self._size, self._margins = values.shape, margins
-        padded[margins[0] :, margins[1] :][: values.shape[0], : values.shape[1]] = values
-        # Element k holds the sums over the 2**k cells from each cell on.
-        self._lines = [padded]
-
-    def under(self, element: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return the (rows, cols) sums under a kernel around every cell."""
-        (rows, columns), (down, right) = self._size, self._margins
-        total = np.zeros((rows, columns), order="F")
-        middle, half = np.array(element.shape) // 2
-        edges = np.diff(np.pad(element, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-        for (line, first), (_, stop) in zip(
-            np.argwhere(edges == 1).tolist(), np.argwhere(edges == -1).tolist(), strict=True
-        ):
-            column = right + line - int(middle)
-            while first < stop:
-                power = (stop - first).bit_length() - 1
-                row = down + first - int(half)
-                total += self._sums(power)[row : row + rows, column : column + columns]
-                first += 1 << power
-        return total
-
-    def _sums(self, power: int) -> NDArray[np.float64]:
-        while len(self._lines) <= power:
-            half, length = self._lines[-1], 1 << (len(self._lines) - 1)
-            self._lines.append(half[:-length] + half[length:])
-        return self._lines[power]
+    margins = np.array(kernel.shape) // 2
+    padded = np.pad(image.astype(np.float64), [(margin, margin) for margin in margins])
+    edges = np.argwhere(np.diff(kernel, axis=1, prepend=0, append=0))
+    begins, lengths = edges[::2], np.diff(edges[:, 1])[::2]
+    total, sums = np.zeros(image.shape), padded
+    for length in range(1, lengths.max(initial=0) + 1):
+        for line, first in begins[lengths == length]:
+            total += sums[line:, first:][: image.shape[0], : image.shape[1]]
+        sums = sums[:, :-1] + padded[:, length:]
+    return (total / np.count_nonzero(kernel)).astype(np.float32)

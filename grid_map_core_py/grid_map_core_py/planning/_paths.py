@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .._arrays._checks import Integers, Mask, Positions, as_array, as_text
 from ..errors import GeometryError, GridMapError
-from ._ground import Floats, Ground, sampled
+from ._ground import Floats, Ground, divided
 
 _EQUAL = 1e-9  # relative difference of costs, or distance [cells], due to rounding
 
@@ -95,24 +95,18 @@ class CostField:
             NoPathError: the start is outside the map, blocked or unknown, or cannot reach a goal.
         """
         pose = as_pose(start, "start")
-        return self._path_from(free_cell(self._ground, self._free, pose, "start"), pose)
-
-    def _path_from(self, cell: int, start: Floats) -> Path:
-        """Return the path from a cell (flat index) and a pose x, y, yaw in it."""
-        if not self._reaches(cell):
+        cell = free_cell(self._ground, self._free, pose, "start")
+        if np.isinf(self._costs[cell]):
             goal = as_text(next(iter(self._goals.values()))[:2])
             target = goal if len(self._goals) == 1 else f"any of {len(self._goals)} goals"
-            text = f"start: no path leads from {as_text(start[:2])} to {target}"
+            text = f"start: no path leads from {as_text(pose[:2])} to {target}"
             count = np.count_nonzero(np.isfinite(self._costs))
             text += f", only from {count} of {np.count_nonzero(self._free)} free cells"
             raise NoPathError(text, PathFailure.NO_VALID_PATH)
         cells = [cell]
         while (cell := self._next.item(cell)) >= 0:
             cells.append(cell)
-        return _path(self._ground, self._costs, np.array(cells), start, self._goals[cells[-1]])
-
-    def _reaches(self, cell: int) -> bool:
-        return bool(np.isfinite(self._costs[cell]))
+        return _path(self._ground, self._costs, np.array(cells), pose, self._goals[cells[-1]])
 
 
 def as_pose(values: ArrayLike, name: str) -> Floats:
@@ -137,23 +131,17 @@ def free_cell(ground: Ground, free: Mask, pose: Floats, name: str) -> int:
     index = int(ground.flat(*cell))
     if free[index]:
         return index
+    state = "which is blocked" if ground.known[index] else "which is unknown"
     if ground.passable[index]:
         state = "where the footprint touches a blocked cell"
-    else:
-        state = "which is blocked" if ground.known[index] else "which is unknown"
-    text = f"{name}: expected a free cell, got {as_text(position)}, {state}"
-    raise NoPathError(f"{text}. {_nearest(ground, free, pose)}", _failure(name, "OCCUPIED"))
-
-
-def _nearest(ground: Ground, free: Mask, pose: Floats) -> str:
     centers = ground.to_positions(ground.cells(np.flatnonzero(free)))
-    if not len(centers):
-        return "The map has no free cell"
-    distances = np.hypot(*(centers - pose[:2]).T)
-    nearest = distances.argmin()
-    return (
-        f"The nearest free cell is at {as_text(centers[nearest])}, {distances[nearest]:.3g} m away"
-    )
+    distances = np.hypot(*(centers - position).T)
+    hint = "The map has no free cell"
+    if len(centers):
+        nearest = as_text(centers[distances.argmin()])
+        hint = f"The nearest free cell is at {nearest}, {distances.min():.3g} m away"
+    text = f"{name}: expected a free cell, got {as_text(position)}, {state}. {hint}"
+    raise NoPathError(text, _failure(name, "OCCUPIED"))
 
 
 def _failure(name: str, kind: str) -> PathFailure:
@@ -162,27 +150,24 @@ def _failure(name: str, kind: str) -> PathFailure:
 
 def _path(ground: Ground, costs: Floats, cells: Integers, start: Floats, goal: Floats) -> Path:
     """Return the path along the flat indices (K,) of cells."""
+    first, last = ground.to_points(np.stack([start[:2], goal[:2]])).T
     waypoints, pieces, cost = _shortened(
         ground, ground.cells(cells).astype(np.float64), costs[cells]
     )
-    first, last = ground.to_points(np.stack([start[:2], goal[:2]])).T
     by_center = [False, False]
     if len(cells) == 1:
         waypoints, pieces = np.stack([first, last], axis=1), np.ones(1, np.int64)
     else:
         waypoints, pieces, by_center[0] = _with_end(ground, waypoints, pieces, 0, first)
         waypoints, pieces, by_center[1] = _with_end(ground, waypoints, pieces, -1, last)
-    points, _, begin = sampled(waypoints[:, :-1], waypoints[:, 1:], pieces)
-    points = np.delete(points, begin[1:], axis=1)
+    points, _, _ = divided(waypoints[:, :-1], waypoints[:, 1:], pieces)
+    points = np.append(points, waypoints[:, -1:], axis=1)
     positions, heights = ground.to_positions(points), ground.heights_at(points)
     positions[0], positions[-1] = start[:2], goal[:2]
     x, y = np.diff(positions, axis=0).T
     yaws = np.arctan2(y, x)
     # Between the center of its cell and the start or goal, a robot does not turn.
-    if by_center[0]:
-        yaws[0] = yaws[1]
-    if by_center[1]:
-        yaws[-1] = yaws[-2]
+    yaws[0], yaws[-1] = yaws[int(by_center[0])], yaws[-1 - by_center[1]]
     yaws = np.append(yaws, yaws[-1])
     for index, pose in (0, start), (-1, goal):
         yaws[index] = yaws[index] if np.isnan(pose[2]) else pose[2]
@@ -203,26 +188,26 @@ def _shortened(ground: Ground, waypoints: Floats, costs: Floats) -> tuple[Floats
         cost: cost of the shortened path.
     """
     cost, pieces = costs[:-1] - costs[1:], np.ones(len(costs) - 1, np.int64)
-    needed = np.zeros(len(costs), np.bool_)
-    needed[[0, -1]] = True
-    odd = 1
+    tested = np.zeros(len(costs), np.bool_)
+    tested[[0, -1]] = True
+    odd = 0
     # Waypoints that are not neighbors are independent, so every other one is tested at once.
-    while not needed.all():
+    while not tested.all():
         odd = 1 - odd
-        tested = 2 * np.flatnonzero(~needed[odd::2]) + odd
-        if not tested.size:
+        here = 2 * np.flatnonzero(~tested[odd::2]) + odd
+        if not here.size:
             continue
-        needed[tested] = True
-        straight, parts = ground.straight(waypoints[:, tested - 1], waypoints[:, tested + 1])
-        drops = straight <= (cost[tested - 1] + cost[tested]) * (1.0 + _EQUAL)
-        tested = tested[drops]
-        cost[tested - 1], pieces[tested - 1] = straight[drops], parts[drops]
-        needed[tested - 1] = needed[tested + 1] = False
-        needed[[0, -1]] = True
-        kept = np.ones(len(needed), np.bool_)
-        kept[tested] = False
-        waypoints, needed = waypoints[:, kept], needed[kept]
-        cost, pieces = cost[kept[:-1]], pieces[kept[:-1]]
+        tested[here] = True
+        most = (cost[here - 1] + cost[here]) * (1.0 + _EQUAL)
+        ends = waypoints[:, here - 1], waypoints[:, here + 1]
+        straight, parts = ground.straight(*ends, most)
+        drops = np.isfinite(straight)
+        here = here[drops]
+        cost[here - 1], pieces[here - 1] = straight[drops], parts[drops]
+        tested[here - 1] = tested[here + 1] = False
+        tested[[0, -1]] = True
+        waypoints, tested = np.delete(waypoints, here, axis=1), np.delete(tested, here)
+        cost, pieces = np.delete(cost, here), np.delete(pieces, here)
     return waypoints, pieces, min(float(cost.sum()), float(costs[0]))
 
 
@@ -231,20 +216,16 @@ def _with_end(
 ) -> tuple[Floats, Integers, bool]:
     """Replace the first (`end` 0) or last (-1) waypoint, a cell center, by a point in its cell.
 
-    If the straight line from the point to the next waypoint is not allowed, the center remains a
-    waypoint.
-
-    Returns:
-        waypoints, pieces: as in `_shortened`.
-        by_center: whether the center remains.
+    If the straight line from the point to the next waypoint is not allowed, the center remains;
+    this is the third result.
     """
     if np.abs(point - waypoints[:, end]).max() <= _EQUAL:
         return waypoints, pieces, False
-    moved, neighbor = point[:, np.newaxis], waypoints[:, [-2 if end else 1]]
-    straight, parts = ground.straight(*((neighbor, moved) if end else (moved, neighbor)))
-    if np.isfinite(straight[0]):
+    line = np.stack([point, waypoints[:, 1]] if end == 0 else [waypoints[:, -2], point])
+    cost, parts = ground.straight(*line[..., np.newaxis])
+    if np.isfinite(cost[0]):
         waypoints[:, end], pieces[end] = point, parts[0]
         return waypoints, pieces, False
-    at = waypoints.shape[1] if end else 0
-    pieces = np.insert(pieces, at and at - 1, 1)
-    return np.insert(waypoints, at, point, axis=1), pieces, True
+    place = 0 if end == 0 else len(pieces)
+    pieces = np.insert(pieces, place, 1)
+    return np.insert(waypoints, place and place + 1, point, axis=1), pieces, True

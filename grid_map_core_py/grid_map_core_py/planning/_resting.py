@@ -26,7 +26,9 @@ class Resting(NamedTuple):
 NOT_RESTING = Resting(*(math.nan,) * 4)
 
 
-def resting_pose(points: Positions, yaw: float, resolution: float, body_height: float) -> Resting:
+def resting_pose(
+    points: Positions, yaw: float, resolution: float, body_height: float | None
+) -> Resting:
     """Return how a sole rests on points; see `check_pose`.
 
     The convex hull is the intersection of half spaces, so the lowest of the planes of its upper
@@ -36,7 +38,7 @@ def resting_pose(points: Positions, yaw: float, resolution: float, body_height: 
         points: (N, 3) finite x, y relative to the robot [m], map frame, and height [m].
         yaw: direction of the robot [rad].
         resolution: side of a cell [m].
-        body_height: height of the body above the sole [m]; NaN is unknown.
+        body_height: height of the body above the sole [m], if known.
     """
     from scipy.spatial import ConvexHull  # slow to import
 
@@ -63,4 +65,5 @@ def resting_pose(points: Positions, yaw: float, resolution: float, body_height: 
     left = slope @ (-math.sin(yaw), math.cos(yaw))
     # The normal (-ahead, -left, 1) is the z axis turned by the roll, then by the pitch.
     roll = math.asin(left / math.sqrt(1.0 + ahead**2 + left**2))
-    return Resting(float(height), roll, -math.atan(ahead), float(height + body_height - top))
+    clearance = math.nan if body_height is None else float(height + body_height - top)
+    return Resting(float(height), roll, -math.atan(ahead), clearance)

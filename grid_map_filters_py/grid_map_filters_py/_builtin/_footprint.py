@@ -4,7 +4,7 @@
 import math
 from ast import literal_eval
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, Literal
 
 import numpy as np
@@ -50,8 +50,6 @@ class Footprint(LayerFilter):
         if (self.footprint is None) == (self.radius is None):
             raise ConfigError("expected exactly one of 'footprint' and 'radius'")
         check_directions(self.yaws, self.statistic)
-        known = self.directions in ("worst", "best")
-        check(known, "directions", "'worst' or 'best'", self.directions)
         _ = self._outline
 
     def reach(self, resolution: float) -> float:
@@ -80,9 +78,5 @@ class Footprint(LayerFilter):
             ("best", False): np.fmax,
             ("best", True): np.fmin,
         }[self.directions, self.statistic == "max"]
-        result: Layer | None = None
-        outline = self._outline
-        for found, _ in statistics_under(layer, outline, resolution, self.yaws, self.statistic):
-            result = found if result is None else combine(result, found)
-        assert result is not None
-        return result
+        found = statistics_under(layer, self._outline, resolution, self.yaws, self.statistic)
+        return np.asarray(reduce(combine, found), np.float32)
