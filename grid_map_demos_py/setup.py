@@ -21,6 +21,7 @@ NODES = (
     "normal_filter_comparison_demo",
     "octomap_to_gridmap_demo",
     "opencv_demo",
+    "path_planner_robot",
     "resolution_change_demo",
     "sdf_demo",
     "simple_demo",
@@ -83,6 +84,8 @@ setup(
             f"image_publisher.py = {PACKAGE}.image_publisher_node:ImagePublisherNode.main",
             f"iterator_benchmark = {PACKAGE}.iterator_benchmark:main",
             f"large_map_demo = {PACKAGE}.launcher:large_map_demo",
+            f"path_planner_demo = {PACKAGE}.launcher:path_planner_demo",
+            f"path_planner_report = {PACKAGE}.report_node:PathPlannerReportNode.main",
             f"large_map_report = {PACKAGE}.report_node:LargeMapReportNode.main",
             *(
                 # Such as move_demo = grid_map_demos_py.move_demo_node:MoveDemoNode.main

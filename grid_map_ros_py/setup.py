@@ -16,6 +16,7 @@ NODES = (
     "grid_map_server",
     "grid_map_window",
     "octomap_to_grid_map",
+    "path_planner",
     "point_cloud_to_grid_map",
 )
 URL = "https://github.com/grid-map-py/grid_map_py"

@@ -39,6 +39,14 @@ INTERFACES = {
             "std_msgs/Header header\nuint32 x\nuint32 y\nuint32 size_x\nuint32 size_y\n"
             "uint8[] data\n"
         ),
+        "action/ComputePathToPose.action": (
+            "geometry_msgs/PoseStamped goal\ngeometry_msgs/PoseStamped start\nstring planner_id\n"
+            "bool use_start\n---\nnav_msgs/Path path\nbuiltin_interfaces/Duration planning_time\n"
+            "uint16 error_code\nstring error_msg\n---\n"
+        ),
+        "srv/IsPathValid.srv": (
+            "nav_msgs/Path path\n---\nbool is_valid\nint32[] invalid_pose_indices\n"
+        ),
         "srv/GetCostmap.srv": "nav2_msgs/CostmapMetaData specs\n---\nnav2_msgs/Costmap map\n",
         "msg/Costmap.msg": "std_msgs/Header header\nCostmapMetaData metadata\nuint8[] data\n",
         "msg/CostmapMetaData.msg": (
@@ -60,12 +68,13 @@ INTERFACES = {
 CMAKE = """
 cmake_minimum_required(VERSION 3.8)
 project({name})
-foreach(package ament_cmake builtin_interfaces geometry_msgs std_msgs
+foreach(package ament_cmake action_msgs builtin_interfaces geometry_msgs nav_msgs std_msgs
         rosidl_cmake rosidl_generator_c rosidl_typesupport_c
         rosidl_typesupport_fastrtps_c rosidl_generator_py)
   find_package(${{package}} REQUIRED)
 endforeach()
-rosidl_generate_interfaces({name} {files} DEPENDENCIES builtin_interfaces geometry_msgs std_msgs)
+rosidl_generate_interfaces({name} {files}
+  DEPENDENCIES action_msgs builtin_interfaces geometry_msgs nav_msgs std_msgs)
 ament_package()
 """
 
@@ -76,8 +85,10 @@ MANIFEST = """
   <description>The fields of the messages of that name.</description>
   <maintainer email="nobody@example.com">nobody</maintainer>
   <license>BSD-3-Clause</license>
+  <depend>action_msgs</depend>
   <depend>builtin_interfaces</depend>
   <depend>geometry_msgs</depend>
+  <depend>nav_msgs</depend>
   <depend>std_msgs</depend>
   <member_of_group>rosidl_interface_packages</member_of_group>
   <export><build_type>ament_cmake</build_type></export>
@@ -202,11 +213,12 @@ def node(environ: dict[str, str], module: str = NODE, **parameters: object) -> P
     return Process([sys.executable, "-m", module, "--ros-args", *given], environ)
 
 
-def test_node_costmap_works_with_messages_of_nav2(with_messages, tmp_path):
+@pytest.mark.parametrize("file", ["costmaps.py", "plans.py"])
+def test_nodes_work_with_messages_of_nav2(with_messages, tmp_path, file):
     (tmp_path / "tf2_ros.py").write_text(TF2)
     path = os.pathsep.join([str(tmp_path), with_messages["PYTHONPATH"]])
     environ = {**with_messages, "PYTHONPATH": path}
-    done = run(sys.executable, "-m", "pytest", "-q", "test/costmaps.py", environ=environ)
+    done = run(sys.executable, "-m", "pytest", "-q", f"test/{file}", environ=environ)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Demos that start several nodes without launch files, and stop all of them at the end.
 
-    filters_demo, elevation_mapping_demo, large_map_demo [--report DIRECTORY] [--view [PORT]]
+    filters_demo, elevation_mapping_demo, large_map_demo, path_planner_demo [--report DIRECTORY]
+        [--view [PORT]]
 
 Each node runs in its own process. A demo runs until it is interrupted or a node ends. With
 `--report`, another process collects the messages of the nodes, writes pictures to the directory,
@@ -125,6 +126,18 @@ elevation_mapping_demo = NodesDemo(
 )
 
 
+path_planner_demo = NodesDemo(
+    "path_planner_demo",
+    "Demo of a simulated robot that maps the ground, plans a path and walks to a goal.",
+    "path_planner",
+    {
+        "grid_map_ros_py._executables.path_planner": "path_planner_demo_planner.yaml",
+        "grid_map_ros_py._executables.elevation_mapping": "path_planner_demo_mapping.yaml",
+        "grid_map_demos_py.path_planner_robot_node": "path_planner_demo.yaml",
+    },
+)
+
+
 def large_map_demo(arguments: Sequence[str] | None = None) -> int:
     """Write a large map to a temporary folder, and run a demo that publishes windows of it."""
     from .large_site import GEOMETRY, make_site
@@ -230,5 +243,6 @@ if __name__ == "__main__":
         "filters_demo": filters_demo,
         "elevation_mapping_demo": elevation_mapping_demo,
         "large_map_demo": large_map_demo,
+        "path_planner_demo": path_planner_demo,
     }
     raise SystemExit(demos[sys.argv[1]](sys.argv[2:]))

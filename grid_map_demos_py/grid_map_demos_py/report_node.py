@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Nodes that collect the messages of a demo, write pictures, print tables, and exit.
 
-    python3 -m grid_map_demos_py.report_node filters | elevation_mapping | large_map
+    python3 -m grid_map_demos_py.report_node filters | elevation_mapping | large_map | path_planner
 
 The exit code is 0 only if messages arrived on all topics in time.
 """
 
+import math
 import sys
+import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from statistics import median
@@ -16,7 +18,8 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import OccupancyGrid
+from matplotlib.figure import Figure
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
@@ -34,19 +37,21 @@ from grid_map_ros_py.nodes import (
     map_qos,
 )
 from grid_map_ros_py.nodes._spin import steady_timer
-from grid_map_visualization_py.pictures import save_picture
+from grid_map_visualization_py.pictures import plot, save_picture
 
 from .demo import Demo
 from .large_site import GEOMETRY, LAYER
 from .parts import to_text
+from .path_planner_robot_node import ARRIVED, GOAL, START
+from .robot_course import Matrix
 
 DIAGNOSTICS = "/diagnostics"
 
 Tables = Mapping[str, Mapping[Any, object]]
 """Tables by title; each row is a name and a value."""
 
-Pictures = Mapping[str, tuple[GridMap, str, Mapping[str, Any]]]
-"""Pictures by name: a map, a layer, and options of `save_picture`."""
+Pictures = Mapping[str, Figure | tuple[GridMap, str, Mapping[str, Any]]]
+"""Pictures by name: a figure, or a map, a layer, and options of `save_picture`."""
 
 
 class ReportNode(Demo):
@@ -78,8 +83,12 @@ class ReportNode(Demo):
         files = {self._directory / f"{name}.png": entry for name, entry in pictures.items()}
         try:
             with storage_errors(self._directory, "filled with pictures"):
-                for file, (grid_map, layer, options) in files.items():
-                    save_picture(grid_map, layer, file, **options)
+                for file, entry in files.items():
+                    if isinstance(entry, Figure):
+                        entry.savefig(file, dpi=100)
+                    else:
+                        grid_map, layer, options = entry
+                        save_picture(grid_map, layer, file, **options)
         except GridMapError as error:
             raise NodeFailedError(str(error)) from error
         print(to_text({**tables, "Pictures": dict.fromkeys(files, "")}), flush=True)
@@ -411,10 +420,106 @@ class LargeMapReportNode(ReportNode):
         self.finish(tables, {"way": (self._overview, LAYER, way), "window": (window, LAYER, last)})
 
 
+# --- path planner demo ----------------------------------------------------------------------------
+
+COST = "inflated_cost"
+"""Layer with the costs of the planner."""
+
+
+class PathPlannerReportNode(ReportNode):
+    """Collects plans and robot positions until the robot has reached the goal."""
+
+    def __init__(self) -> None:
+        super().__init__("path_planner_report")
+        self._truth: GridMap | None = None
+        self._costs: GridMap | None = None
+        self._plans: list[Matrix] = []
+        self._walk: list[tuple[float, float]] = []
+        self._begin = 0.0
+        self._maps = [
+            MapSubscription(self, TRUTH, self._on_truth),
+            MapSubscription(self, POSTPROCESSED, self._on_costs),
+        ]
+        self.create_subscription(Path, "/plan", self._on_plan, map_qos())
+        self.create_subscription(Odometry, "/odom", self._on_odometry, 10)
+        self.give_up_after(self.read_positive("timeout", 90.0, "maximum time to wait [s]"))
+
+    def silent_topics(self) -> list[str]:
+        got = {TRUTH: self._truth, POSTPROCESSED: self._costs, "/plan": self._plans}
+        return [topic for topic, value in got.items() if not value] or ["/odom near the goal"]
+
+    def _on_truth(self, received: ReceivedMap) -> None:
+        self._truth = received.decode()
+
+    def _on_costs(self, received: ReceivedMap) -> None:
+        self._costs = received.decode([COST])
+
+    def _on_plan(self, message: Path) -> None:
+        places = [pose.pose.position for pose in message.poses]
+        self._begin = self._begin or time.monotonic()
+        if places:
+            self._plans.append(np.array([(place.x, place.y) for place in places]))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        place = message.pose.pose.position
+        self._walk.append((place.x, place.y))
+        if self._truth is None or self._costs is None or not self._plans:
+            return
+        if math.dist(self._walk[-1], GOAL) > ARRIVED:
+            return
+        walk = np.array(self._walk)
+        rows = {
+            "straight line": f"{math.dist(START, GOAL):.1f} m",
+            "first plan": f"{length_of(self._plans[0]):.1f} m",
+            "walked": f"{length_of(walk):.1f} m",
+            "time": f"{time.monotonic() - self._begin:.0f} s",
+            "plans": len(self._plans),
+        }
+        picture = draw_walk(self._truth, self._costs, self._plans, walk)
+        self.finish({"Way to the goal": rows}, {"path_planner": picture})
+
+
+def length_of(line: Matrix) -> float:
+    """Return the length [m] of a line through points (N, 2)."""
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Matrix) -> Figure:
+    """Draw the terrain and the costs with the first plan, the repeated plans and the walked path.
+
+    Args:
+        truth: map with the true `elevation`.
+        costs: last map of the planner, with the layer `COST`.
+        plans: plans (N, 2) in their order [m].
+        walk: walked path (N, 2) [m].
+    """
+    figure = Figure((9.0, 3.6), layout="constrained")
+    panels: list[tuple[GridMap, str, str, dict[str, Any]]] = [
+        (truth, "elevation", "true terrain [m]", {"color_map": "gist_earth"}),
+        (costs, COST, "costs; unknown is white", {"color_map": "RdYlGn_r", "upper": 254.0}),
+    ]
+    panels[0][3]["hillshade"] = "elevation"
+    for ax, (grid_map, layer, title, options) in zip(figure.subplots(1, 2), panels, strict=True):
+        plot(grid_map, layer, ax, label=" ", scale_bar=False, **options)
+        for number, plan in enumerate(plans):
+            style = {"color": "tab:blue", "linewidth": 1.2, "linestyle": "--" if number else "-"}
+            label = ("first plan", "later plans")[number] if number < 2 else None
+            ax.plot(*plan.T, label=label, **style)
+        ax.plot(*walk.T, color="magenta", linewidth=2.2, label="walked")
+        ax.plot(*START, "o", color="black", markersize=5)
+        ax.plot(*GOAL, "*", color="black", markersize=10)
+        ax.set_title(title, fontsize=9)
+        ax.set(xlabel="", ylabel="", xlim=(-1.0, 10.0), ylim=(-2.0, 8.0))
+        ax.tick_params(labelsize=7)
+    figure.axes[0].legend(fontsize=7, loc="upper left")
+    return figure
+
+
 REPORTS = {
     "filters": DemoReportNode,
     "elevation_mapping": ElevationMappingReportNode,
     "large_map": LargeMapReportNode,
+    "path_planner": PathPlannerReportNode,
 }
 
 if __name__ == "__main__":

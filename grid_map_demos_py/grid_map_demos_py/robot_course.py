@@ -87,20 +87,30 @@ class RobotCourse:
         angle = self.speed * seconds / math.sqrt(RADII[0] * RADII[1])
         x, y = RADII[0] * math.cos(angle), RADII[1] * math.sin(angle)
         way = np.array([-RADII[0] * math.sin(angle), RADII[1] * math.cos(angle)])
-        way /= np.linalg.norm(way)
-        side = np.array([-way[1], way[0]])
-        feet = np.array([x, y]) + 0.3 * np.array([way, -way, side, -side])
-        heights = np.asarray(self.ground.at_position("elevation", feet, Interpolation.LINEAR))
-        front, back, left, right = heights.tolist()
-        forward = np.array([*way, (front - back) / 0.6])
-        leftward = np.array([*side, (left - right) / 0.6])
-        pose = np.eye(4)
-        pose[:3, 0] = forward / np.linalg.norm(forward)
-        up = np.cross(forward, leftward)
-        pose[:3, 2] = up / np.linalg.norm(up)
-        pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
-        pose[:3, 3] = x, y, heights.mean() + HEIGHT
-        return pose
+        return standing_pose(self.ground, np.array([x, y]), way / np.linalg.norm(way))
+
+
+def standing_pose(ground: GridMap, position: Matrix, way: Matrix) -> Matrix:
+    """Return the pose (4, 4) of a robot whose z axis is perpendicular to the ground.
+
+    Args:
+        ground: terrain with the layer `elevation` [m].
+        position: (2,) position of the robot [m].
+        way: (2,) unit vector in which the robot looks.
+    """
+    side = np.array([-way[1], way[0]])
+    feet = position + 0.3 * np.array([way, -way, side, -side])
+    heights = np.asarray(ground.at_position("elevation", feet, Interpolation.LINEAR))
+    front, back, left, right = heights.tolist()
+    forward = np.array([*way, (front - back) / 0.6])
+    leftward = np.array([*side, (left - right) / 0.6])
+    pose = np.eye(4)
+    pose[:3, 0] = forward / np.linalg.norm(forward)
+    up = np.cross(forward, leftward)
+    pose[:3, 2] = up / np.linalg.norm(up)
+    pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
+    pose[:3, 3] = *position, heights.mean() + HEIGHT
+    return pose
 
 
 def drifted(pose: Matrix, seconds: float) -> Matrix:

@@ -18,9 +18,9 @@ from grid_map_ros_py.testing import Peer, running_node
 MODULE = "grid_map_ros_py._executables.costmap"
 
 
-def set_parameters(peer: Peer, **values: object) -> list[str]:
+def set_parameters(peer: Peer, *, node: str = "costmap", **values: object) -> list[str]:
     """Set parameters one by one; return the reasons of the refused ones."""
-    client = peer.node.create_client(SetParameters, "/costmap/set_parameters")
+    client = peer.node.create_client(SetParameters, f"/{node}/set_parameters")
     peer.wait_until(client.service_is_ready, "the service")
     changes = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     answer = client.call_async(SetParameters.Request(parameters=changes))

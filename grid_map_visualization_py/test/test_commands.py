@@ -47,6 +47,20 @@ def test_pictures_show_the_map(options, command):
         assert picture.shape[:2] == (770, 990)
 
 
+def test_path_draws_the_path_on_the_layer(command):
+    line = "path site.npz 0.3,-0.1 -0.3,0.1 --cost slope --output path.png"
+    code, text, error = command(line)
+    assert (code, error) == (0, "grid-map: path.png is drawn\n")
+    assert text.startswith("length  0.632456 m\n")
+    red = (cv2.imread("path.png") == (0, 0, 255)).all(axis=2)
+    assert command(line)[2].endswith("path.png: already exists; --force replaces it\n")
+    command("plot site.npz map.png --layer slope")
+    assert not (cv2.imread("map.png") == (0, 0, 255)).all(axis=2).any()
+    # The path leads from the lower right to the upper left.
+    rows, columns = np.nonzero(red)
+    assert np.corrcoef(rows, columns)[0, 1] > 0.9
+
+
 @pytest.mark.needs("xarray", "zarr", "dask")
 def test_plot_thins_maps_larger_than_memory(command):
     from grid_map_core_py.map import GridGeometry

@@ -16,6 +16,9 @@ from urllib.parse import urlsplit
 import cv2
 import numpy as np
 import pytest
+from geometry_msgs.msg import Point, PoseStamped
+from nav_msgs.msg import Path as PathMessage
+from std_msgs.msg import Header
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -380,6 +383,28 @@ def test_origin_and_robot_are_seen_from_above(beside):
             return (row < 10, column < 10) == (expected[0] < 10, expected[1] < 10)
 
         beside.wait_for(is_beside, "a cell to the right, and one above")
+
+
+def test_path_is_drawn_on_the_surface_of_its_frame(page, node, peer):
+    def pink() -> int:
+        red, green, blue = np.moveaxis(page.picture().astype(int), -1, 0)
+        return int(((red > 200) & (green < 80) & (blue > 130)).sum())
+
+    path = PathMessage(header=Header(frame_id="odom"))
+    for x in np.linspace(0.3, 1.7, 15):
+        path.poses.append(PoseStamped())
+        # Far below the surface, where it could not be seen.
+        path.poses[-1].pose.position = Point(x=x, y=2.0, z=-1.0)
+    assert pink() == 0
+    peer.publish("/plan", path)
+    page.wait_for(lambda: pink() > 200, "the path")
+    path.header.frame_id = "map"
+    peer.publish("/plan", path)
+    page.wait_for(lambda: pink() == 0, "no path")
+    text = (
+        "dropped a message of /plan: header.frame_id: expected 'odom', that of the map, got 'map'"
+    )
+    assert text in node.text
 
 
 def test_axes_and_frames_are_switched_in_all_browsers(page, beside):

@@ -21,7 +21,13 @@ from grid_map_ros_py.testing import wait_until
 from grid_map_visualization_py._viewer.axes import axes_around
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
 from grid_map_visualization_py._viewer.page import LARGEST_MESSAGE, Page, vector_prefixes
-from grid_map_visualization_py._viewer.scene import View, ViewSettings, hit, make_scene
+from grid_map_visualization_py._viewer.scene import (
+    View,
+    ViewSettings,
+    hit,
+    make_scene,
+    on_surface,
+)
 from grid_map_visualization_py._viewer.texts import legend, readout, status
 from grid_map_visualization_py._viewer.viewer import Viewer, rate_of
 from grid_map_visualization_py._web import is_allowed, is_loopback, url_of
@@ -176,6 +182,20 @@ def test_vectors_start_on_the_surface_where_all_is_finite(hill):
     np.testing.assert_allclose(arrows, np.tile([0.5, 1.0, 1.5], (13, 1)), rtol=1e-5)
     heights = sorted(scene.vectors[:, 0, 2].tolist())
     np.testing.assert_allclose(heights, np.arange(1, 14) / 10, rtol=1e-6)
+
+
+def test_path_lies_just_above_the_drawn_surface(hill):
+    settings = ViewSettings(height_layer="elevation")
+    # A cell center, a point between two centers, the hole, and a point beside the map.
+    points = np.array([[10.0, -4.0, 9.0], [10.05, -4.0, 9.0], [10.2, -3.9, 9.0], [11.0, -4.0, 9.0]])
+    expected = [0.7 + 0.02, 0.55 + 0.02, 9.0, 9.0]
+    for grid_map in (hill, moved_in_buffer(hill, (2, 1))):
+        found = on_surface(grid_map, settings, points)
+        np.testing.assert_allclose(found[:, 2], expected, atol=1e-6)
+        np.testing.assert_array_equal(found[:, :2], points[:, :2])
+    flat = on_surface(hill, ViewSettings(height_layer="elevation", flat=True), points)
+    np.testing.assert_allclose(flat[:, 2], 0.02)
+    assert (points[:, 2] == 9.0).all()
 
 
 def test_the_legend_has_the_values_of_the_colors(hill):

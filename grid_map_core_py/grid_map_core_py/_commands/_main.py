@@ -25,13 +25,14 @@ from ._output import CommandError, UsageError, message, shown
 PROGRAM = "grid-map"
 GROUP = "grid_map_core_py.commands"
 
-BUILT_IN = ("info", "inspect", "convert", "submap", "doctor")
+BUILT_IN = ("info", "inspect", "convert", "submap", "path", "doctor")
 
 HELP = {
     "info": "show the contents of a file: topics, layers, size, position and time",
     "inspect": "show range, mean, missing values and histogram of every layer",
     "convert": "convert maps between file formats; make maps from clouds, meshes and height images",
     "submap": "cut a rectangle out of a map of any size",
+    "path": "print the length and cost of the least-cost path between two positions, and draw it",
     "doctor": "show versions, missing or broken packages, and the settings of ROS and DDS",
     "filter": "run a filter chain on a map of any size, or on all maps of a bag",
     "plot": "draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video",

@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
@@ -109,6 +110,7 @@ class LatchedSubscription:
         hears_best_effort: also switch to best effort when a best-effort publisher appears; if
             False, only log a warning about that publisher.
         depth: queue depth if `qos` is None.
+        is_counted: count the messages in the `Health` of the node.
 
     Attributes:
         topic_name: full name of the topic.
@@ -125,8 +127,9 @@ class LatchedSubscription:
         raw: bool = False,
         hears_best_effort: bool = False,
         depth: int = 1,
+        is_counted: bool = True,
     ) -> None:
-        self._node = node
+        self._node, self._is_counted = node, is_counted
         self.topic_name: str = node.resolve_topic_name(topic)
         self._callback = callback
         self._qos = qos or map_qos()
@@ -162,7 +165,8 @@ class LatchedSubscription:
         if isinstance(message, bytes) and len(message) > LARGEST_BLOCK:
             keep_memory()
         what = f"dropped a message of {self.topic_name}"
-        with dropping(self._log, what), health_of(self._node).counted():
+        counted = health_of(self._node).counted() if self._is_counted else nullcontext()
+        with dropping(self._log, what), counted:
             self._callback(message)
 
     def _on_incompatible(self, event: Any) -> None:

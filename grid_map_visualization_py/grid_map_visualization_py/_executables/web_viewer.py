@@ -4,18 +4,22 @@
 import time
 
 import numpy as np
+from nav_msgs.msg import Path
 from rclpy.node import Node
 
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py.messages._fields import check_finite
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
     MapSubscription,
     read_parameter,
 )
 from grid_map_ros_py.nodes._health import LogThrottle, health_of
+from grid_map_ros_py.nodes._parameters import check_topic
 from grid_map_ros_py.nodes._poses import TfPoses, has_tf
 from grid_map_ros_py.nodes._spin import steady_timer
+from grid_map_ros_py.nodes._topics import LatchedSubscription
 
 from .._viewer.page import Page
 from .._viewer.viewer import Viewer
@@ -43,6 +47,8 @@ class WebViewerNode(ConfiguredNode):
         if self._robot_frame and not has_tf():
             remedy = "install tf2_ros_py of your ROS distribution, or leave it empty"
             raise MissingPackageError("tf2_ros", "robot_frame", remedy)
+        about = "topic of a path in the map frame, drawn on the surface; empty means none"
+        path_topic = self.read("path_topic", "/plan", about)
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
         host = self.read("host", "127.0.0.1", about)
         port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 means any free port")
@@ -69,6 +75,11 @@ class WebViewerNode(ConfiguredNode):
         self._poses = TfPoses(self, self._robot_frame) if self._robot_frame else None
         self._next_look = 0.0
         self._subscribe(topic)
+        if path_topic:
+            check_topic(self, "path_topic", path_topic)
+            self._paths = LatchedSubscription(
+                self, Path, path_topic, self._receive_path, is_counted=False
+            )
         steady_timer(self, period, self._update)
 
     def _subscribe(self, topic: str) -> None:
@@ -90,6 +101,12 @@ class WebViewerNode(ConfiguredNode):
             text = f"the first map of {self._maps.topic_name} has come; see\n{self._page.url}"
             self.get_logger().info(text)
         self._has_map = True
+
+    def _receive_path(self, message: Path) -> None:
+        places = [one.pose.position for one in message.poses]
+        points = np.array([(place.x, place.y, place.z) for place in places]).reshape(-1, 3)
+        check_finite("poses", points)
+        self._viewer.receive_path(points, message.header.frame_id)
 
     def _update(self) -> None:
         if self._page.is_watched:

@@ -16,6 +16,8 @@ from grid_map_ros_py.messages import from_transform
 
 Origin: TypeAlias = npt.NDArray[np.float64]
 
+PATH_COLOR = (255, 0, 200)
+
 
 @dataclass(frozen=True)
 class Placed:
@@ -89,7 +91,8 @@ def _path(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     ).reshape(-1, 3)
 
     def strip(origin: Origin) -> list[Any]:
-        return [rr.LineStrips3D([points - origin], radii=rr.Radius.ui_points(2.0))]
+        look = {"radii": rr.Radius.ui_points(2.5), "colors": [PATH_COLOR]}
+        return [rr.LineStrips3D([points - origin], **look)]
 
     yield Placed(from_stamp(message.header.stamp), (), message.header.frame_id, strip)
 

@@ -46,6 +46,7 @@ NO_LAYER = "(no map yet)"
 NO_TOPIC = "(no topic)"
 NO_VECTORS = "(none)"
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
+PATH_COLOR = MARKER_COLOR
 
 AXES_COLOR = (128, 128, 128)
 """Gray, visible on white and on black backgrounds."""
@@ -94,6 +95,8 @@ class Page:
         self._drawn_axes: object = None
         # Scene node, label and size of each coordinate frame.
         self._frames: dict[str, tuple[Any, Any]] = {}
+        self._path: Any = None
+        self._drawn_path = np.empty((0, 3))
         self._shown: list[Any] = []
         # Scene parts of each map, by name of the map node.
         self._parts: dict[str, list[Any]] = {}
@@ -222,6 +225,22 @@ class Page:
         if pose is not None:
             node.position = self._lifted(pose[:3, 3])
             node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
+
+    def draw_path(self, points: Positions) -> None:
+        """Draw a line through points (N, 3) [m] in the map frame; fewer than two remove it."""
+        lifted = self._lifted(points)
+        if np.array_equal(lifted, self._drawn_path):
+            return
+        self._drawn_path = lifted
+        if self._path is not None:
+            self._path.remove()
+            self._path = None
+        if len(lifted) > 1:
+            add, start = self._server.scene, lifted[0]
+            self._path = add.add_frame("/path", show_axes=False, position=start)
+            lines = np.stack([lifted[:-1], lifted[1:]], axis=1) - start
+            style: Any = {"thickness": 4.0, "thickness_units": "screen"}
+            add.add_line_segments("/path/line", lines.astype(np.float32), PATH_COLOR, **style)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
         """Return and clear the ray (start, direction) of the last click; None if there was none."""

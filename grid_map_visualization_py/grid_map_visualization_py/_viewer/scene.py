@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py import GridMap
+from grid_map_core_py import GridMap, Interpolation
 from grid_map_core_py._arrays import Positions, Size
 
 from ..colors import Coloring, is_empty
@@ -156,6 +156,25 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
     return SurfaceScene(
         mesh, glb, lines, vectors, bounds, (low, high), (rows, columns), spacing, view
     )
+
+
+def on_surface(grid_map: GridMap, settings: ViewSettings, points: Positions) -> Positions:
+    """Move the points (N, 3) of a path [m, map frame] vertically to just above the drawn surface.
+
+    Points where the surface is unknown keep their heights.
+    """
+    result = np.array(points, np.float64)
+    # Lines slightly above the surface remain visible.
+    gap = 0.2 * grid_map.resolution
+    inside = np.flatnonzero(grid_map.is_inside(result[:, :2]))
+    if settings.flat:
+        result[:, 2] = gap
+    elif len(inside):
+        layer, places = settings.height_layer, result[inside, :2]
+        heights = np.asarray(grid_map.at_position(layer, places, Interpolation.LINEAR))
+        known = np.isfinite(heights)
+        result[inside[known], 2] = heights[known] + gap
+    return result
 
 
 def _vectors(surface: Surface, mesh: Mesh, settings: ViewSettings) -> Points:

@@ -9,11 +9,11 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Positions
-from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import DROPPED, reason
 
 from .page import Page
-from .scene import SurfaceScene, ViewSettings, hit, make_scene
+from .scene import SurfaceScene, ViewSettings, hit, make_scene, on_surface
 from .texts import as_note, readout, status
 
 RATE_WINDOW = 3.0
@@ -49,6 +49,7 @@ class Viewer:
         self._drawn: tuple[ReceivedMap, GridMap, SurfaceScene] | None = None
         self._selected: Positions | None = None
         self._problem = self._refusal = ""
+        self._path, self._path_frame = np.empty((0, 3)), ""
 
     @property
     def frame_id(self) -> str:
@@ -78,6 +79,16 @@ class Viewer:
         self._refusal = ""
         self._latest = received
         self._arrivals.append(time.monotonic())
+
+    def receive_path(self, points: Positions, frame_id: str) -> None:
+        """Accept a path to draw on maps in the same frame, as points (N, 3) [m].
+
+        Raises:
+            MessageError: the shown map is in another frame. The page shows no path.
+        """
+        self._path, self._path_frame = points, frame_id
+        if self._drawn and len(points) and frame_id != self.frame_id:
+            raise MessageError("header.frame_id", f"{self.frame_id!r}, that of the map", frame_id)
 
     def update(self) -> str:
         """Update the page; return an error message, or an empty text if there is no error.
@@ -110,7 +121,14 @@ class Viewer:
                 paused = {"is_paused": page.is_paused}
                 page.tell(status(grid_map, scene.size, *heard, self._clock(), **paused))
                 page.draw_frame("origin", grid_map.frame_id, np.eye(4))
+                self._draw_path(grid_map)
         return self._problem
+
+    def _draw_path(self, grid_map: GridMap) -> None:
+        settings, points = self._settings, np.empty((0, 3))
+        if settings is not None and self._path_frame == grid_map.frame_id:
+            points = on_surface(grid_map, settings, self._path)
+        self._page.draw_path(points)
 
     def _draw_if_due(self) -> None:
         received = self._shown if self._page.is_paused and self._shown else self._latest

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Footprints of robots on a map, and least-cost paths.
+
+- `Footprint`: the outline of a robot; `footprint_cells`: the cells that it touches at a pose.
+- `check_pose`, `check_path`: whether the robot may stand at a pose or move along a path. The
+  results are a `PoseCheck` and a `PathCheck`.
+- `footprint_layer`: lowest, mean or highest value under the footprint at every cell, for several
+  directions.
+- `TravelGraph`: the moves of a robot between the cells of a map. `TravelGraph.path` returns the
+  least-cost `Path` between two positions; `TravelGraph.cost_to` returns a `CostField`, the cost
+  from every cell to the nearest goal. `SlopeLimits` are the steepest slopes up, down and across.
+- `NoPathError`: a start or a goal is not free, or no path exists. Its `reason` is a `PathFailure`,
+  an error code of Nav2.
+"""
+
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from ._checks import (
+        PathCheck as PathCheck,
+        PoseCheck as PoseCheck,
+        check_path as check_path,
+        check_pose as check_pose,
+        footprint_cells as footprint_cells,
+    )
+    from ._footprint import Footprint as Footprint
+    from ._footprint_layer import footprint_layer as footprint_layer
+    from ._graph import SlopeLimits as SlopeLimits, TravelGraph as TravelGraph
+    from ._paths import (
+        CostField as CostField,
+        NoPathError as NoPathError,
+        Path as Path,
+        PathFailure as PathFailure,
+    )
+
+_OFFERED = {
+    "._checks": "PathCheck PoseCheck check_path check_pose footprint_cells",
+    "._footprint": "Footprint",
+    "._footprint_layer": "footprint_layer",
+    "._graph": "SlopeLimits TravelGraph",
+    "._paths": "CostField NoPathError Path PathFailure",
+}
+# Paths need SciPy, which is slow to import.
+__all__, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)

@@ -1,0 +1,483 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Checks of poses and paths, resting poses, and layers of values under a footprint."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from footprints import ELL, FORK, ROBOT, corners_at, footprints, touched_by_hand, yaws
+from hypothesis import assume, given, strategies as st
+
+from grid_map_core_py import ConfigError, GeometryError, GridMap, LayerNotFoundError, LimitError
+from grid_map_core_py.planning import (
+    Footprint,
+    check_path,
+    check_pose,
+    footprint_cells,
+    footprint_layer,
+)
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+
+RULES = {"layer": "value", "limit": 0.5}
+fractions = st.tuples(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7))
+
+
+def value_map(size=(40, 30), resolution=0.1, value=1.0):
+    """A moved map with one layer."""
+    grid_map = GridMap(np.multiply(size, resolution), resolution, (0.3, -0.2), {"value": value})
+    return moved_in_buffer(grid_map, (size[0] // 3, size[1] // 2))
+
+
+def on_map(grid_map, fraction, yaw):
+    return (*(grid_map.position + np.multiply(fraction, grid_map.length)), yaw)
+
+
+def padded(grid_map, cells):
+    """The same map with unknown cells around it, stored in map order."""
+    layers = {
+        name: np.pad(grid_map.unwrapped(name), cells, constant_values=np.nan) for name in grid_map
+    }
+    length = grid_map.length + 2 * cells * grid_map.resolution
+    return GridMap(length, grid_map.resolution, grid_map.position, layers)
+
+
+def cell_set(indices):
+    return set(map(tuple, np.asarray(indices).tolist()))
+
+
+# Cells
+
+
+@given(grid_maps(max_side=8), footprints(), fractions, yaws)
+def test_footprint_cells_are_the_touched_squares(grid_map, footprint, fraction, yaw):
+    pose = on_map(grid_map, fraction, yaw)
+    found = footprint_cells(grid_map, footprint, pose)
+    assert found.shape == (len(found), 2)
+    assert found.dtype == np.int64
+    assert len(cell_set(found)) == len(found)
+    cells = np.transpose(np.nonzero(np.ones(grid_map.size)))
+    corners = corners_at(footprint, pose)
+    centers = grid_map.get_positions(cells)
+    surely, perhaps = touched_by_hand(corners, centers, grid_map.resolution)
+    numbers = {tuple(cell): number for number, cell in enumerate(cells.tolist())}
+    assert surely <= {numbers[cell] for cell in cell_set(found)} <= perhaps
+
+
+def test_cells_on_the_rim_of_an_aligned_footprint_do_not_count():
+    grid_map = value_map()
+    pose = (*grid_map.get_position((20, 20)), 0.0)
+    assert len(footprint_cells(grid_map, Footprint.rectangle(0.9, 0.5), pose)) == 9 * 5
+    assert len(footprint_cells(grid_map, Footprint.rectangle(0.9, 0.5), (*pose[:2], np.pi))) == 45
+    assert len(footprint_cells(grid_map, Footprint.rectangle(0.92, 0.5), pose)) == 11 * 5
+
+
+# Poses
+
+
+@given(
+    grid_maps(layers=("value", "height"), max_side=9),
+    footprints() | st.sampled_from([ELL, FORK]),
+    fractions,
+    yaws,
+    st.floats(-1e3, 1e3),
+    st.sampled_from(["blocked", "free"]),
+)
+def test_pose_check_equals_the_cells_by_hand(grid_map, footprint, fraction, yaw, limit, unknown):
+    pose = on_map(grid_map, fraction, yaw)
+    rules = {"layer": "value", "limit": limit, "unknown": unknown}
+    found = check_pose(grid_map, footprint, pose, **rules)
+    wide = padded(grid_map, math.ceil(2 / grid_map.resolution) + 8)
+    everything = footprint_cells(wide, footprint, pose)
+    assume(len(everything))
+    under = wide["value"][tuple(everything.T)]
+    known = under[np.isfinite(under)]
+    assert found.unknown == pytest.approx(1 - known.size / under.size)
+    np.testing.assert_equal(found.worst, known.min() if known.size else np.nan)
+    mean = known.mean(dtype=np.float64) if known.size else np.nan
+    np.testing.assert_allclose(found.mean, mean, rtol=1e-6, atol=1e-9)
+    is_bad = (under < np.float32(limit)) & np.isfinite(under)
+    if unknown == "blocked":
+        is_bad |= ~np.isfinite(under)
+    assert found.is_free == (not is_bad.any())
+    here = footprint_cells(grid_map, footprint, pose)
+    values = grid_map["value"][tuple(here.T)]
+    bad = np.isfinite(values) & (values < np.float32(limit))
+    if unknown == "blocked":
+        bad |= ~np.isfinite(values)
+    assert cell_set(found.blocked) == cell_set(here[bad])
+    # A path of one pose is the same.
+    path = check_path(grid_map, footprint, [pose], **rules)
+    assert (path.is_free, path.unknown) == (found.is_free, found.unknown)
+    np.testing.assert_equal((path.worst, path.mean), (found.worst, found.mean))
+    np.testing.assert_array_equal(path.blocked, found.blocked)
+    assert path.index == (None if found.is_free else 0)
+
+
+def test_a_value_equal_to_the_limit_is_free():
+    grid_map = value_map(value=0.7)
+    assert check_pose(grid_map, ROBOT, (0, 0, 0.3), layer="value", limit=0.7).is_free
+    rules = {"layer": "value", "limit": 0.0, "mean_limit": 0.7}
+    assert check_pose(grid_map, ROBOT, (0, 0, 0.3), **rules).is_free
+    assert check_path(grid_map, ROBOT, [(0, 0, 0.3), (0.4, 0, 0)], **rules).is_free
+
+
+def test_mean_limit_blocks_poses_without_blocked_cells():
+    grid_map = value_map()
+    rows = grid_map.get_positions()[..., 0].reshape(grid_map.size, order="F") > 0.3
+    grid_map["value"] = np.where(rows, 0.6, 1.0)
+    free = check_pose(grid_map, ROBOT, (0.0, 0, 0), **RULES, mean_limit=0.8)
+    blocked = check_pose(grid_map, ROBOT, (0.6, 0, 0), **RULES, mean_limit=0.8)
+    assert (free.is_free, blocked.is_free, len(blocked.blocked)) == (True, False, 0)
+    path = check_path(grid_map, ROBOT, [(0, 0, 0), (0.6, 0, 0)], **RULES, mean_limit=0.8)
+    assert path.index == 0
+    assert not check_pose(grid_map, ROBOT, path.pose, **RULES, mean_limit=0.8).is_free
+    before = path.pose - (0.05, 0, 0)
+    assert check_pose(grid_map, ROBOT, before, **RULES, mean_limit=0.8).is_free
+
+
+def test_poses_beyond_the_map_are_unknown():
+    grid_map = value_map()
+    for pose in ((100.0, 0, 0), (-1e300, 1e300, 0)):
+        blocked = check_pose(grid_map, ROBOT, pose, **RULES)
+        free = check_pose(grid_map, ROBOT, pose, **RULES, unknown="free")
+        assert (blocked.is_free, free.is_free) == (False, True)
+        assert (free.unknown, blocked.blocked.shape) == (1.0, (0, 2))
+        np.testing.assert_equal((free.worst, free.mean), (np.nan, np.nan))
+
+
+# Paths
+
+
+def dense(poses, steps):
+    """The poses of a path with many more between them, on the shorter way."""
+    result = []
+    for begin, end in pairwise(poses):
+        move = np.subtract(end, begin)
+        move[2] = math.atan2(math.sin(move[2]), math.cos(move[2]))
+        result += [begin + move * share for share in np.linspace(0, 1, steps, endpoint=False)]
+    return [*result, np.array(poses[-1])]
+
+
+paths = st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1), yaws), min_size=1, max_size=3)
+
+
+@given(paths)
+def test_path_covers_what_comes_a_quarter_of_a_cell_inside(poses):
+    grid_map = value_map(value=0.0)
+    grid_map.move((0.0, 0.0))
+    grid_map["value"] = 0.0
+    turns = np.diff(np.array(poses)[:, 2])
+    assume((np.abs(np.cos(turns / 2)) > 1e-6).all())  # half a turn has two shorter ways
+    found = cell_set(check_path(grid_map, ROBOT, poses, **RULES).blocked)
+    samples = dense(poses, 70)
+    inner = Footprint.rectangle(0.9 - 0.05, 0.5 - 0.05)
+    inside = set().union(*(cell_set(footprint_cells(grid_map, inner, p)) for p in samples))
+    assert inside <= found
+    # Corners move by up to 0.08 m between these poses, so cells may be touched in between.
+    outer = Footprint.rectangle(0.9 + 0.08, 0.5 + 0.08)
+    around = set().union(*(cell_set(footprint_cells(grid_map, outer, p)) for p in samples))
+    assert found <= around
+    for pose in poses:
+        assert cell_set(footprint_cells(grid_map, ROBOT, pose)) <= found
+
+
+@given(paths, st.integers(0, 999), st.sampled_from(["blocked", "free"]))
+def test_first_blocked_pose_of_a_path(poses, seed, unknown):
+    random = np.random.default_rng(seed)
+    grid_map = value_map()
+    values = np.where(random.random(grid_map.size) < 0.003, 0.0, 1.0)
+    grid_map["value"] = np.where(random.random(grid_map.size) < 0.003, np.nan, values)
+    rules = {**RULES, "unknown": unknown}
+    found = check_path(grid_map, ROBOT, poses, **rules)
+    if found.is_free:
+        assert (found.index, found.pose) == (None, None)
+        assert all(check_pose(grid_map, ROBOT, pose, **rules).is_free for pose in dense(poses, 9))
+        return
+    assert not check_pose(grid_map, ROBOT, found.pose, **rules).is_free
+    assert all(check_pose(grid_map, ROBOT, p, **rules).is_free for p in poses[: found.index])
+    before = poses[: found.index + 1]
+    path = check_path(grid_map, ROBOT, before, **rules)
+    if not np.array_equal(found.pose, poses[found.index]):
+        assert path.is_free
+    else:
+        assert path.index == found.index
+
+
+@pytest.mark.parametrize("yaws", [(3.0, -3.0), (-3.0, 3.0), (0.0, np.pi), (1.0, 1.0 + 2 * np.pi)])
+def test_turn_on_the_spot_takes_the_shorter_way(yaws):
+    """A long robot turns about its rear end; posts stand all around, one after the other."""
+    arm, begin, end = Footprint([(0, -0.1), (1, -0.1), (1, 0.1), (0, 0.1)]), *yaws
+    turn = math.remainder(end - begin, 2 * math.pi)
+    for angle in np.linspace(-np.pi, np.pi, 37):
+        grid_map = GridMap((3.0, 3.0), 0.05, layers={"value": 1.0})
+        post = 0.8 * np.array([math.cos(angle), math.sin(angle)])
+        grid_map["value"][grid_map.get_index(post)] = 0.0
+        found = check_path(grid_map, arm, [(0, 0, begin), (0, 0, end)], **RULES)
+        offset = math.remainder(angle - begin - turn / 2, 2 * math.pi)
+        beside = abs(offset) - abs(turn) / 2
+        if beside < 0.05:
+            assert not found.is_free
+            assert found.index == 0
+        elif beside > 0.25:
+            assert found.is_free
+
+
+def test_post_in_the_way_is_found_and_one_beside_it_is_not():
+    poses = [(-1.2, 0.0, 0.0), (1.5, 0.0, 0.0)]
+    for side, is_free in ((0.0, False), (0.24, False), (-0.24, False), (0.4, True), (-0.4, True)):
+        grid_map = value_map()
+        grid_map["value"][grid_map.get_index((1.04, side))] = 0.2
+        found = check_path(grid_map, ROBOT, poses, **RULES)
+        assert found.is_free == is_free
+        assert found.worst == (1.0 if is_free else np.float32(0.2))
+        if not is_free:
+            np.testing.assert_array_equal(found.blocked, [grid_map.get_index((1.04, side))])
+            assert 0.49 < found.pose[0] < 0.61
+
+
+def test_each_cell_of_a_path_counts_once():
+    grid_map = value_map((31, 21))
+    random = np.random.default_rng(0)
+    grid_map["value"] = np.where(random.random((31, 21)) < 0.2, np.nan, random.random((31, 21)))
+    # To and fro, partly beyond the map.
+    poses = [(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (0.0, 0.0, 0.0), (-3.0, 0.0, 0.0)]
+    found = check_path(grid_map, ROBOT, poses, **RULES, unknown="free")
+    whole = padded(grid_map, 60)
+    swept = Footprint([(-3.45, -0.25), (3.45, -0.25), (3.45, 0.25), (-3.45, 0.25)])
+    cells = footprint_cells(whole, swept, (0.0, 0.0, 0.0))
+    values = whole["value"][tuple(cells.T)]
+    assert found.unknown == pytest.approx(np.isnan(values).mean())
+    assert found.mean == pytest.approx(np.nanmean(values))
+
+
+# Resting poses
+
+
+def hill(height, size=(40, 31)):
+    """A moved map whose heights are `height(x, y)`."""
+    grid_map = value_map(size)
+    x, y = (axis.reshape(grid_map.size, order="F") for axis in grid_map.get_positions().T)
+    grid_map["elevation"] = np.vectorize(height)(x, y)
+    return grid_map
+
+
+def rest(grid_map, pose, footprint=ROBOT, **rules):
+    return check_pose(grid_map, footprint, pose, **RULES, surface="elevation", **rules)
+
+
+@given(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6), fractions, yaws)
+def test_sole_rests_on_a_plane(slope_x, slope_y, position, yaw):
+    grid_map = hill(lambda x, y: 100 + slope_x * x + slope_y * y)
+    x, y = position
+    found = rest(grid_map, (x, y, yaw))
+    assert found.height == pytest.approx(100 + slope_x * x + slope_y * y, abs=1e-4)
+    normal = np.array([-slope_x, -slope_y, 1]) / math.hypot(slope_x, slope_y, 1)
+    # R = Rz(yaw) Ry(pitch) Rx(roll) turns (0, 0, 1) to the normal.
+    roll, pitch = found.roll, found.pitch
+    up = np.array([math.sin(pitch) * math.cos(roll), -math.sin(roll), math.cos(pitch)])
+    up[2] *= math.cos(roll)
+    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    np.testing.assert_allclose([*(turn @ up[:2]), up[2]], normal, atol=2e-4)
+
+
+def plane_by_hand(grid_map, pose, footprint=ROBOT):
+    """Oracle: the lowest plane at the mean of the cells that is nowhere below a cell."""
+    from scipy.optimize import linprog
+
+    cells = tuple(footprint_cells(grid_map, footprint, pose).T)
+    heights = grid_map["elevation"][cells].astype(np.float64)
+    centers = grid_map.get_positions(cells)[np.isfinite(heights)] - pose[:2]
+    heights = heights[np.isfinite(heights)]
+    rows = np.column_stack([centers, np.ones(len(centers))])
+    # The small second objective tells apart planes that are equally low: the hull has one only.
+    found = linprog(rows.mean(axis=0), A_ub=-rows, b_ub=-heights, bounds=(None, None))
+    return found.x, heights, rows.mean(axis=0)
+
+
+@given(st.integers(0, 999), fractions, yaws, st.sampled_from([ROBOT, ELL, Footprint.circle(0.4)]))
+def test_sole_rests_on_the_lowest_plane_above_rough_ground(seed, position, yaw, footprint):
+    random = np.random.default_rng(seed)
+    grid_map = hill(lambda x, _: 0.2 * random.random() + 5 + 0.3 * x)
+    grid_map["elevation"][random.random(grid_map.size) < 0.3] = np.nan
+    pose = (*position, yaw)
+    found = rest(grid_map, pose, footprint, unknown="free", body_height=0.3)
+    (x, y, height), heights, middle = plane_by_hand(grid_map, pose, footprint)
+    ahead, left = -math.tan(found.pitch), math.tan(found.roll) / math.cos(found.pitch)
+    slope = (
+        ahead * math.cos(yaw) - left * math.sin(yaw),
+        ahead * math.sin(yaw) + left * math.cos(yaw),
+    )
+    assert middle @ (*slope, found.height) == pytest.approx(middle @ (x, y, height), abs=1e-5)
+    np.testing.assert_allclose((*slope, found.height), (x, y, height), atol=1e-4)
+    assert found.clearance == pytest.approx(found.height + 0.3 - heights.max(), abs=1e-6)
+
+
+def test_block_under_one_corner():
+    grid_map = hill(lambda x, y: 0.1 * (x > 0.2 and y > 0.1))
+    found = rest(grid_map, (0.0, 0.0, 0.0), body_height=0.2)
+    (x, y, height), _, middle = plane_by_hand(grid_map, (0.0, 0.0, 0.0))
+    assert found.height == pytest.approx(middle @ (x, y, height), abs=0.005)
+    # The center is on the ridge from the block to the far corner, so the sole rocks to either side.
+    assert found.pitch < -0.05 or found.roll > 0.05
+    assert found.clearance == pytest.approx(found.height + 0.1, abs=1e-6)
+
+
+def test_kerb_tilts_the_sole():
+    """The front is on a kerb of 0.15 m, from the cell at 0.25 m on."""
+    grid_map = hill(lambda x, _: 0.15 * (x > 0.2))
+    poses = [(-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    found = rest(grid_map, poses[1], body_height=0.25)
+    slope = 0.15 / 0.7  # from the last row of cells, at -0.45 m
+    assert found.pitch == pytest.approx(-math.atan(slope), abs=1e-6)
+    assert found.roll == pytest.approx(0, abs=1e-6)
+    assert found.height == pytest.approx(0.45 * slope, abs=1e-6)
+    assert found.clearance == pytest.approx(0.45 * slope + 0.25 - 0.15, abs=1e-6)
+    rules = {**RULES, "surface": "elevation", "body_height": 0.25}
+    for limit, is_free in (
+        ({"max_pitch": 0.2}, False),
+        ({"max_pitch": 0.3}, True),
+        ({"max_roll": 0.01}, True),
+        ({"min_clearance": 0.21}, False),
+        ({"min_clearance": 0.18}, True),
+    ):
+        assert check_pose(grid_map, ROBOT, poses[1], **rules, **limit).is_free == is_free
+    path = check_path(grid_map, ROBOT, poses, **rules, max_pitch=0.2)
+    assert path.index == 0
+    assert not check_pose(grid_map, ROBOT, path.pose, **rules, max_pitch=0.2).is_free
+    assert path.pitch >= 0.2
+    assert path.roll == pytest.approx(0, abs=1e-6)
+    assert path.clearance <= found.clearance
+
+
+def test_sole_on_few_known_cells():
+    grid_map = hill(lambda x, _: x)
+    x, y = grid_map.get_position(grid_map.get_index((0.0, 0.0)))
+    grid_map["elevation"] = np.nan
+    pose = (x, y, 0.0)
+    nothing = rest(grid_map, pose, unknown="free", max_roll=0.1)
+    assert nothing.is_free
+    assert nothing.unknown == 1.0
+    assert math.isnan(nothing.height)
+    grid_map["elevation"][grid_map.get_index((x + 0.2, y + 0.1))] = 7.0
+    assert not rest(grid_map, pose).is_free
+    level = rest(grid_map, pose, unknown="free")
+    np.testing.assert_allclose((level.height, level.roll, level.pitch), (7, 0, 0), atol=1e-9)
+    # Two cells on a diagonal line: level across the line.
+    grid_map["elevation"][grid_map.get_index((x - 0.2, y - 0.1))] = 6.5
+    tilted = rest(grid_map, pose, unknown="free")
+    slope = 0.5 / 0.5 * np.array([2, 1]) / math.hypot(2, 1) / math.hypot(0.4, 0.2) * 0.5
+    assert tilted.height == pytest.approx(6.75)
+    assert tilted.pitch == pytest.approx(-math.atan(slope[0]))
+
+
+def test_sole_on_huge_heights():
+    grid_map = hill(lambda x, _: x)
+    grid_map["elevation"][grid_map.get_index((0.1, 0.1))] = 1e30
+    assert rest(grid_map, (0.0, 0.0, 0.0)).height > 1e28
+    one_cell = GridMap((0.1, 0.1), 0.1, layers={"elevation": 3.0, "value": 1.0})
+    assert rest(one_cell, (0.0, 0.0, 0.0), unknown="free").height == pytest.approx(3)
+
+
+# Layers
+
+
+@given(
+    grid_maps(max_side=7),
+    st.sampled_from([Footprint.rectangle(0.5, 0.3), ELL, FORK, Footprint.circle(0.2)]),
+    st.integers(1, 5),
+    st.sampled_from(["min", "mean", "max"]),
+)
+def test_footprint_layer_equals_pose_checks(grid_map, footprint, yaws, statistic):
+    found = footprint_layer(grid_map, footprint, "elevation", yaws, statistic)
+    assert found.shape == (*grid_map.size, yaws)
+    assert found.dtype == np.float32
+    values = grid_map.copy()
+    if statistic == "max":
+        values["elevation"] = -values["elevation"]
+    for (row, column, number), value in np.ndenumerate(found):
+        pose = (*grid_map.get_position((row, column)), 2 * np.pi * number / yaws)
+        check = check_pose(values, footprint, pose, layer="elevation", limit=-np.inf)
+        expected = {"min": check.worst, "mean": check.mean, "max": -check.worst}[statistic]
+        np.testing.assert_allclose(
+            value, np.nan if check.unknown else expected, rtol=1e-5, atol=1e-5
+        )
+
+
+def test_huge_value_changes_only_means_under_it():
+    grid_map = value_map(value=0.25)
+    grid_map["value"][0, 0] = 1e30
+    found = footprint_layer(grid_map, ROBOT, "value", 3, "mean")
+    known = np.isfinite(found)
+    assert ((found[known] == 0.25) | (found[known] > 1e27)).all()
+    assert (found[known] == 0.25).sum() > 500
+
+
+def test_footprint_layer_of_a_map_smaller_than_the_footprint():
+    grid_map = GridMap((0.3, 0.5), 0.1, layers={"value": 1.0})
+    for statistic in ("min", "mean", "max"):
+        assert np.isnan(footprint_layer(grid_map, ROBOT, "value", 4, statistic)).all()
+
+
+# Errors
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "text"),
+    [
+        ({"layer": "hight"}, LayerNotFoundError, "no layer 'hight'"),
+        ({"surface": "hight"}, LayerNotFoundError, "no layer 'hight'"),
+        ({"limit": np.nan}, ConfigError, "'limit': expected a number, got nan"),
+        ({"limit": None}, ConfigError, "'limit': expected a number, got nothing"),
+        ({"mean_limit": "high"}, ConfigError, "'mean_limit': expected a number"),
+        ({"unknown": "open"}, ConfigError, "'unknown': expected 'blocked' or 'free'"),
+        ({"max_roll": 0.1}, ConfigError, "max_roll: expected `surface`"),
+        ({"surface": "value", "min_clearance": 0.1}, ConfigError, "expected `body_height`"),
+    ],
+)
+def test_wrong_rules_are_refused(change, error, text):
+    grid_map = value_map()
+    with pytest.raises(error, match=text):
+        check_pose(grid_map, ROBOT, (0, 0, 0), **{**RULES, **change})
+    with pytest.raises(error, match=text):
+        check_path(grid_map, ROBOT, [(0, 0, 0)], **{**RULES, **change})
+
+
+@pytest.mark.parametrize(
+    ("pose", "text"),
+    [
+        ((0, 0), r"pose: expected x, y, yaw of shape \(3,\), got \(2,\)"),
+        ([(0, 0, 0)], r"pose: expected x, y, yaw of shape \(3,\), got \(1, 3\)"),
+        ((0, 0, np.nan), "pose: expected finite x, y, yaw"),
+        ("here", "pose: expected numbers"),
+    ],
+)
+def test_wrong_poses_are_refused(pose, text):
+    grid_map = value_map()
+    with pytest.raises(GeometryError, match=text):
+        footprint_cells(grid_map, ROBOT, pose)
+    with pytest.raises(GeometryError, match=text):
+        check_pose(grid_map, ROBOT, pose, **RULES)
+
+
+@pytest.mark.parametrize("poses", [(0, 0, 0), [], [(0, 0)], np.empty((0, 3))])
+def test_wrong_paths_are_refused(poses):
+    with pytest.raises(GeometryError, match=r"poses: expected x, y, yaw of shape \(N, 3\), N > 0"):
+        check_path(value_map(), ROBOT, poses, **RULES)
+
+
+def test_endless_paths_are_refused():
+    with pytest.raises(LimitError, match="poses: expected at most"):
+        check_path(value_map(), ROBOT, [(0, 0, 0), (1e9, 0, 0)], **RULES)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"yaws": 0}, "'yaws': expected a number of directions >= 1, got 0"),
+        ({"statistic": "median"}, "'statistic': expected 'min' or 'mean' or 'max'"),
+    ],
+)
+def test_wrong_directions_are_refused(change, text):
+    with pytest.raises(ConfigError, match=text):
+        footprint_layer(value_map(), ROBOT, "value", **change)
