@@ -67,6 +67,11 @@ REFUSED = {
             "write_topic and output_topic are both '/grid_map'",
         ),
     ],
+    "planar_regions": [
+        ({"grid_map_topic": "a b"}, "'grid_map_topic': expected the name of a topic, got 'a b'"),
+        ({"contour_extraction.marginSize": -1}, "contour_extraction: parameter 'marginSize': exp"),
+        ({"height_layer": 3}, "parameter 'height_layer': expected a string"),
+    ],
     "point_cloud_to_grid_map": [
         ({"pose_source": "gps"}, "'pose_source': expected one of 'auto', 'tf', 'od"),
         ({"pose_source": "none"}, "'robot_centric': expected false without poses"),
