@@ -81,6 +81,8 @@ ARGUMENTS = {
     "grid_map_window": "-p source:={data}/site.zarr -p pose_source:=odometry -p write_back:=true "
     "-p write_topic:=/grid_map -p output_topic:=/window -p step:=0.0",
     "large_map_report": "-p output_directory:={folder} -p duration:=1000.0",
+    "path_planner": "-p cost_layer:=''",
+    "path_planner_report": "-p output_directory:={folder} -p timeout:=1000.0",
     "grid_map_server": "-p directory:={folder} -p input_topic:=/grid_map -p output_topic:=/served",
     # The contours of noise take long, and it has no normals.
     "grid_map_visualization": f"--params-file {OUTPUTS} -p grid_map_visualizations:="

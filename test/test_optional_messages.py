@@ -79,8 +79,8 @@ INTERFACES = {
 CMAKE = """
 cmake_minimum_required(VERSION 3.8)
 project({name})
-foreach(package ament_cmake action_msgs builtin_interfaces geometry_msgs grid_map_msgs nav_msgs std_msgs
-        rosidl_cmake rosidl_generator_c rosidl_typesupport_c
+foreach(package ament_cmake action_msgs builtin_interfaces geometry_msgs grid_map_msgs
+        nav_msgs std_msgs rosidl_cmake rosidl_generator_c rosidl_typesupport_c
         rosidl_typesupport_fastrtps_c rosidl_generator_py)
   find_package(${{package}} REQUIRED)
 endforeach()

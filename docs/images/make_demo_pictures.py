@@ -6,11 +6,14 @@
 writes one PNG per demo in `PICTURES` into the folder, `docs/images/demos` by default.
 """
 
+import math
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -29,17 +32,21 @@ from grid_map_demos_py import (
     move_demo_node as move,
     normal_filter_comparison_demo_node as comparison,
     opencv_demo_node as opencv,
+    path_planner_robot_node as walking,
     report_node as report,
     sdf_demo_node as sdf,
     tutorial_demo_node as tutorial,
 )
 from grid_map_demos_py.parts import HEIGHT, star_map
-from grid_map_demos_py.robot_course import RobotCourse, load_course
+from grid_map_demos_py.robot_course import Matrix, RobotCourse, load_course, standing_pose
+from grid_map_filters_py import FilterChain
 from grid_map_ros_py import load_octomap
+from grid_map_ros_py._planning import Planner, PlannerSettings
 from grid_map_visualization_py.pictures import plot
 
 FOLDER = Path(__file__).parent / "demos"
 DATA = Path(__file__).parents[2] / "grid_map_demos_py" / "data"
+CONFIG = DATA.parent / "config"
 DPI = 80
 
 
@@ -104,6 +111,40 @@ def elevation_mapping_demo() -> Figure:
     for ax, (layer, title, limits, colors) in zip(axes, panels, strict=True):
         draw(compared, layer, ax, title, limits=limits, color_map=colors)
     return figure
+
+
+def path_planner_demo() -> Figure:
+    """Draw plans and the walked path; the robot maps every 0.4 s."""
+    ground = load_course(DATA / "jacksboro_fault_dem.npz")
+    text = (CONFIG / "path_planner_demo_mapping.yaml").read_text(encoding="utf-8")
+    pipeline = yaml.safe_load(text)["elevation_mapping"]["ros__parameters"]
+    chain = FilterChain.from_config([*pipeline["postprocessor_pipeline"].values()])
+    text = (CONFIG / "path_planner_demo_planner.yaml").read_text(encoding="utf-8")
+    given = yaml.safe_load(text)["path_planner"]["ros__parameters"]
+    names = {field.name for field in fields(PlannerSettings)}
+    settings = PlannerSettings(**{k: value for k, value in given.items() if k in names})
+    mapper = ElevationMapper(GridGeometry((20.0, 20.0), 0.1))
+    walker, random = walking.Walker(walking.START, walking.GOAL), np.random.default_rng(1)
+    plans, walk, plan = list[Matrix](), [walker.position], np.empty((0, 4))
+    for step in range(100):
+        pose = standing_pose(ground, walker.position, walker.way)
+        for mount, beams, noise in mapping_robot.SENSORS.values():
+            options = {"sensor": noise, "max_range": walking.MAX_RANGE}
+            points = scan(ground, beams, pose @ mount, random=random, **options)
+            mapper.update(points, pose @ mount, timestamp=step * 4 * 10**8, position=pose[:2, 3])
+        planner = Planner(chain(mapper.grid_map), settings)
+        ahead = plan[len(plan) - len(walker.plan) :]
+        if step == 0 or planner.blocked(ahead)[1:].any():
+            start = *walker.position.tolist(), 0.0
+            plan = planner.plan(start, (*walking.GOAL, 0.0), settings.tolerance)
+            plans.append(plan[:, :2])
+            walker.follow(plan[:, :2])
+        walker.walk(0.32)
+        walk.append(walker.position)
+        if math.dist(walker.position, walking.GOAL) < walking.ARRIVED:
+            break
+    truth = ground.get_submap((4.5, 3.0), (11.0, 10.0))
+    return report.draw_walk(truth, planner.grid_map, plans, np.array(walk))
 
 
 def large_map_demo() -> Figure:
@@ -252,6 +293,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "normal_filter_comparison_demo": normal_filter_comparison_demo,
     "octomap_to_gridmap_demo": octomap_to_gridmap_demo,
     "opencv_demo": opencv_demo,
+    "path_planner_demo": path_planner_demo,
     "resolution_change_demo": resolution_change_demo,
     "sdf_demo": sdf_demo,
     "tutorial_demo": tutorial_demo,

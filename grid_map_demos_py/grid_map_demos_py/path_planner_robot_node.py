@@ -25,7 +25,7 @@ from .demo import Demo
 from .elevation_mapping_robot_node import SENSORS, to_bytes
 from .robot_course import Matrix, load_course, standing_pose
 
-START, GOAL = (3.0, 6.0), (6.3, 2.3)
+START, GOAL = (3.0, 6.0), (5.9, 2.0)
 """Start above the scarp of the terrain, and goal below it [m]."""
 
 MAX_RANGE = 4.0
@@ -34,8 +34,8 @@ MAX_RANGE = 4.0
 MAP = "/elevation_mapping/elevation_map"
 """Topic of the maps for the planner."""
 
-ARRIVED = 0.2
-"""Distance from the end of the plan at which the robot has arrived [m]."""
+ARRIVED = 0.35
+"""Distance from the goal at which the robot has arrived [m]; above the planner's tolerance."""
 
 
 class Walker:

@@ -85,7 +85,7 @@ class ReportNode(Demo):
             with storage_errors(self._directory, "filled with pictures"):
                 for file, entry in files.items():
                     if isinstance(entry, Figure):
-                        entry.savefig(file, dpi=100)
+                        entry.savefig(file, dpi=150)
                     else:
                         grid_map, layer, options = entry
                         save_picture(grid_map, layer, file, **options)
@@ -493,7 +493,7 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
         plans: plans (N, 2) in their order [m].
         walk: walked path (N, 2) [m].
     """
-    figure = Figure((9.0, 3.6), layout="constrained")
+    figure = Figure((7.2, 2.9), layout="constrained")
     panels: list[tuple[GridMap, str, str, dict[str, Any]]] = [
         (truth, "elevation", "true terrain [m]", {"color_map": "gist_earth"}),
         (costs, COST, "costs; unknown is white", {"color_map": "RdYlGn_r", "upper": 254.0}),
@@ -502,16 +502,17 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
     for ax, (grid_map, layer, title, options) in zip(figure.subplots(1, 2), panels, strict=True):
         plot(grid_map, layer, ax, label=" ", scale_bar=False, **options)
         for number, plan in enumerate(plans):
-            style = {"color": "tab:blue", "linewidth": 1.2, "linestyle": "--" if number else "-"}
+            style = {"color": "tab:blue", "linewidth": 0.8, "linestyle": "--" if number else "-"}
             label = ("first plan", "later plans")[number] if number < 2 else None
             ax.plot(*plan.T, label=label, **style)
-        ax.plot(*walk.T, color="magenta", linewidth=2.2, label="walked")
+        ax.plot(*walk.T, color="magenta", linewidth=1.8, label="walked")
         ax.plot(*START, "o", color="black", markersize=5)
         ax.plot(*GOAL, "*", color="black", markersize=10)
         ax.set_title(title, fontsize=9)
         ax.set(xlabel="", ylabel="", xlim=(-1.0, 10.0), ylim=(-2.0, 8.0))
+    for ax in figure.axes:
         ax.tick_params(labelsize=7)
-    figure.axes[0].legend(fontsize=7, loc="upper left")
+    figure.axes[1].legend(fontsize=6, loc="upper right")
     return figure
 
 

@@ -13,6 +13,7 @@ import yaml
 from ament_index_python.packages import get_package_share_directory
 from demos import LAUNCH_FILES, MESSAGES, PACKAGE, launched_nodes, rviz, rviz_displays
 from geometry_msgs.msg import PolygonStamped
+from nav_msgs.msg import Path as PathMessage
 from sensor_msgs.msg import Image, PointCloud2
 
 from grid_map_visualization_py import create
@@ -20,6 +21,7 @@ from grid_map_visualization_py import create
 OWN_TOPICS = {
     "image_to_gridmap_demo": {"/image": Image},
     "iterators_demo": {"/polygon": PolygonStamped},
+    "path_planner_demo": {"/plan": PathMessage},
     "sdf_demo": {
         f"/grid_map_sdf_demo/signed_distance_field/{name}": PointCloud2
         for name in ("full_sdf", "free_space", "occupied_space")
@@ -36,7 +38,7 @@ STOCK = {
     *(f"rviz_common/{name}" for name in ("Displays", "Views")),
     *(
         f"rviz_default_plugins/{name}"
-        for name in ("FocusCamera", "Grid", "Interact", "Measure", "MoveCamera", "Orbit")
+        for name in ("FocusCamera", "Grid", "Interact", "Measure", "MoveCamera", "Orbit", "SetGoal")
     ),
 }
 PANELS = {"3D", "DiagnosticSummary", "Image"}
@@ -126,7 +128,7 @@ def test_rviz_displays_match_the_types_of_all_outputs(demo):
     displays = rviz_displays(demo)
     shown = {topic: MESSAGES[display["Class"]] for topic, display in displays.items()}
     assert shown == visualized(demo) | OWN_TOPICS.get(demo, {})
-    frame = "odom" if demo == "elevation_mapping_demo" else "map"
+    frame = "odom" if demo in ("elevation_mapping_demo", "path_planner_demo") else "map"
     assert rviz(demo)["Visualization Manager"]["Global Options"]["Fixed Frame"] == frame
     for display in displays.values():
         # The last map arrives, even if nothing new is published.

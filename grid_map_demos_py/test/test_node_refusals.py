@@ -36,6 +36,14 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("duration:=.nan", "parameter 'duration': expected a positive"),
         ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
     ],
+    "path_planner_robot": [
+        ("speed:=0.0", "parameter 'speed': expected a positive"),
+        ("file:=/nope.npz", "/nope.npz: cannot be read: No such file"),
+    ],
+    "path_planner_report": [
+        ("timeout:=0.0", "parameter 'timeout': expected a positive"),
+        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
+    ],
     "image_publisher": [
         ("image_path:=/nope.png", "/nope.png: cannot be read: No such file"),
     ],

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PolygonStamped
 from planes import points_of, regions_of, steps
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
 from test_node_costmap import set_parameters, wait_for_level
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -84,7 +85,9 @@ def wait_for_ids(other: Peer, count: int) -> None:
 
 
 def expected_markers(grid_map: GridMap, regions: PlanarRegions) -> MarkerArray:
-    return to_markers(regions, to_message(grid_map).header)
+    markers = to_markers(regions, to_message(grid_map).header)
+    # Colors are float32 in messages.
+    return deserialize_message(serialize_message(markers), MarkerArray)
 
 
 def ids_of(markers: MarkerArray) -> set[int]:

@@ -67,6 +67,14 @@ REFUSED = {
             "write_topic and output_topic are both '/grid_map'",
         ),
     ],
+    "path_planner": [
+        ({"cost_layer": "''", "elevation_layer": "''"}, "'elevation_layer': expected a layer, as"),
+        ({"elevation_layer": "''", "max_step": 0.1}, "'elevation_layer': expected a layer, as"),
+        ({"footprint": "[[0.1, 0.2]]"}, "'footprint': expected corners [x, y] [m] of a polygon"),
+        ({"neighbors": 4}, "parameter 'neighbors': expected one of 8, 16, got 4 (int)"),
+        ({"max_slope_up": 25.0}, "'max_slope_up': expected radians from 0 to pi / 2, got 25.0"),
+        ({"pose_source": "none"}, "expected one of auto, tf, odometry,"),
+        *([] if has_tf() else [({"pose_source": "tf"}, "'tf' needs the package 'tf2_ros'")]),
     "planar_regions": [
         ({"grid_map_topic": "a b"}, "'grid_map_topic': expected the name of a topic, got 'a b'"),
         ({"contour_extraction.marginSize": -1}, "contour_extraction: parameter 'marginSize': exp"),

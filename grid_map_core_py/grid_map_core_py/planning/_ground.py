@@ -180,32 +180,26 @@ class Ground:
     def _is_free(
         self, direction: Floats, line: Integers, points: Floats, crossing: _Crossing
     ) -> Mask:
-        tables = self._free_by_yaw
-        table = tables.ravel()
         if self.footprint is None:
-            return crossing.all_touched(table.take)
+            return crossing.all_touched(self.passable[crossing.cells])
+        tables = self._free_by_yaw
         turns = np.arctan2(direction[1], direction[0]) / (2.0 * math.pi)
-        at = (np.rint(turns * len(tables)).astype(np.int64) % len(tables) * tables.shape[1])[line]
-        free: Mask = crossing.all_touched(lambda cells: table[at[:-1] + cells])
+        number = np.rint(turns * len(tables)).astype(np.int64)[line] % len(tables)
+        free = crossing.all_touched(tables[number[:-1], crossing.cells])
         # The footprint at a point touches only cells that it touches at one of these corners.
         corners, weights = self._corners(points)
-        is_free = (table[at + corners] | (weights <= ROUNDING)).all(axis=0)
+        is_free = (tables[number, corners] | (weights <= ROUNDING)).all(axis=0)
         free &= is_free[:-1] & is_free[1:]
         return free
 
     def _is_gentle(self, rise: Floats, run: Floats, extent: Floats, crossing: _Crossing) -> Mask:
-        limits, resolution = self.steepness, self.geometry.resolution
+        limits = self.steepness
         gentle: Mask = limits.allows(rise, run)
         if limits.cross < VERTICAL:
-            along_rows, along_columns = self.gradient
-            across = extent[::-1] * resolution / run
-
-            def level(cells: Integers) -> Mask:
-                slope = along_rows[cells] * across[0] - along_columns[cells] * across[1]
-                is_level: Mask = np.abs(slope) <= limits.cross + ROUNDING
-                return is_level
-
-            gentle &= crossing.all_touched(level)
+            (along_rows, along_columns), cells = self.gradient, crossing.cells
+            rows, columns = extent * (self.geometry.resolution / run)
+            slope = along_rows[cells] * columns - along_columns[cells] * rows
+            gentle &= crossing.all_touched(np.abs(slope) <= limits.cross + ROUNDING)
         if math.isfinite(limits.step):
             gentle &= crossing.steps(self.heights) <= limits.step + ROUNDING
         return gentle
@@ -216,58 +210,47 @@ class _Crossing:
     """Cells that short pieces of lines touch; a piece crosses at most one border of each axis.
 
     Attributes:
-        here, there: (T,) cells of the ends.
-        beside: two (T,) cells that complete the rectangle of these cells.
-        touches: (2, T) whether the piece touches the cells `beside`, also in a corner only.
+        cells: (4, T) cells of both ends, and the two cells that complete the rectangle.
+        avoided: (4, T) whether the piece does not touch a cell, not even its corner.
         at: (2, T) fraction of the piece at which it enters the next row, and the next column; 1 if
             it stays.
     """
 
-    here: Integers
-    there: Integers
-    beside: tuple[Integers, Integers]
-    touches: Mask
+    cells: Integers
+    avoided: Mask
     at: Floats
 
     @classmethod
     def of(cls, ground: Ground, points: Floats, extent: Floats) -> _Crossing:
-        cells = np.floor(points + (0.5 + ROUNDING)).astype(np.int64)
-        before, after = cells[:, :-1], cells[:, 1:]
+        places = np.floor(points + (0.5 + ROUNDING)).astype(np.int64)
+        before, after = places[:, :-1], places[:, 1:]
         borders = np.maximum(before, after) - 0.5
         at = np.where(before == after, 1.0, (borders - points[:, :-1]) / extent)
-        flat = ground.flat(*cells)
-        here, there = flat[:-1], flat[1:]
+        flat = ground.flat(*places)
         jump = (after[0] - before[0]) * ground.stride
-        return cls(
-            here=here,
-            there=there,
-            beside=(here + jump, there - jump),
-            touches=at <= at[::-1] + ROUNDING,
-            at=at,
-        )
+        avoided = np.zeros((4, len(jump)), np.bool_)
+        np.greater(at, at[::-1] + ROUNDING, out=avoided[2:])
+        cells = np.stack([flat[:-1], flat[1:], flat[:-1] + jump, flat[1:] - jump])
+        return cls(cells=cells, avoided=avoided, at=at)
 
-    def all_touched(self, test: Any) -> Mask:
-        """Return whether `test(cells)` is true for all cells that each piece touches."""
-        beside = test(self.beside[0]) | ~self.touches[0], test(self.beside[1]) | ~self.touches[1]
-        found: Mask = test(self.here) & test(self.there) & beside[0] & beside[1]
+    def all_touched(self, good: Mask) -> Mask:
+        """Return whether all touched cells are good; `good` is (4, T) like `cells`."""
+        found: Mask = np.logical_and.reduce(good | self.avoided)
         return found
 
     def mean(self, values: Floats) -> Floats:
         """Return the means (T,) of cell values along each piece."""
-        middle = np.where(self.at[0] < self.at[1], *self.beside)
+        here, there, *beside = values[self.cells]
         early, late = np.minimum(*self.at), np.maximum(*self.at)
-        means: Floats = values[self.here] * early
-        means += values[middle] * (late - early)
-        means += values[self.there] * (1.0 - late)
+        middle = np.where(self.at[0] < self.at[1], *beside)
+        means: Floats = here * early + middle * (late - early) + there * (1.0 - late)
         return means
 
     def steps(self, heights: Floats) -> Floats:
         """Return the largest step (T,) between neighboring cells that each piece touches."""
-        beside = heights[np.stack(self.beside)]
-        steps = np.maximum(
-            np.abs(beside - heights[self.here]), np.abs(beside - heights[self.there])
-        )
-        highest: Floats = np.where(self.touches, steps, 0.0).max(axis=0)
+        of_cells = heights[self.cells]
+        steps = np.abs(of_cells[2:, np.newaxis] - of_cells[:2]).max(axis=1)
+        highest: Floats = np.where(self.avoided[2:], 0.0, steps).max(axis=0)
         return highest
 
 
