@@ -22,7 +22,7 @@ def steps(shift: float = 0.0, *, higher: bool = True, frame_id: str = "odom") ->
     geometry = {"position": (shift, 0.0), "frame_id": frame_id, "timestamp": 12_000_000_034}
     grid_map = GridMap((2.0, 1.64), 0.04, **geometry)
     x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
-    heights = np.where(x < -0.3, 0.1, np.where(x < 0.3, 0.3 if higher else np.nan, 0.3 * x + 0.4))
+    heights = np.where(x < -0.32, 0.1, np.where(x < 0.32, 0.3 if higher else np.nan, 0.3 * x + 0.4))
     heights[np.hypot(x, y) < 0.1] = np.nan
     grid_map["elevation"] = heights
     grid_map["color"] = x
