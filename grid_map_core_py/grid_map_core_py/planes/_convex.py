@@ -165,8 +165,8 @@ def _separations(ends: Positions, cores: Positions) -> tuple[Positions, Position
     core = np.broadcast_to(cores[:, None], start.shape)
     side = _cross(core, ends[:, 0]), _cross(core, ends[:, 1])
     across = _cross(step, -start), _cross(step, core - start)
-    blocked = ((side[0] * side[1] <= 0) & (across[0] * across[1] <= 0)).any(axis=1)
-    core = np.where(blocked[:, None, None], 0.0, core)
+    blocked: Any = (side[0] * side[1] <= 0) & (across[0] * across[1] <= 0)
+    core = np.where(blocked.any(axis=1)[:, None, None], 0.0, core)
     squares = np.maximum((core**2).sum(axis=-1), 1e-300)
     pairs = []  # vectors from the core to the segment
     for point in (np.zeros(2), core):
@@ -195,8 +195,8 @@ def _intersection(normals: Positions, levels: Positions) -> Positions:
     All levels are positive, so the corners are dual to the edges of the convex hull of the points
     normal / level.
     """
-    points = sorted({tuple(point) for point in (normals / levels[:, None]).tolist()})
-    dual = np.array(_chain(points)[:-1] + _chain(points[::-1])[:-1])  # type: ignore[arg-type]
+    points: Any = sorted({tuple(point) for point in (normals / levels[:, None]).tolist()})
+    dual: Positions = np.array(_chain(points)[:-1] + _chain(points[::-1])[:-1])
     after = np.roll(dual, -1, axis=0)
     step = after - dual
     return np.stack([step[:, 1], -step[:, 0]], axis=1) / _cross(dual, after)[:, None]
@@ -220,8 +220,8 @@ def _moments(corners: Positions) -> tuple[Positions, Positions]:
     center = (areas @ (corners + after)) / (3 * areas.sum())
     a, b = corners - center, after - center
     areas = _cross(a, b)[:, None, None]
-    outer = lambda p, q: p[:, :, None] * q[:, None, :]  # noqa: E731
-    second = (areas * (2 * outer(a, a) + 2 * outer(b, b) + outer(a, b) + outer(b, a))).sum(axis=0)
+    # a a^T + b b^T + (a + b) (a + b)^T, without a constant factor.
+    second = sum(((areas * v[:, :, None]) * v[:, None]).sum(axis=0) for v in (a, b, a + b))
     values, vectors = np.linalg.eigh(second / areas.sum())
     return (vectors / np.sqrt(values)).T, center
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays._checks import Layer, as_text
-from ..errors import GridMapError, short
+from .._arrays._checks import Layer
+from ..errors import ConfigError, GridMapError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._fits import Fit, fit_planes
@@ -48,16 +48,19 @@ def extract_planes(
 
     Raises:
         LayerNotFoundError: the map has no layer `layer`.
+        ConfigError: `parameters` is not a `PlaneParameters`.
         GridMapError: `previous` has another frame or resolution.
     """
     geometry = grid_map.geometry
+    if not isinstance(parameters, PlaneParameters):
+        expected = "PlaneParameters (see PlaneParameters.from_mapping)"
+        raise ConfigError(f"parameters: expected {expected}, got {short(parameters)}")
     if previous is not None:
         _check_previous(previous, grid_map)
-    layer_heights = grid_map.unwrapped(layer)
-    heights = np.ascontiguousarray(layer_heights.T)
+    heights = np.ascontiguousarray(grid_map.unwrapped(layer).T)
     windows = parameters.sliding_window_plane_extractor
     planes = local_planes(heights, geometry.resolution, parameters)
-    cells = planar_cells(heights, planes, windows.global_plane_fit_distance_error_threshold)
+    cells = planar_cells(heights, planes)
     rounds = Splitter(cells, heights.shape, geometry.resolution, windows).split()
     rounds = cleaned(rounds, parameters.contour_extraction.marginSize)
     labels, count = components(rounds)
@@ -95,7 +98,7 @@ def extract_planes(
 def _fitted(
     cells: Cells, labels: NDArray[np.int32], count: int, variances: Layer | None
 ) -> tuple[Fit, Any, Any]:
-    """Fit the final plane of each label, in cells; return also scales of covariances and the RMS."""
+    """Return the final plane of each label, in cells, factors of the covariances, and the RMS."""
     groups = labels.reshape(-1).take(cells.places) - 1
     chosen = np.flatnonzero(cells.steady & (groups >= 0))
     cells, groups = cells.chosen(chosen), groups.take(chosen)
@@ -159,8 +162,8 @@ def _identify(
 
 
 def _claims(numbers: Any, geometry: GridGeometry, previous: PlanarRegions) -> dict[int, int]:
-    """Return the old ids that regions keep, by the number of the region; `numbers` is -1 for none."""
-    steps = (previous.geometry.corner - geometry.corner) / geometry.resolution
+    """Return the old ids that regions keep, by region; `numbers` (rows, cols) is -1 for none."""
+    steps = (geometry.corner - previous.geometry.corner) / geometry.resolution
     if not (np.abs(steps) < 2**31).all():
         return {}
     rows, columns = np.rint(steps).astype(int)
@@ -169,7 +172,9 @@ def _claims(numbers: Any, geometry: GridGeometry, previous: PlanarRegions) -> di
     both = []
     for first, count, old_count in zip((rows, columns), size, old_size, strict=True):
         start, stop = max(first, 0), min(first + old_count, count)
-        both.append((slice(start, max(stop, start)), slice(start - first, max(stop, start) - first)))
+        both.append(
+            (slice(start, max(stop, start)), slice(start - first, max(stop, start) - first))
+        )
     (rows_new, rows_old), (columns_new, columns_old) = both
     new, old = numbers[rows_new, columns_new], previous.labels[rows_old, columns_old]
     shared = (new >= 0) & (old > 0)

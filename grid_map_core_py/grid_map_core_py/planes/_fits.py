@@ -33,7 +33,9 @@ class Fit(NamedTuple):
     def at(self, groups: NDArray[Any], x: Numbers, y: Numbers) -> Numbers:
         """Return the heights (N,) of the planes of `groups` (N,) at positions x, y (N,)."""
         offsets = self.heights - (self.slopes * self.centers).sum(axis=1)
-        return offsets[groups] + self.slopes[groups, 0] * x + self.slopes[groups, 1] * y
+        along: Numbers = self.slopes[groups, 0] * x + self.slopes[groups, 1] * y
+        along += offsets[groups]
+        return along
 
 
 def fit_planes(
@@ -54,11 +56,8 @@ def fit_planes(
     reference = float(z[0]) if z.size else 0.0  # keeps the precision of sums at large heights
     z = z - reference
 
-    def sums(*factors: Numbers) -> Numbers:
-        product = factors[0]
-        for factor in factors[1:]:
-            product = product * factor
-        return np.bincount(groups, product, count)
+    def sums(values: Numbers, factor: Numbers | float = 1.0) -> Any:
+        return np.bincount(groups, values * factor, count)
 
     counts = np.bincount(groups, minlength=count).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -66,8 +65,8 @@ def fit_planes(
         wx, wy, wz = (x, y, z) if weights is None else (weights * x, weights * y, weights * z)
         total = counts if weights is None else sums(weights)
         mx, my, mz = sums(wx) / total, sums(wy) / total, sums(wz) / total
-        xx, xy, yy = (sums(wx, x) - total * mx**2, sums(wx, y) - total * mx * my, 0.0)
-        yy = sums(wy, y) - total * my**2
+        xx, yy = sums(wx, x) - total * mx**2, sums(wy, y) - total * my**2
+        xy = sums(wx, y) - total * mx * my
         xz, yz = sums(wx, z) - total * mx * mz, sums(wy, z) - total * my * mz
         determinant = xx * yy - xy**2
         # Collinear cells define no plane.

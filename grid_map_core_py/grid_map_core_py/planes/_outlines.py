@@ -13,7 +13,7 @@ from .._arrays._checks import Positions
 from ._windows import Image
 
 
-def cleaned(rounds: NDArray[np.uint8], margin: int) -> NDArray[np.uint8]:
+def cleaned(rounds: Image, margin: int) -> Image:
     """Remove cells until the outline through the centers of the border cells is simple.
 
     Every remaining cell belongs to a block of 2 x 2 cells with the same number, and cells with the
@@ -31,7 +31,7 @@ def cleaned(rounds: NDArray[np.uint8], margin: int) -> NDArray[np.uint8]:
         a, b, c, d = image[:-1, :-1], image[:-1, 1:], image[1:, :-1], image[1:, 1:]
         blocks = np.zeros(image.shape, np.uint8)
         blocks[:-1, :-1] = (a == b) & (a == c) & (a == d)
-        kept = cv2.dilate(blocks, np.ones((2, 2), np.uint8), anchor=(1, 1))
+        kept: Image = cv2.dilate(blocks, np.ones((2, 2), np.uint8), anchor=(1, 1))
         image *= kept
         # Blocks have changed `a` ... `d`, which are views.
         falling = (a == d) & (a != b) & (a != c) & (a > 0)
@@ -72,7 +72,9 @@ class Outlines(NamedTuple):
     areas: Positions
 
 
-def outlines(labels: Image, axes: tuple[Positions, Positions], rounds: Image, count: int) -> Outlines:
+def outlines(
+    labels: Image, axes: tuple[Positions, Positions], rounds: Image, count: int
+) -> Outlines:
     """Trace the outlines of labels 1 to `count`; outer ones run counter-clockwise, holes clockwise.
 
     Args:
@@ -106,7 +108,8 @@ def outlines(labels: Image, axes: tuple[Positions, Positions], rounds: Image, co
     numbers = np.arange(len(points)) - starts[:-1].repeat(lengths)
     points = points[first.repeat(lengths) + steps.repeat(lengths) * numbers]
     signed = np.where(holes, -np.abs(areas), np.abs(areas))
-    return Outlines(points, starts, owners[order], np.bincount(owners, signed, count))
+    totals: Any = np.bincount(owners, signed, count)
+    return Outlines(points, starts, owners[order], totals)
 
 
 def _signed_areas(points: Positions, begins: Any, lengths: Any) -> Positions:

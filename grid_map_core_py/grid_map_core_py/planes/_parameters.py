@@ -81,11 +81,7 @@ class SlidingWindow:
 
 @dataclass(frozen=True, kw_only=True)
 class RansacRefinement:
-    """Parameters of the RANSAC of CGAL, all without effect: the thresholds of regions apply.
-
-    Attributes:
-        probability, min_points, epsilon, cluster_epsilon, normal_threshold: no effect.
-    """
+    """Parameters of upstream's RANSAC, without effect: the thresholds of regions apply."""
 
     probability: float = 0.01
     min_points: int = 4
@@ -111,13 +107,7 @@ class ContourExtraction:
 
 @dataclass(frozen=True, kw_only=True)
 class Postprocessing:
-    """Parameters of the map that upstream publishes for its controller, all without effect.
-
-    Attributes:
-        extracted_planes_height_offset, nonplanar_height_offset: no effect.
-        nonplanar_horizontal_offset: no effect.
-        smoothing_dilation_size, smoothing_box_kernel_size, smoothing_gauss_kernel_size: no effect.
-    """
+    """Parameters of the map that upstream publishes for its controller, without effect."""
 
     extracted_planes_height_offset: float = 0.0
     nonplanar_height_offset: float = 0.02

@@ -7,6 +7,7 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, overload
 
 import numpy as np
@@ -79,7 +80,8 @@ class PlanarRegions(Sequence[PlanarRegion]):
     ) -> None:
         self.labels, self.planarity, self.geometry, self.frame = labels, planarity, geometry, frame
         self._planes, self._outlines, self._next_id = planes, outlines, next_id
-        for array in (labels, planarity, outlines.points, *planes.values()):
+        arrays: tuple[NDArray[Any], ...] = (labels, planarity, outlines.points, *planes.values())
+        for array in arrays:
             array.flags.writeable = False
 
     def __len__(self) -> int:
@@ -96,7 +98,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         of = {name: values[number] for name, values in self._planes.items()}
         first, stop = self._polygons[number : number + 2]
         starts = self._outlines.starts[first : stop + 1]
-        outer, *holes = (self._outlines.points[a:b] for a, b in zip(starts, starts[1:], strict=False))
+        outer, *holes = (self._outlines.points[a:b] for a, b in pairwise(starts))
         return PlanarRegion(
             id=int(of["ids"]),
             normal=of["normals"],
@@ -117,9 +119,9 @@ class PlanarRegions(Sequence[PlanarRegion]):
     def layers(self) -> dict[str, Layer]:
         """Return the layers `plane_id`, `plane_elevation` and `planarity`, in map order.
 
-        `plane_id` is 0 and `plane_elevation`, the height of the plane at the cell center [m], is NaN
-        outside the regions. Ids above 2**24 lose digits in float32. On a moved map, use
-        `GridMap.set_unwrapped` to add the layers.
+        `plane_elevation` is the height of the plane at the cell center [m]. Outside the regions, it
+        is NaN, and `plane_id` is 0. Ids above 2**24 lose digits in float32. On a moved map, add the
+        layers with `GridMap.set_unwrapped`.
         """
         x, y = self.geometry.axes_in_map_order()
         heights = np.full(self.labels.shape, np.nan, np.float32, order="F")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ._fits import Fit, Numbers, fit_planes
 from ._parameters import SlidingWindow
-from ._windows import _BOX, _CROSS, Image, LocalPlanes
+from ._windows import _CROSS, Image, LocalPlanes
 
 _MOST_ROUNDS = 60
 _DROPPED = 0.02  # share of cells off the plane that a component may lose without being split
@@ -28,8 +28,8 @@ class Cells(NamedTuple):
     Attributes:
         places: indices into the flat image.
         x, y: row and column on the map.
-        z: heights; of cells that the median filter moved far, the filtered height.
-        steady: cells that the median filter did not move far; only these are fitted.
+        z: heights; the filtered heights of outliers.
+        steady: cells that are no outliers; only these are fitted.
         slopes: (2, N) slopes of the local plane.
     """
 
@@ -41,8 +41,8 @@ class Cells(NamedTuple):
     slopes: Numbers
 
     def chosen(self, numbers: NDArray[np.int64]) -> Cells:
-        *others, slopes = self
-        return Cells(*(part.take(numbers) for part in others), slopes.take(numbers, axis=1))
+        parts: Any = self
+        return Cells(*(part.take(numbers, axis=-1) for part in parts))
 
     def fit(self, groups: NDArray[Any], count: int, mask: NDArray[np.bool_]) -> Fit:
         chosen = np.flatnonzero(mask & self.steady)
@@ -50,20 +50,15 @@ class Cells(NamedTuple):
         return fit_planes(groups.take(chosen), count, points)
 
 
-def planar_cells(heights: Image, planes: LocalPlanes, threshold: float) -> Cells:
-    """Return the planar cells; `threshold` [m] limits how far the median moves steady cells."""
-    with np.errstate(invalid="ignore"):
-        moved = np.abs(heights - planes.heights) > threshold
-    # A cell that the median filter moved is an outlier, unless it is the tip of a corner.
-    enclosed = cv2.erode(planes.planar.view(np.uint8), _BOX).view(np.bool_)
-    planar = planes.planar & (enclosed | ~moved)
+def planar_cells(heights: Image, planes: LocalPlanes) -> Cells:
+    """Return the planar cells of an image of heights [m]."""
+    planar = planes.planar
     places = np.flatnonzero(planar)
     columns, rows = np.divmod(places, heights.shape[1])
-    steady = ~moved[planar]
-    raw, filtered = heights[planar], planes.heights[planar]
+    z = np.where(planes.outliers, planes.heights, heights)[planar]
     slopes = np.stack([slope[planar] for slope in planes.slopes])
-    z = np.where(steady, raw, filtered).astype(np.float64)
-    return Cells(places, rows.astype(np.float64), columns.astype(np.float64), z, steady, slopes)
+    x, y, z = (values.astype(np.float64) for values in (rows, columns, z))
+    return Cells(places, x, y, z, ~planes.outliers[planar], slopes)
 
 
 class Splitter:
@@ -75,7 +70,9 @@ class Splitter:
     are done, and the others remain for the next round.
     """
 
-    def __init__(self, cells: Cells, shape: tuple[int, int], resolution: float, limits: SlidingWindow) -> None:
+    def __init__(
+        self, cells: Cells, shape: tuple[int, int], resolution: float, limits: SlidingWindow
+    ) -> None:
         self.cells, self.shape = cells, shape
         self.least = max(limits.min_number_points_per_label, 4)
         self.distance = limits.global_plane_fit_distance_error_threshold

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from grid_map_core_py import GridMap
-from grid_map_core_py._parameters import cast, nested
+from grid_map_core_py._parameters import cast, descriptions, nested
 from grid_map_core_py.errors import GridMapError, MissingPackageError, required
 from grid_map_core_py.planes import PlanarRegions, PlaneParameters, extract_planes
 from grid_map_core_py.planes._parameters import SECTIONS
@@ -23,7 +23,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import ReceivedMap, to_message, to_serialized_message, to_stamp
 from .._planes import to_markers, to_polygons, to_terrain
-from ..nodes import ConfiguredNode, MapSubscription, read_parameter
+from ..nodes import ConfiguredNode, MapSubscription, read_parameter, read_parameter_tree
 from ..nodes._health import LogThrottle, health_of
 from ..nodes._parameters import read_fields
 from ..nodes._topics import LazyPublisher
@@ -46,7 +46,11 @@ class PlanarRegionsNode(ConfiguredNode):
         about = "layer of heights [m]; the layer `variance`, if present, weights them"
         read_parameter(self, "height_layer", str, "elevation", description=about, read_only=False)
         for section, cls in SECTIONS.items():
-            read_fields(self, cls, f"{section}.", read_only=False)
+            if descriptions(cls):
+                read_fields(self, cls, f"{section}.", read_only=False)
+            else:
+                about = "parameters of convex_plane_decomposition that have no effect here"
+                read_parameter_tree(self, section, description=about, read_only=False)
         names = self.get_parameters_by_prefix("")
         self._names = [name for name in names if name.partition(".")[0] in SECTIONS]
         self._names.append("height_layer")
