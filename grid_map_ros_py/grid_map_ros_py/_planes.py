@@ -80,12 +80,13 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
 def _rectangles(blocks: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Divide equal blocks (rows, cols) into rectangles of two triangles; 0 means no block."""
     beside = np.pad(blocks, ((0, 0), (1, 1)))
-    row, first = np.nonzero((blocks > 0) & (blocks != beside[:, :-2]))
-    _, last = np.nonzero((blocks > 0) & (blocks != beside[:, 2:]))
-    label = blocks[row, first]
+    is_block = blocks > 0
+    rows, firsts = np.nonzero(is_block & (blocks != beside[:, :-2]))
+    _, lasts = np.nonzero(is_block & (blocks != beside[:, 2:]))
     # Equal runs of blocks in successive rows are merged.
-    order = np.lexsort((row, last, first, label))
-    row, first, last, label = (values[order] for values in (row, first, last, label))
+    order = np.lexsort((rows, lasts, firsts, blocks[rows, firsts]))
+    row, first, last = rows[order], firsts[order], lasts[order]
+    label = blocks[row, first]
     same = np.stack([label, first, last, row - np.arange(len(row))])
     starts = np.flatnonzero(np.append(True, (np.diff(same) != 0).any(axis=0))[: len(row)])
     sizes = np.diff(np.append(starts, len(row)))

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
-from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,6 +12,8 @@ import numpy.typing as npt
 
 from grid_map_ros_py import MessageError, from_pose, from_stamp, read_points
 from grid_map_ros_py.messages import from_transform
+
+from .._marker_shapes import of_points, orientation_of, points_of, pose_of, rgba_of
 
 Origin: TypeAlias = npt.NDArray[np.float64]
 
@@ -153,25 +154,23 @@ def _markers(rr: Any, message: Any, _: int) -> Iterator[Placed]:
 
 
 def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
-    q = marker.pose.orientation
-    xyzw = [q.x, q.y, q.z, q.w] if any((q.x, q.y, q.z, q.w)) else [0.0, 0.0, 0.0, 1.0]
-    # As in RViz, a quaternion of zeros means no rotation.
-    turn = SimpleNamespace(**dict(zip("xyzw", xyzw, strict=True)))
-    matrix = from_pose(SimpleNamespace(position=marker.pose.position, orientation=turn))
+    matrix, q = pose_of(marker), orientation_of(marker)
     center = matrix[:3, 3] - origin
-    points = np.array([(p.x, p.y, p.z) for p in marker.points], float).reshape(-1, 3)
-    points = points @ matrix[:3, :3].T + center
+    points = points_of(marker, matrix) - origin
     scale = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
-    colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
-    rgba = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
+    rgba = rgba_of(marker)
     start, vector = center, matrix[:3, 0] * scale[0]
     if len(points) == 2:
         start, vector = points[0], points[1] - points[0]
     wide = {"radii": scale[0] / 2}
     solid = {"colors": rgba, "fill_mode": "solid"}
-    posed = {"centers": [center], "quaternions": [rr.Quaternion(xyzw=xyzw)], **solid}
+    posed = {
+        "centers": [center],
+        "quaternions": [rr.Quaternion(xyzw=[q.x, q.y, q.z, q.w])],
+        **solid,
+    }
     # Triangle lists have one color, one color per triangle, or one color per corner.
-    of_corners = np.repeat(rgba, -(-len(points) // len(rgba)), axis=0)[: len(points)]
+    of_corners = of_points(rgba, len(points))
     pairs = points[: len(points) // 2 * 2].reshape(-1, 2, 3)
     halves = np.tile(scale / 2, (len(points), 1))
     shapes: dict[int, Callable[[], Any]] = {
