@@ -34,11 +34,12 @@ from grid_map_demos_py import (
     opencv_demo_node as opencv,
     path_planner_robot_node as walking,
     report_node as report,
+    robot_course as robot,
     sdf_demo_node as sdf,
     tutorial_demo_node as tutorial,
 )
 from grid_map_demos_py.parts import HEIGHT, star_map
-from grid_map_demos_py.robot_course import Matrix, RobotCourse, load_course, standing_pose
+from grid_map_demos_py.robot_course import RobotCourse, load_course
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py import load_octomap
 from grid_map_ros_py._planning import Planner, PlannerSettings
@@ -115,7 +116,7 @@ def elevation_mapping_demo() -> Figure:
 
 def path_planner_demo() -> Figure:
     """Draw plans and the walked path; the robot maps every 0.4 s."""
-    ground = load_course(DATA / "jacksboro_fault_dem.npz")
+    ground = robot.load_course(DATA / "jacksboro_fault_dem.npz")
     text = (CONFIG / "path_planner_demo_mapping.yaml").read_text(encoding="utf-8")
     pipeline = yaml.safe_load(text)["elevation_mapping"]["ros__parameters"]
     chain = FilterChain.from_config([*pipeline["postprocessor_pipeline"].values()])
@@ -124,11 +125,11 @@ def path_planner_demo() -> Figure:
     names = {field.name for field in fields(PlannerSettings)}
     settings = PlannerSettings(**{k: value for k, value in given.items() if k in names})
     mapper = ElevationMapper(GridGeometry((20.0, 20.0), 0.1))
-    walker, random = walking.Walker(walking.START, walking.GOAL), np.random.default_rng(1)
-    plans, walk, plan = list[Matrix](), [walker.position], np.empty((0, 4))
+    walker, random = robot.Walker(robot.START, robot.GOAL), np.random.default_rng(1)
+    plans, walk, plan = list[robot.Matrix](), [walker.position], np.empty((0, 4))
     for step in range(100):
-        pose = standing_pose(ground, walker.position, walker.way)
-        for mount, beams, noise in mapping_robot.SENSORS.values():
+        pose = robot.standing_pose(ground, walker.position, walker.way)
+        for mount, beams, noise in robot.SENSORS.values():
             options = {"sensor": noise, "max_range": walking.MAX_RANGE}
             points = scan(ground, beams, pose @ mount, random=random, **options)
             mapper.update(points, pose @ mount, timestamp=step * 4 * 10**8, position=pose[:2, 3])
@@ -136,12 +137,12 @@ def path_planner_demo() -> Figure:
         ahead = plan[len(plan) - len(walker.plan) :]
         if step == 0 or planner.blocked(ahead)[1:].any():
             start = *walker.position.tolist(), 0.0
-            plan = planner.plan(start, (*walking.GOAL, 0.0), settings.tolerance)
+            plan = planner.plan(start, (*robot.GOAL, 0.0), settings.tolerance)
             plans.append(plan[:, :2])
             walker.follow(plan[:, :2])
         walker.walk(0.32)
         walk.append(walker.position)
-        if math.dist(walker.position, walking.GOAL) < walking.ARRIVED:
+        if math.dist(walker.position, robot.GOAL) < robot.ARRIVED:
             break
     truth = ground.get_submap((4.5, 3.0), (11.0, 10.0))
     return report.draw_walk(truth, planner.grid_map, plans, np.array(walk))

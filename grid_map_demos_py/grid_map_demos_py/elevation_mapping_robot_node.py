@@ -6,30 +6,25 @@ starts when a node subscribes to the lidar. The node publishes the clouds of bot
 odometry with covariance, and the true terrain around the robot in the odometry frame.
 """
 
-import array
-
 import numpy as np
-import numpy.typing as npt
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from grid_map_core_py.elevation import LaserModel, SensorModel, StructuredLightModel
-from grid_map_core_py.simulation import DepthCamera, SpinningLidar, scan
+from grid_map_core_py.simulation import scan
 from grid_map_ros_py import to_pose, to_serialized_message, to_stamp
 from grid_map_ros_py.messages._point_cloud import write_points
 from grid_map_ros_py.nodes._spin import steady_timer
 
 from .demo import Demo
 from .robot_course import (
-    CAMERA,
-    LIDAR,
-    Matrix,
+    SENSORS,
     RobotCourse,
     covariance_at,
     drifted,
     load_course,
+    to_bytes,
     truth_at,
 )
 
@@ -37,11 +32,6 @@ TRUTH_LENGTH = 12.0
 """Side length of the published section of the true terrain [m]."""
 
 MAX_RANGE = 20.0
-SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
-    "lidar": (LIDAR, SpinningLidar(azimuths=720).directions, LaserModel()),
-    "camera": (CAMERA, DepthCamera().directions, StructuredLightModel()),
-}
-"""Sensors by frame name: transform to the robot frame, beam directions, and noise model."""
 
 
 class ElevationMappingRobotNode(Demo):
@@ -92,11 +82,6 @@ class ElevationMappingRobotNode(Demo):
         truth = truth_at(terrain, pose[:2, 3], TRUTH_LENGTH, seconds)
         truth.frame_id, truth.timestamp = "odom", now
         self._truth.publish(to_serialized_message(truth))
-
-
-def to_bytes(points: npt.NDArray[np.float64]) -> "array.array[int]":
-    """Convert points (N, 3) to float32 bytes."""
-    return array.array("B", points.astype("<f4").tobytes())
 
 
 if __name__ == "__main__":

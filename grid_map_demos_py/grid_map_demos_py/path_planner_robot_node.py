@@ -22,53 +22,22 @@ from grid_map_ros_py.nodes import MapSubscription, map_qos
 from grid_map_ros_py.nodes._spin import steady_timer
 
 from .demo import Demo
-from .elevation_mapping_robot_node import SENSORS, to_bytes
-from .robot_course import Matrix, load_course, standing_pose
-
-START, GOAL = (3.0, 6.0), (5.9, 2.0)
-"""Start above the scarp of the terrain, and goal below it [m]."""
+from .robot_course import (
+    ARRIVED,
+    GOAL,
+    SENSORS,
+    START,
+    Walker,
+    load_course,
+    standing_pose,
+    to_bytes,
+)
 
 MAX_RANGE = 4.0
 """Range of the sensors [m]; short, so that the robot sees the scarp late."""
 
 MAP = "/elevation_mapping/elevation_map"
 """Topic of the maps for the planner."""
-
-ARRIVED = 0.35
-"""Distance from the goal at which the robot has arrived [m]; above the planner's tolerance."""
-
-
-class Walker:
-    """Position and direction of a robot that follows the latest plan.
-
-    Attributes:
-        position: (2,) position [m].
-        way: (2,) unit vector in which the robot looks.
-        plan: (N, 2) positions of the plan that are still ahead [m].
-    """
-
-    def __init__(self, start: tuple[float, float], goal: tuple[float, float]) -> None:
-        self.position = np.array(start)
-        self.way = np.subtract(goal, start) / math.dist(goal, start)
-        self.plan: Matrix = np.empty((0, 2))
-
-    def follow(self, plan: Matrix) -> None:
-        """Follow another plan (N, 2), from its point nearest to the robot."""
-        self.plan = plan
-        if len(plan):
-            self.plan = plan[np.argmin(np.hypot(*(plan - self.position).T)) :]
-
-    def walk(self, distance: float) -> None:
-        """Walk along the plan, at most `distance` [m]."""
-        while len(self.plan) and distance > 0.0:
-            ahead = self.plan[0] - self.position
-            length = float(np.hypot(*ahead))
-            if length > 0.0:
-                self.way = ahead / length
-            self.position = self.position + min(length, distance) * self.way
-            distance -= length
-            if distance >= 0.0:
-                self.plan = self.plan[1:]
 
 
 class PathPlannerRobotNode(Demo):
@@ -84,7 +53,7 @@ class PathPlannerRobotNode(Demo):
         self._ground = load_course(path)
         self._walker, self._is_done = Walker(START, GOAL), False
         self._odometry = self.create_publisher(Odometry, "odom", 10)
-        self._goal = self.create_publisher(PoseStamped, "goal_pose", 1)
+        self._goal = self.create_publisher(PoseStamped, "goal_pose", map_qos())
         self._clouds: dict[str, Publisher] = {
             name: self.create_publisher(PointCloud2, f"{name}_points", 5) for name in SENSORS
         }
@@ -99,9 +68,7 @@ class PathPlannerRobotNode(Demo):
         self.get_logger().info(f"walks at {self._speed:g} m/s on {self._ground}")
 
     def _ask(self, _: ReceivedMap) -> None:
-        """Publish the goal once the planner is there, and ignore later maps."""
-        if not self._goal.get_subscription_count():
-            return
+        """Publish the goal, and ignore later maps."""
         self._maps.destroy()
         goal = PoseStamped(header=Header(frame_id="odom"))
         goal.pose.position.x, goal.pose.position.y = GOAL

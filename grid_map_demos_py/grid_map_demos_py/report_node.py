@@ -42,8 +42,7 @@ from grid_map_visualization_py.pictures import plot, save_picture
 from .demo import Demo
 from .large_site import GEOMETRY, LAYER
 from .parts import to_text
-from .path_planner_robot_node import ARRIVED, GOAL, START
-from .robot_course import Matrix
+from .robot_course import ARRIVED, GOAL, START, Matrix
 
 DIAGNOSTICS = "/diagnostics"
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Simulated robot that drives over terrain with obstacles, and its drifting odometry."""
 
+import array
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap, Interpolation
-from grid_map_core_py.simulation import with_box, with_ramp, with_stairs
+from grid_map_core_py.elevation import LaserModel, SensorModel, StructuredLightModel
+from grid_map_core_py.simulation import (
+    DepthCamera,
+    SpinningLidar,
+    with_box,
+    with_ramp,
+    with_stairs,
+)
 
 from .terrain import load_terrain
 
@@ -42,6 +50,18 @@ CAMERA[:3, 1] = -math.sin(TILT), 0.0, -math.cos(TILT)
 CAMERA[:3, 2] = math.cos(TILT), 0.0, -math.sin(TILT)
 CAMERA[:3, 3] = 0.3, 0.0, 0.3
 """Transform from the camera to the robot frame; the camera looks ahead and down."""
+
+SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
+    "lidar": (LIDAR, SpinningLidar(azimuths=720).directions, LaserModel()),
+    "camera": (CAMERA, DepthCamera().directions, StructuredLightModel()),
+}
+"""Sensors by frame name: transform to the robot frame, beam directions, and noise model."""
+
+START, GOAL = (3.0, 6.0), (5.9, 2.0)
+"""Start above the scarp of the terrain, and goal below it [m]."""
+
+ARRIVED = 0.35
+"""Distance from the goal at which the robot has arrived [m]; above the planner's tolerance."""
 
 
 def load_course(path: Path) -> GridMap:
@@ -138,3 +158,41 @@ def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -
     block.position = block.position + DRIFT[:2] * seconds
     block["elevation"] += np.float32(DRIFT[2] * seconds)
     return block
+
+
+class Walker:
+    """Position and direction of a robot that follows the latest plan.
+
+    Attributes:
+        position: (2,) position [m].
+        way: (2,) unit vector in which the robot looks.
+        plan: (N, 2) positions of the plan that are still ahead [m].
+    """
+
+    def __init__(self, start: tuple[float, float], goal: tuple[float, float]) -> None:
+        self.position = np.array(start)
+        self.way = np.subtract(goal, start) / math.dist(goal, start)
+        self.plan: Matrix = np.empty((0, 2))
+
+    def follow(self, plan: Matrix) -> None:
+        """Follow another plan (N, 2), from its point nearest to the robot."""
+        self.plan = plan
+        if len(plan):
+            self.plan = plan[np.argmin(np.hypot(*(plan - self.position).T)) :]
+
+    def walk(self, distance: float) -> None:
+        """Walk along the plan, at most `distance` [m]."""
+        while len(self.plan) and distance > 0.0:
+            ahead = self.plan[0] - self.position
+            length = float(np.hypot(*ahead))
+            if length > 0.0:
+                self.way = ahead / length
+            self.position = self.position + min(length, distance) * self.way
+            distance -= length
+            if distance >= 0.0:
+                self.plan = self.plan[1:]
+
+
+def to_bytes(points: npt.NDArray[np.float64]) -> "array.array[int]":
+    """Convert points (N, 3) to float32 bytes."""
+    return array.array("B", points.astype("<f4").tobytes())

@@ -11,9 +11,8 @@ from demos import PACKAGE
 from nav_msgs.msg import Odometry, Path
 
 from grid_map_core_py import GridMap
-from grid_map_demos_py.path_planner_robot_node import ARRIVED, GOAL, START, Walker
 from grid_map_demos_py.report_node import draw_walk, length_of
-from grid_map_demos_py.robot_course import load_course
+from grid_map_demos_py.robot_course import ARRIVED, GOAL, START, Walker, load_course
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py import from_pose
 from grid_map_ros_py.testing import Process, peer

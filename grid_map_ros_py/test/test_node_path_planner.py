@@ -89,7 +89,21 @@ def planner(**parameters: object) -> Iterator[tuple[Process, Peer]]:
 def ask(other: Peer, grid_map: GridMap) -> None:
     other.publish("/grid_map", to_message(grid_map))
     other.publish("/initial_pose", robot(START))
-    other.publish("/goal_pose", pose(GOAL, 1.0), 1)
+    other.publish("/goal_pose", pose(GOAL, 1.0))
+
+
+def wait_for_robot(other: Peer, place: tuple[float, float]) -> None:
+    """Wait until plans begin at a place of the robot."""
+    client = other.node.create_client(GetPlan, "/make_plan")
+    other.wait_until(client.service_is_ready, "the service")
+
+    def is_there() -> bool:
+        answer = client.call_async(GetPlan.Request(goal=pose(GOAL)))
+        other.wait_until(answer.done, "an answer")
+        path = poses_of(answer.result().plan)
+        return len(path) > 0 and math.dist(path[0, :2], place) < 1e-6
+
+    other.wait_until(is_there, f"the robot at {place}")
 
 
 def test_goal_gives_a_plan_with_heights_that_late_subscribers_get() -> None:
@@ -117,14 +131,20 @@ def test_plan_is_repeated_only_if_a_map_blocks_it() -> None:
         ask(other, OPEN)
         first = other.expect("/plan")
         assert passes(first, expected(OPEN, START, GOAL))
-        # The gap of this wall lies on the plan, and the robot has passed the other wall.
-        beside = ground(254.0, float(np.interp(0.0, *poses_of(first)[:, :2].T)))
-        behind = beside.copy()
-        behind["cost"][behind.get_index((-1.5, 0.1))] = 254.0
-        for grid_map in (beside, behind):
-            other.publish("/initial_pose", robot((-0.9, 0.05)))
-            other.publish("/grid_map", to_message(grid_map))
-        # Only the third map blocks the plan.
+        # The node sends the costs for each map.
+        other.listen("/cost_to_go", GridMapMessage)
+        other.expect("/cost_to_go")
+        # The gap of this wall lies on the plan.
+        grid_map = ground(254.0, float(np.interp(0.0, *poses_of(first)[:, :2].T)))
+        other.publish("/grid_map", to_message(grid_map))
+        other.expect("/cost_to_go", 2)
+        # The robot has passed this cell of the plan.
+        other.publish("/initial_pose", robot((-0.9, 0.05)))
+        wait_for_robot(other, (-0.9, 0.05))
+        grid_map["cost"][grid_map.get_index(START)] = 254.0
+        other.publish("/grid_map", to_message(grid_map))
+        other.expect("/cost_to_go", 3)
+        assert len(other.received["/plan"]) == 1
         other.publish("/grid_map", to_message(HIGH))
         assert passes(other.expect("/plan", 2), expected(HIGH, (-0.9, 0.05), GOAL))
         assert len(other.received["/plan"]) == 2
@@ -133,7 +153,7 @@ def test_plan_is_repeated_only_if_a_map_blocks_it() -> None:
         assert other.expect("/plan", 3).poses == []
         other.listen("/diagnostics", DiagnosticArray, 10)
         assert "no plan: " in wait_for_level(other, DiagnosticStatus.WARN).message
-        assert "[path_planner]: no plan: " in node.text
+        other.wait_until(lambda: "[path_planner]: no plan: " in node.text, "the reason")
         other.publish("/grid_map", to_message(LOW))
         assert passes(other.expect("/plan", 4), expected(LOW, (-0.9, 0.05), GOAL))
         values = wait_for_level(other, DiagnosticStatus.OK).values
@@ -148,7 +168,7 @@ def test_nothing_is_sent_for_a_stale_map() -> None:
         other.publish("/initial_pose", robot(START))
         remedy = "no plans are sent; set stale_after to 0 for a map that is published once"
         other.wait_until(lambda: f"{text}, {remedy}" in node.text, "a stale map")
-        other.publish("/goal_pose", pose(GOAL), 1)
+        other.publish("/goal_pose", pose(GOAL))
         other.wait_until(lambda: f"no plan: {text}" in node.text, "a refusal")
         assert wait_for_level(other, DiagnosticStatus.WARN).message.endswith(text)
         assert other.received["/plan"] == []
@@ -168,12 +188,14 @@ def test_make_plan_starts_at_a_pose_or_at_the_robot() -> None:
             return answer.result().plan
 
         assert plan(pose(START), pose(GOAL)).poses == []
-        assert "make_plan: no usable map has come on /grid_map (no publisher" in node.text
+        text = "make_plan: no usable map has come on /grid_map (no publisher"
+        other.wait_until(lambda: text in node.text, text)
         other.publish("/grid_map", to_message(LOW))
         other.wait_until(lambda: plan(pose(START), pose(GOAL)).poses, "a plan")
         assert passes(plan(pose(START), pose(GOAL)), expected(LOW, START, GOAL))
         assert plan(PoseStamped(), pose(GOAL)).poses == []
-        assert "make_plan: no pose of the robot has come on /initial_pose" in node.text
+        text = "make_plan: no pose of the robot has come on /initial_pose"
+        other.wait_until(lambda: text in node.text, text)
         other.publish("/initial_pose", robot((0.5, 0.5)))
         other.wait_until(lambda: plan(PoseStamped(), pose(GOAL)).poses, "a plan")
         assert passes(plan(PoseStamped(), pose(GOAL)), expected(LOW, (0.5, 0.5), GOAL))
@@ -182,7 +204,7 @@ def test_make_plan_starts_at_a_pose_or_at_the_robot() -> None:
         assert 0.1 < math.dist(end, (0.0, 0.5)) <= 0.4
         assert plan(pose(START, 0.0, "base"), pose(GOAL)).poses == []
         need = "a pose in frame 'base' for a map in frame 'odom' needs the package 'tf2_ros'"
-        assert f"make_plan: {need}" in node.text
+        other.wait_until(lambda: f"make_plan: {need}" in node.text, need)
         assert other.received["/plan"] == []
 
 
@@ -226,13 +248,12 @@ def test_parameters_apply_to_the_latched_map_at_once() -> None:
 
 def test_goal_waits_for_the_first_map_and_pose() -> None:
     with planner() as (node, other):
-        other.publish("/goal_pose", pose(GOAL), 1)
+        other.publish("/goal_pose", pose(GOAL))
         text = "no plan: no usable map has come on /grid_map"
         other.wait_until(lambda: text in node.text, "no map")
         other.publish("/grid_map", to_message(OPEN))
         other.wait_until(lambda: "no plan: no pose of the robot" in node.text, "no pose")
         other.publish("/initial_pose", robot(START))
-        other.publish("/grid_map", to_message(OPEN))
         assert passes(other.expect("/plan"), expected(OPEN, START, GOAL))
 
 

@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -73,8 +73,10 @@ class Locator:
             listen(node, POSE_TYPES[source], topic, self._keep, log, "a pose")
         elif source != "tf":
             # A single pose must not get lost.
-            kind, hears = POSE_TYPES[source], {"hears_best_effort": True, "is_counted": False}
-            self._subscription = LatchedSubscription(node, kind, topic, self._keep, **hears)
+            options: Any = {"hears_best_effort": True, "is_counted": False}
+            self._subscription = LatchedSubscription(
+                node, POSE_TYPES[source], topic, self._keep, **options
+            )
 
     def _keep(self, message: Any) -> None:
         from_pose(message)  # Invalid poses are dropped.
@@ -126,12 +128,14 @@ class Request:
         start: pose of the start; None means the pose of the robot.
         handle: goal handle of the action; None if the goal came from the topic.
         since: time of arrival [s].
+        reported: error code that has been logged; then a goal of the topic still waits.
     """
 
     goal: PoseStamped
     start: PoseStamped | None
     handle: Any
     since: float
+    reported: int = 0
 
     @property
     def is_over(self) -> bool:
@@ -172,7 +176,9 @@ class PathPlannerNode(ConfiguredNode):
         self._health.details = lambda: self._details
         self._publisher = self.create_publisher(Path, "plan", map_qos())
         self._costs = MapPublisher(self, "cost_to_go", self._cost_to_go, self._log)
-        self.create_subscription(PoseStamped, "goal_pose", self._on_goal, 1)
+        self._goals = LatchedSubscription(
+            self, PoseStamped, "goal_pose", self._on_goal, is_counted=False
+        )
         self.create_service(GetPlan, "make_plan", self._make_plan)
         self._action = self._offer_to_nav2()
         self._subscription = MapSubscription(self, self._map_topic, self._on_map)
@@ -232,7 +238,9 @@ class PathPlannerNode(ConfiguredNode):
         self._used, self._is_stale = time.monotonic(), False
         self._locator.use(self._planner.frame_id)
         is_like = before is not None and before.frame_id == self._planner.frame_id
-        if self._goal is not None and not (is_like and self._is_free()):
+        if any(request.handle is None for request in self._requests):
+            self._work()
+        elif self._goal is not None and not (is_like and self._is_free()):
             self._details["repeated plans"] += len(self._plan) > 0
             self._follow()
         self._costs.publish()
@@ -271,8 +279,11 @@ class PathPlannerNode(ConfiguredNode):
     def _work(self) -> None:
         """Process goals that have waited; note whether the map is stale."""
         for request in [*self._requests]:
-            if request.is_over or self._is_ready(request):
-                self._requests.remove(request)
+            missing = self._missing(request)
+            if not missing or (request.is_over and missing != request.reported):
+                request.reported = missing
+                if not missing or request.handle is not None:
+                    self._requests.remove(request)
                 if request.handle is None:
                     self._follow()
                 else:
@@ -293,18 +304,21 @@ class PathPlannerNode(ConfiguredNode):
         begin = self._locator.robot(robot) if start is None else self._locator.pose(start)
         return planner, begin, self._locator.pose(goal)
 
-    def _is_ready(self, request: Request) -> bool:
-        """Return whether waiting cannot help a request any further."""
+    def _missing(self, request: Request) -> int:
+        """Return the error code of missing data that may still arrive; 0 if there is none."""
         try:
             self._ends(request.start, request.goal)
-        except DROPPED as error:
-            return code_of(error) not in (TF_ERROR, TIMEOUT)
-        return True
+        except PlanError as error:
+            return error.code
+        except DROPPED:
+            return 0
+        return 0
 
     def _planned(self, start: PoseStamped | None, goal: PoseStamped, tolerance: float) -> Poses:
+        """Return a plan; a start of None is the pose of the robot."""
         begin = time.perf_counter()
-        planner, *ends = self._ends(start, goal)
-        poses = planner.plan(*ends, tolerance)
+        planner, first, last = self._ends(start, goal)
+        poses = planner.plan(first, last, tolerance)
         self._details["plans"] += 1
         self._details["ms of the last plan"] = round(1e3 * (time.perf_counter() - begin), 1)
         return poses

@@ -31,6 +31,7 @@ class Placed:
         archetypes: function that returns the archetypes, with positions relative to a given
             origin (3,) in `frame` [m]. It raises `MessageError` if the message is invalid.
         is_global: True if the path starts at the root, not at the topic.
+        kept: if not None, all earlier paths of the topic except these are cleared instead.
     """
 
     time: int
@@ -38,6 +39,7 @@ class Placed:
     frame: str | None
     archetypes: Callable[[Origin], list[Any]]
     is_global: bool = False
+    kept: frozenset[tuple[str, ...]] | None = None
 
 
 class Shape(IntEnum):
@@ -144,13 +146,17 @@ def _occupancy_grid(rr: Any, message: Any, _: int) -> Iterator[Placed]:
 
 
 def _markers(rr: Any, message: Any, _: int) -> Iterator[Placed]:
-    for marker in message.markers if hasattr(message, "markers") else [message]:
-        time, path = from_stamp(marker.header.stamp), (marker.ns or "markers", str(marker.id))
+    markers = message.markers if hasattr(message, "markers") else [message]
+    paths = [(marker.ns or "markers", str(marker.id)) for marker in markers]
+    for index, (marker, path) in enumerate(zip(markers, paths, strict=True)):
+        time = from_stamp(marker.header.stamp)
         if marker.action == 0:
             yield Placed(time, path, marker.header.frame_id, partial(_marker, rr, marker))
+        elif marker.action == 2:
+            yield Placed(time, path, None, _always(rr.Clear(recursive=True)))
         else:
-            gone = path if marker.action == 2 else ()
-            yield Placed(time, gone, None, _always(rr.Clear(recursive=True)))
+            # In Rerun, a deletion would also hide markers that follow at the same time.
+            yield Placed(time, (), None, lambda _: [], kept=frozenset(paths[index + 1 :]))
 
 
 def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
