@@ -84,11 +84,15 @@ class Client:
         """Wait until the node has logged a text."""
         self.peer.wait_until(lambda: text in self.node.text, text)
 
-    def send_transform(self, parent: str, child: str, xyz: Any, yaw: float) -> None:
-        transform = TransformStamped(child_frame_id=child)
-        transform.header.frame_id, transform.header.stamp = parent, to_stamp(10**9)
-        transform.transform = to_transform(from_xyz_rpy(xyz, (0.0, 0.0, yaw)))
-        self.peer.publish("/tf_static", TFMessage(transforms=[transform]))
+    def send_transforms(self, **children: tuple[Any, float]) -> None:
+        """Send position and yaw of each child frame in the frame `odom`."""
+        message = TFMessage()
+        for child, (xyz, yaw) in children.items():
+            transform = TransformStamped(child_frame_id=child)
+            transform.header.frame_id, transform.header.stamp = "odom", to_stamp(10**9)
+            transform.transform = to_transform(from_xyz_rpy(xyz, (0.0, 0.0, yaw)))
+            message.transforms.append(transform)
+        self.peer.publish("/tf_static", message)
 
 
 @contextmanager
@@ -198,8 +202,7 @@ def test_goal_in_a_rotated_frame_and_robot_come_from_tf2() -> None:
         shift_x, shift_y, yaw = TURN
         # The stand-in for tf2 knows only transforms in this direction.
         origin = np.linalg.inv(from_xyz_rpy((shift_x, shift_y, 0.0), (0.0, 0.0, yaw)))
-        client.send_transform("odom", "map", origin[:3, 3], -yaw)
-        client.send_transform("odom", "base_link", (*START, 0.6), 0.3)
+        client.send_transforms(map=(origin[:3, 3], -yaw), base_link=((*START, 0.6), 0.3))
         client.peer.publish("/goal_pose", pose(*in_map(*GOAL), "map"))
         path = client.peer.expect("/plan")
         assert path.header.frame_id == "odom"

@@ -43,7 +43,7 @@ def shell(folder: Path, *command: str) -> str:
     return done.stdout
 
 
-COMMANDS = "info inspect convert submap doctor filter play plot record topics view"
+COMMANDS = "info inspect convert submap path doctor filter play plot record topics view"
 
 
 @pytest.mark.parametrize(

@@ -234,6 +234,9 @@ PICTURES: dict[str, Picture] = {
     "gridMapFilters/DilationFilter": Picture(),
     "gridMapFilters/DuplicationFilter": Picture(),
     "gridMapFilters/ErosionFilter": Picture(),
+    "gridMapFilters/FootprintFilter": Picture(
+        values("costs", (0, 254), "inferno"), values("result", (0, 254), "inferno")
+    ),
     "gridMapFilters/GaussianBlurFilter": Picture(),
     "gridMapFilters/InflationFilter": Picture(
         values("costs", (0, 254), "inferno"), values("result", (0, 254), "inferno")

@@ -64,7 +64,7 @@ def test_footprint_cells_are_the_touched_squares(grid_map, footprint, fraction, 
     assert surely <= {numbers[cell] for cell in cell_set(found)} <= perhaps
 
 
-def test_cells_on_the_rim_of_an_aligned_footprint_do_not_count():
+def test_cells_on_the_rim_of_a_footprint_do_not_count():
     grid_map = value_map()
     pose = (*grid_map.get_position((20, 20)), 0.0)
     assert len(footprint_cells(grid_map, Footprint.rectangle(0.9, 0.5), pose)) == 9 * 5
@@ -223,7 +223,7 @@ def test_turn_on_the_spot_takes_the_shorter_way(yaws):
             assert found.is_free
 
 
-def test_post_in_the_way_is_found_and_one_beside_it_is_not():
+def test_path_check_finds_posts_in_the_way_only():
     poses = [(-1.2, 0.0, 0.0), (1.5, 0.0, 0.0)]
     for side, is_free in ((0.0, False), (0.24, False), (-0.24, False), (0.4, True), (-0.4, True)):
         grid_map = value_map()
@@ -290,9 +290,8 @@ def plane_by_hand(grid_map, pose, footprint=ROBOT):
     centers = grid_map.get_positions(cells)[np.isfinite(heights)] - pose[:2]
     heights = heights[np.isfinite(heights)]
     rows = np.column_stack([centers, np.ones(len(centers))])
-    # The small second objective tells apart planes that are equally low: the hull has one only.
     found = linprog(rows.mean(axis=0), A_ub=-rows, b_ub=-heights, bounds=(None, None))
-    return found.x, heights, rows.mean(axis=0)
+    return rows.mean(axis=0) @ found.x, rows, heights
 
 
 @given(st.integers(0, 999), fractions, yaws, st.sampled_from([ROBOT, ELL, Footprint.circle(0.4)]))
@@ -302,22 +301,25 @@ def test_sole_rests_on_the_lowest_plane_above_rough_ground(seed, position, yaw, 
     grid_map["elevation"][random.random(grid_map.size) < 0.3] = np.nan
     pose = (*position, yaw)
     found = rest(grid_map, pose, footprint, unknown="free", body_height=0.3)
-    (x, y, height), heights, middle = plane_by_hand(grid_map, pose, footprint)
+    lowest, rows, heights = plane_by_hand(grid_map, pose, footprint)
     ahead, left = -math.tan(found.pitch), math.tan(found.roll) / math.cos(found.pitch)
     slope = (
         ahead * math.cos(yaw) - left * math.sin(yaw),
         ahead * math.sin(yaw) + left * math.cos(yaw),
     )
-    assert middle @ (*slope, found.height) == pytest.approx(middle @ (x, y, height), abs=1e-5)
-    np.testing.assert_allclose((*slope, found.height), (x, y, height), atol=1e-4)
+    # On a ridge, two planes are equally low.
+    plane = np.array([*slope, found.height])
+    assert rows.mean(axis=0) @ plane == pytest.approx(lowest, abs=1e-5)
+    assert (rows @ plane >= heights - 1e-5).all()
     assert found.clearance == pytest.approx(found.height + 0.3 - heights.max(), abs=1e-6)
 
 
 def test_block_under_one_corner():
     grid_map = hill(lambda x, y: 0.1 * (x > 0.2 and y > 0.1))
     found = rest(grid_map, (0.0, 0.0, 0.0), body_height=0.2)
-    (x, y, height), _, middle = plane_by_hand(grid_map, (0.0, 0.0, 0.0))
-    assert found.height == pytest.approx(middle @ (x, y, height), abs=0.005)
+    lowest, rows, _ = plane_by_hand(grid_map, (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(rows.mean(axis=0), (0, 0, 1), atol=1e-9)
+    assert found.height == pytest.approx(lowest, abs=1e-5)
     # The center is on the ridge from the block to the far corner, so the sole rocks to either side.
     assert found.pitch < -0.05 or found.roll > 0.05
     assert found.clearance == pytest.approx(found.height + 0.1, abs=1e-6)
@@ -415,8 +417,18 @@ def test_huge_value_changes_only_means_under_it():
 
 def test_footprint_layer_of_a_map_smaller_than_the_footprint():
     grid_map = GridMap((0.3, 0.5), 0.1, layers={"value": 1.0})
+    narrow = GridMap((2.1, 0.5), 0.1, layers={"value": 1.0})
     for statistic in ("min", "mean", "max"):
         assert np.isnan(footprint_layer(grid_map, ROBOT, "value", 4, statistic)).all()
+        found = footprint_layer(narrow, ROBOT, "value", 12, statistic)
+        assert np.isfinite(found).sum(axis=(0, 1)).tolist() == [13, *5 * [0], 13, *5 * [0]]
+
+
+def test_direction_that_leaves_the_map_differs_from_one_that_fits():
+    """Both touch the same cells of a map with a single column."""
+    grid_map = GridMap((0.9, 0.3), 0.3, layers={"value": 1.0})
+    found = footprint_layer(grid_map, Footprint.rectangle(0.5, 0.3), "value", 3)
+    assert np.isfinite(found).sum(axis=(0, 1)).tolist() == [1, 0, 0]
 
 
 # Errors

@@ -17,6 +17,7 @@ from grid_map_core_py.planning import (
     PathFailure,
     SlopeLimits,
     TravelGraph,
+    check_path,
 )
 from grid_map_core_py.testing import moved_in_buffer
 
@@ -237,7 +238,7 @@ def ramp_path(cross, *, upwards):
 
 
 @pytest.mark.parametrize("cross", [10, 22])
-def test_a_steep_ramp_has_no_way_up_with_a_low_cross_limit(cross):
+def test_low_cross_limit_leaves_no_way_up_a_steep_ramp(cross):
     assert ramp_path(cross, upwards=False).length > 4.0
     with pytest.raises(NoPathError, match="no path") as caught:
         ramp_path(cross, upwards=True)
@@ -251,6 +252,43 @@ def test_a_steep_ramp_is_climbed_by_switchbacks(cross):
     assert 1.10 < up.length / down.length <= 1.22
     rise, run = np.diff(up.heights), np.hypot(*np.diff(up.positions, axis=0).T)
     assert np.arctan2(rise, run).max() <= math.radians(25.01)
+    across = np.abs(np.diff(up.positions[:, 1]) / run) * math.tan(math.radians(30))
+    on_ramp = np.minimum(up.heights[1:], up.heights[:-1]) > 0.1
+    on_ramp &= np.maximum(up.heights[1:], up.heights[:-1]) < 1.05
+    assert on_ramp.sum() > 10
+    assert np.arctan(across[on_ramp]).max() <= math.radians(cross + 0.01)
+
+
+def test_a_shortened_path_keeps_the_cross_limit():
+    heights = np.repeat(math.tan(math.radians(20)) * np.arange(30.0)[:, None], 40, axis=1)
+    grid_map, ends = a_map(np.zeros((30, 40)), height=heights), ((15, 2), (15, 37))
+    start, goal = (center(grid_map, *cell) for cell in ends)
+    limits = SlopeLimits(*np.radians((25.0, 25.0, 15.0)))
+    path = TravelGraph(grid_map, elevation="height", limits=limits).path(start, goal)
+    step = np.diff(path.positions, axis=0)
+    across = math.tan(math.radians(20)) * np.abs(step[:, 1]) / np.hypot(*step.T)
+    assert np.arctan(across).max() <= math.radians(15.01)
+
+
+def test_a_limit_in_one_direction_restricts_what_is_in_reach():
+    grid_map = a_ramp()
+    graph = TravelGraph(grid_map, elevation="height", limits=SlopeLimits(0.1, 1.0, 1.0))
+    bottom, top = center(grid_map, 50, 20), center(grid_map, 10, 20)
+    assert graph.path(top, bottom).length > 4.0
+    path = graph.path(bottom, top, tolerance=4.0)
+    assert path.heights.max() == 0.0
+    assert path.positions[-1] == pytest.approx(center(grid_map, 40, 20))
+
+
+def test_blocked_cells_do_not_raise_the_ground_beside_them():
+    costs, heights = np.zeros((12, 4)), np.zeros((12, 4))
+    costs[:, 2], heights[:, 2] = 254.0, 5.0
+    grid_map = a_map(costs, height=heights)
+    graph = TravelGraph(grid_map, cost="cost", lethal=253, elevation="height")
+    start, goal = center(grid_map, 0, 0), center(grid_map, 11, 1) - [0.0, 0.4]
+    path = graph.path(start, goal)
+    assert path.heights.max() == 0.0
+    assert path.length == pytest.approx(math.dist(start, goal))
 
 
 def test_max_step_holds_for_all_cells_that_a_move_passes():
@@ -268,6 +306,33 @@ def test_max_step_holds_for_all_cells_that_a_move_passes():
 
 
 # --- Blocked cells --------------------------------------------------------------------------------
+
+
+def test_a_path_around_a_wall_is_shortened_to_its_corner():
+    costs = np.zeros((41, 60))
+    costs[8:, 30] = 254.0
+    grid_map = a_map(costs)
+    start, goal = center(grid_map, 33, 3), center(grid_map, 25, 55)
+    corners = center(grid_map, 7, 29), center(grid_map, 7, 31)
+    shortest = math.dist(start, corners[0]) + 2.0 + math.dist(corners[1], goal)
+    length = TravelGraph(grid_map, cost="cost", lethal=253).path(start, goal).length
+    assert length <= 1.005 * shortest
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_further_waypoint_can_be_dropped(seed):
+    rng = np.random.default_rng(seed)
+    costs = np.where(rng.random((25, 30)) < 0.08, 254.0, 0.0)
+    costs[0, 0] = costs[-1, -1] = 0.0
+    grid_map = a_map(costs)
+    field = TravelGraph(grid_map, cost="cost", lethal=253).cost_to(center(grid_map, 24, 29))
+    path = field.path(center(grid_map, 0, 0))
+    turns = np.flatnonzero(np.abs(np.diff(path.yaws)) > 1e-9) + 1
+    corners = path.positions[[0, *turns.tolist(), -1]]
+    cells = np.rint(grid_map.geometry.corner - 0.5 - corners).astype(int).tolist()
+    blocked = np.argwhere(costs > 0).tolist()
+    for a, c in zip(cells, cells[2:], strict=False):
+        assert any(touches(a, c, cell) for cell in blocked)
 
 
 def test_a_diagonal_wall_is_not_crossed():
@@ -290,6 +355,16 @@ def test_stepping_stones_of_one_cell_are_found(layer):
     )
     path = graph.path(center(grid_map, 3, 0), center(grid_map, 5, 5))
     assert path.length == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize("corner", [(0, 1), (1, 0), (3, 2)])
+def test_no_corner_is_cut(corner):
+    costs = np.zeros((5, 5))
+    costs[corner] = 254.0
+    grid_map = a_map(costs)
+    ends = center(grid_map, 0, 0), center(grid_map, 4, 4)
+    field = TravelGraph(grid_map, cost="cost", lethal=253).cost_to(ends[1])
+    assert field.path(ends[0]).length > math.dist(*ends) + 0.1
 
 
 @settings(max_examples=60)
@@ -392,13 +467,14 @@ def test_positions_and_yaws_begin_and_end_at_start_and_goal():
     assert len(path.heights) == len(path.yaws) == len(path.positions)
 
 
-def test_a_start_behind_a_corner_goes_by_the_center_of_its_cell():
+def test_a_start_behind_a_corner_leads_by_its_cell_center():
     costs = np.zeros((3, 3))
     costs[0, 1] = 254.0
     grid_map = a_map(costs)
     start = center(grid_map, 0, 0) + [0.45, -0.45]  # beside the blocked cell
     path = TravelGraph(grid_map, cost="cost", lethal=253).path(start, center(grid_map, 2, 1))
     assert path.positions[1] == pytest.approx(center(grid_map, 0, 0))
+    assert path.yaws[0] == path.yaws[1]
 
 
 def test_start_and_goal_in_one_cell_cost_nothing():
@@ -418,6 +494,8 @@ def test_each_cell_leads_to_its_nearest_goal():
     assert field.costs.tolist() == [[0, 1, 2, 3, 3, 2, 1, 0, 1]]
     assert field.path(center(grid_map, 0, 2)).positions[-1].tolist() == goals[0].tolist()
     assert field.path(center(grid_map, 0, 8)).positions[-1].tolist() == goals[1].tolist()
+    field = TravelGraph(grid_map, cost="cost").cost_to([goals[0] + 0.1, goals[0]])
+    assert field.path(goals[1]).positions[-1].tolist() == (goals[0] + 0.1).tolist()
 
 
 def test_the_graph_is_a_snapshot():
@@ -460,6 +538,17 @@ def test_unknown_cells_are_free_on_request():
     graph = TravelGraph(grid_map, cost="cost", elevation="height", unknown="free")
     path = graph.path(*ends)
     assert path.positions[:, 0].max() > grid_map.geometry.corner[0] - 1.5
+    with pytest.raises(NoPathError, match="which is unknown"):
+        graph.path(ends[0], center(grid_map, 2, 2))
+
+
+def test_a_footprint_may_leave_the_map_with_free_unknown_cells():
+    grid_map = a_map(np.zeros((3, 8)))
+    ends = center(grid_map, 0, 0), center(grid_map, 0, 7)
+    options = {"cost": "cost", "footprint": Footprint.circle(0.8)}
+    assert TravelGraph(grid_map, unknown="free", **options).path(*ends).length == pytest.approx(7.0)
+    with pytest.raises(NoPathError, match="the footprint touches"):
+        TravelGraph(grid_map, **options).path(*ends)
 
 
 # --- Footprints -----------------------------------------------------------------------------------
@@ -487,24 +576,52 @@ def test_a_footprint_needs_room_in_its_direction():
     assert caught.value.reason is PathFailure.GOAL_OCCUPIED
 
 
-@pytest.mark.parametrize("seed", range(4))
+def test_a_footprint_goes_straight_where_it_fits():
+    costs = np.full((40, 13), 254.0)
+    costs[:, 1:-1] = 0.0
+    grid_map = a_map(costs, resolution=0.1)
+    robot = Footprint.rectangle(0.9, 0.3)
+    graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=robot, unknown="free")
+    ends = center(grid_map, 2, 5), center(grid_map, 37, 7)
+    assert graph.path(*ends).length == pytest.approx(math.dist(*ends))
+
+
+def test_a_footprint_keeps_its_distance_between_cell_centers():
+    costs = np.zeros((60, 20))
+    costs[22, 14] = 254.0
+    grid_map = a_map(costs, resolution=0.1, free=1.0)
+    grid_map["free"][22, 14] = 0.0
+    robot = Footprint.circle(0.33)
+    graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=robot)
+    path = graph.path(center(grid_map, 5, 10), center(grid_map, 55, 11))
+    poses = np.column_stack([path.positions, path.yaws])
+    assert check_path(grid_map, robot, poses, layer="free", limit=0.5).is_free
+
+
+@pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("shape", ["circle", "rectangle"])
 def test_a_footprint_stays_free_along_the_path(shape, seed):
-    """Points all over the footprint, but a quarter of a cell inside, are on free cells."""
+    """Points all over the footprint are on free cells, and `check_path` agrees."""
     x, y = np.meshgrid(np.linspace(-0.425, 0.425, 86), np.linspace(-0.225, 0.225, 46))
     inside, footprint = np.stack([x.ravel(), y.ravel()]), Footprint.rectangle(0.9, 0.5)
     if shape == "circle":
         inside, footprint = inside[:, np.hypot(*inside) < 0.225], Footprint.circle(0.25)
     rng = np.random.default_rng(seed)
-    costs = np.where(rng.random((50, 60)) < 0.012, 254.0, 0.0)
+    density = 0.004 * (1 + seed % 4)
+    costs = np.where(rng.random((50, 60)) < density, 254.0, 0.0)
+    costs[22:28, 27:33] = 0.0
     grid_map = a_map(costs, resolution=0.1, start_index=(20, 3))
     graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=footprint)
     free = np.argwhere(graph.cost_to((3.0, -2.0)).costs < np.inf)
-    path = graph.path(grid_map.get_position(free[0]), (3.0, -2.0))
-    assert len(path.positions) > 10
+    start = max(free.tolist(), key=lambda cell: math.dist(grid_map.get_position(cell), (3, -2)))
+    path = graph.path(grid_map.get_position(start), (3.0, -2.0))
     for position, yaw in zip(path.positions[1:-1], path.yaws[1:-1], strict=True):
         turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
         assert grid_map.at_position("cost", position + (turn @ inside).T).max() == 0.0
+    grid_map["traversability"] = grid_map["cost"] == 0.0
+    for a, b, yaw in zip(path.positions, path.positions[1:-1], path.yaws[:-1], strict=False):
+        piece = [(*a, yaw), (*b, yaw)]
+        assert check_path(grid_map, footprint, piece, layer="traversability", limit=0.5).is_free
 
 
 # --- Errors ---------------------------------------------------------------------------------------
@@ -528,7 +645,7 @@ def walled():
         ((0, -np.inf), r"expected finite numbers, got \(4.5, inf\)", "OUTSIDE_MAP"),
     ],
 )
-def test_errors_name_the_end_the_cause_and_the_next_free_cell(walled, cell, text, kind):
+def test_errors_name_end_cause_and_nearest_free_cell(walled, cell, text, kind):
     position = walled.geometry.corner - 0.5 - np.array(cell)
     good, graph = center(walled, 1, 1), TravelGraph(walled, cost="cost", lethal=253)
     for name, ends in ("start", (position, good)), ("goal", (good, position)):

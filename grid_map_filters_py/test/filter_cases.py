@@ -106,6 +106,7 @@ OF_THEIR_LAYERS = [
     ("ColorMap", TO_OUT | RAMP),
     ("Cost", TO_OUT | COSTS),
     ("Curvature", ONTO_ITSELF),
+    ("Footprint", TO_OUT | {"radius": 0.1}),
     (
         "LightIntensity",
         {"input_layers_prefix": "n_", "output_layer": "color", "light_direction": [0.3, 0.1, -1]},

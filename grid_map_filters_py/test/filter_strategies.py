@@ -86,6 +86,12 @@ PARAMETERS = {
     "Dilation": FILLING_DISC,
     "Duplication": layer_to_layer(),
     "Erosion": FILLING_DISC,
+    "Footprint": layer_to_layer(
+        footprint=st.just("[[0.2, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.2, -0.05]]"),
+        yaws=st.integers(1, 5),
+        statistic=st.sampled_from(["min", "mean", "max"]),
+        directions=st.sampled_from(["worst", "best"]),
+    ),
     "GaussianBlur": layer_to_layer(
         sigma=POSITIVE, radius=st.none() | LENGTH, compute_empty_cells=st.booleans()
     ),

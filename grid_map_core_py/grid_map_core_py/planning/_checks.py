@@ -272,7 +272,7 @@ _TILTS = ("max_roll", "max_pitch", "min_clearance")
 
 
 class _Cells(NamedTuple):
-    """What is under all poses; see `PathCheck`."""
+    """Summary of the cells under all poses; see `PathCheck`."""
 
     blocked: NDArray[np.int64]
     worst: float

@@ -8,7 +8,7 @@ of the map with the largest x and y. Cell (r, c) is the square r <= u <= r + 1, 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
 import cv2
@@ -87,11 +87,6 @@ class Footprint:
         """Distance from the origin to the farthest corner [m]."""
         return float(np.hypot(*self.points.T).max())
 
-    @property
-    def is_convex(self) -> bool:
-        """Whether the outline has no reflex corner."""
-        return self._is_convex
-
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Footprint) and self._polygon == other._polygon
 
@@ -141,7 +136,7 @@ def touched_runs(
         cosine, sine = np.cos(yaws[part]), np.sin(yaws[part])
         u = origins[part, 0] - (np.outer(x, cosine) - np.outer(y, sine))
         v = origins[part, 1] - (np.outer(x, sine) + np.outer(y, cosine))
-        pose, *runs = _runs(u, v, BORDER_TOLERANCE / resolution, footprint.is_convex)
+        pose, *runs = _runs(u, v, BORDER_TOLERANCE / resolution, footprint._is_convex)
         parts.append((pose + part.start, *runs))
     return Runs(*map(np.concatenate, zip(*parts, strict=True)))
 
@@ -212,11 +207,11 @@ def kernels_of(
         yaws: directions of the footprint [rad].
         size: rows and columns of the map.
     """
-    kernels: dict[bytes, tuple[int, Kernel]] = {}
+    kernels: dict[Hashable, tuple[int, Kernel]] = {}
     numbers = []
     for yaw in yaws:
         kernel = _kernel(footprint, resolution, yaw, size)
-        key = kernel.element.tobytes() + bytes(kernel.element.shape[0])
+        key = kernel.element.tobytes(), kernel.element.shape, kernel.is_whole
         number, _ = kernels.setdefault(key, (len(kernels), kernel))
         numbers.append(number)
     return [kernel for _, kernel in kernels.values()], numbers

@@ -67,7 +67,7 @@ class TravelGraph:
     Nav2's highest cost without a collision, and `cost` is the mean along the move: over both cells,
     or over all four cells of a knight's move. Without a `cost` layer, it is the length.
 
-    The graph is a snapshot: later changes of the map have no effect. It needs about 400 bytes per
+    The graph is a snapshot: later changes of the map have no effect. It needs about 450 bytes per
     cell with 16 neighbors.
 
     Args:
@@ -197,30 +197,27 @@ class TravelGraph:
         begin, end = as_pose(start, "start"), as_pose(goal, "goal")
         first = free_cell(self._ground, self._free, begin, "start")
         free = self._free_with(end)
-        if tolerance > 0.0:
+        candidates = free if tolerance == 0.0 else np.ones_like(free)
+        cell = free_cell(self._ground, candidates, end, "goal")
+        field = self._field({cell: end}) if free[cell] else None
+        if field is None or (tolerance > 0.0 and not field._reaches(first)):
             cell, end = self._nearest_goal(first, free, end, tolerance)
-        else:
-            cell = free_cell(self._ground, free, end, "goal")
-        return self._field({cell: end}).path_from(first, begin)
+            field = self._field({cell: end})
+        return field._path_from(first, begin)
 
     def _nearest_goal(
         self, start: int, free: Mask, goal: Floats, tolerance: float
     ) -> tuple[int, Floats]:
-        """Return the cell in `free` that is nearest to the goal within reach, and its pose."""
+        """Return the cell in `free` within reach that is nearest to the goal, and its pose."""
         ground = self._ground
         reached = breadth_first_order(self._matrix.T, start, return_predecessors=False)
         cells = reached[free[reached]]
-        own = free_cell(ground, np.ones_like(free), goal, "goal")
-        if own in cells:
-            return own, goal
         centers = ground.to_positions(ground.cells(cells))
         distances = np.hypot(*(centers - goal[:2]).T)
         if not distances.min(initial=math.inf) <= tolerance:
-            text = (
-                f"goal: no path leads to {as_text(goal[:2])} or a cell at most {tolerance:g} m away"
-            )
+            ends = f"{as_text(goal[:2])} or a cell at most {tolerance:g} m away"
             count = f"{len(reached)} of {np.count_nonzero(self._free)} free cells"
-            text += f"; {count} can be reached from the start"
+            text = f"goal: no path leads to {ends}; {count} can be reached from the start"
             raise NoPathError(text, PathFailure.NO_VALID_PATH)
         nearest = distances.argmin()
         return cells.item(nearest), np.append(centers[nearest], goal[2])

@@ -95,11 +95,11 @@ class CostField:
             NoPathError: the start is outside the map, blocked or unknown, or cannot reach a goal.
         """
         pose = as_pose(start, "start")
-        return self.path_from(free_cell(self._ground, self._free, pose, "start"), pose)
+        return self._path_from(free_cell(self._ground, self._free, pose, "start"), pose)
 
-    def path_from(self, cell: int, start: Floats) -> Path:
+    def _path_from(self, cell: int, start: Floats) -> Path:
         """Return the path from a cell (flat index) and a pose x, y, yaw in it."""
-        if not np.isfinite(self._costs[cell]):
+        if not self._reaches(cell):
             goal = as_text(next(iter(self._goals.values()))[:2])
             target = goal if len(self._goals) == 1 else f"any of {len(self._goals)} goals"
             text = f"start: no path leads from {as_text(start[:2])} to {target}"
@@ -111,6 +111,9 @@ class CostField:
             cells.append(cell)
         return _path(self._ground, self._costs, np.array(cells), start, self._goals[cells[-1]])
 
+    def _reaches(self, cell: int) -> bool:
+        return bool(np.isfinite(self._costs[cell]))
+
 
 def as_pose(values: ArrayLike, name: str) -> Floats:
     """Return a position (2,) or pose (3,) as (3,) x, y, yaw; without a yaw, it is NaN."""
@@ -121,7 +124,7 @@ def as_pose(values: ArrayLike, name: str) -> Floats:
     if not np.isfinite(pose).all():
         text = f"{name}: expected finite numbers, got {tuple(pose.tolist())}"
         raise NoPathError(text, _failure(name, "OUTSIDE_MAP"))
-    return pose if len(pose) == 3 else np.append(pose, np.nan)
+    return np.append(pose, np.nan)[:3]
 
 
 def free_cell(ground: Ground, free: Mask, pose: Floats, name: str) -> int:
@@ -159,15 +162,17 @@ def _failure(name: str, kind: str) -> PathFailure:
 
 def _path(ground: Ground, costs: Floats, cells: Integers, start: Floats, goal: Floats) -> Path:
     """Return the path along the flat indices (K,) of cells."""
-    way, pieces, cost = _shortened(ground, ground.cells(cells).astype(np.float64), costs[cells])
+    waypoints, pieces, cost = _shortened(
+        ground, ground.cells(cells).astype(np.float64), costs[cells]
+    )
     first, last = ground.to_points(np.stack([start[:2], goal[:2]])).T
     by_center = [False, False]
     if len(cells) == 1:
-        way, pieces = np.stack([first, last], axis=1), np.ones(1, np.int64)
+        waypoints, pieces = np.stack([first, last], axis=1), np.ones(1, np.int64)
     else:
-        way, pieces, by_center[0] = _with_end(ground, way, pieces, 0, first)
-        way, pieces, by_center[1] = _with_end(ground, way, pieces, -1, last)
-    points, _, begin = sampled(way[:, :-1], way[:, 1:], pieces)
+        waypoints, pieces, by_center[0] = _with_end(ground, waypoints, pieces, 0, first)
+        waypoints, pieces, by_center[1] = _with_end(ground, waypoints, pieces, -1, last)
+    points, _, begin = sampled(waypoints[:, :-1], waypoints[:, 1:], pieces)
     points = np.delete(points, begin[1:], axis=1)
     positions, heights = ground.to_positions(points), ground.heights_at(points)
     positions[0], positions[-1] = start[:2], goal[:2]
@@ -185,15 +190,15 @@ def _path(ground: Ground, costs: Floats, cells: Integers, start: Floats, goal: F
     return Path(positions=positions, heights=heights, yaws=yaws, length=length, cost=cost)
 
 
-def _shortened(ground: Ground, way: Floats, costs: Floats) -> tuple[Floats, Integers, float]:
+def _shortened(ground: Ground, waypoints: Floats, costs: Floats) -> tuple[Floats, Integers, float]:
     """Drop every waypoint whose neighbors a straight line connects at no more cost.
 
     Args:
-        way: (2, K) cells of the path.
+        waypoints: (2, K) cells of the path.
         costs: (K,) costs to the goal.
 
     Returns:
-        way: (2, W) remaining waypoints.
+        waypoints: (2, W) remaining waypoints.
         pieces: (W - 1,) number of pieces to sample each line in.
         cost: cost of the shortened path.
     """
@@ -208,7 +213,7 @@ def _shortened(ground: Ground, way: Floats, costs: Floats) -> tuple[Floats, Inte
         if not tested.size:
             continue
         needed[tested] = True
-        straight, parts = ground.straight(way[:, tested - 1], way[:, tested + 1])
+        straight, parts = ground.straight(waypoints[:, tested - 1], waypoints[:, tested + 1])
         drops = straight <= (cost[tested - 1] + cost[tested]) * (1.0 + _EQUAL)
         tested = tested[drops]
         cost[tested - 1], pieces[tested - 1] = straight[drops], parts[drops]
@@ -216,29 +221,30 @@ def _shortened(ground: Ground, way: Floats, costs: Floats) -> tuple[Floats, Inte
         needed[[0, -1]] = True
         kept = np.ones(len(needed), np.bool_)
         kept[tested] = False
-        way, needed = way[:, kept], needed[kept]
+        waypoints, needed = waypoints[:, kept], needed[kept]
         cost, pieces = cost[kept[:-1]], pieces[kept[:-1]]
-    return way, pieces, min(float(cost.sum()), float(costs[0]))
+    return waypoints, pieces, min(float(cost.sum()), float(costs[0]))
 
 
 def _with_end(
-    ground: Ground, way: Floats, pieces: Integers, end: int, point: Floats
+    ground: Ground, waypoints: Floats, pieces: Integers, end: int, point: Floats
 ) -> tuple[Floats, Integers, bool]:
-    """Let a way begin (`end` 0) or stop (-1) at a point in its first or last cell.
+    """Replace the first (`end` 0) or last (-1) waypoint, a cell center, by a point in its cell.
 
-    If the straight line to the next waypoint is not allowed, it leads by the center of the cell.
+    If the straight line from the point to the next waypoint is not allowed, the center remains a
+    waypoint.
 
     Returns:
-        way, pieces: as in `_shortened`.
-        by_center: whether it leads by the center.
+        waypoints, pieces: as in `_shortened`.
+        by_center: whether the center remains.
     """
-    if np.abs(point - way[:, end]).max() <= _EQUAL:
-        return way, pieces, False
-    moved, neighbor = point[:, np.newaxis], way[:, [-2 if end else 1]]
+    if np.abs(point - waypoints[:, end]).max() <= _EQUAL:
+        return waypoints, pieces, False
+    moved, neighbor = point[:, np.newaxis], waypoints[:, [-2 if end else 1]]
     straight, parts = ground.straight(*((neighbor, moved) if end else (moved, neighbor)))
     if np.isfinite(straight[0]):
-        way[:, end], pieces[end] = point, parts[0]
-        return way, pieces, False
-    at = way.shape[1] if end else 0
+        waypoints[:, end], pieces[end] = point, parts[0]
+        return waypoints, pieces, False
+    at = waypoints.shape[1] if end else 0
     pieces = np.insert(pieces, at and at - 1, 1)
-    return np.insert(way, at, point, axis=1), pieces, True
+    return np.insert(waypoints, at, point, axis=1), pieces, True

@@ -22,6 +22,7 @@ from ._deletion import Deletion as Deletion
 from ._dilation import Dilation as Dilation
 from ._duplication import Duplication as Duplication
 from ._erosion import Erosion as Erosion
+from ._footprint import Footprint as Footprint
 from ._gaussian_blur import GaussianBlur as GaussianBlur
 from ._inflation import Inflation as Inflation
 from ._inpaint import Inpaint as Inpaint

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/FootprintFilter`"""
+
+import math
+from ast import literal_eval
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from grid_map_core_py import planning
+from grid_map_core_py._arrays import Layer
+from grid_map_core_py._parameters import mismatch
+from grid_map_core_py.errors import ConfigError, GeometryError
+from grid_map_core_py.planning._footprint_layer import check_directions, statistics_under
+from grid_map_core_py.plugins import check
+
+from ..parts._layer_filter import LayerFilter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Footprint(LayerFilter):
+    """Compute the worst value under the robot's footprint at the center of every cell.
+
+    The values of all directions are combined. Cells that are not finite, and cells beyond the map,
+    are unknown; the value of a direction in which the footprint touches an unknown cell is unknown.
+
+    Attributes:
+        input_layer: values, such as traversability.
+        output_layer: layer for the result; NaN is unknown.
+        footprint: corners [x, y] [m] of the robot in order along its outline, x forward, as a list
+            or (as in Nav2) a string.
+        radius: radius of a round robot [m]; replaces `footprint`.
+        yaws: number of directions, evenly spread over a full turn.
+        statistic: value of a direction: `min` and `mean` suit layers in which high values are good,
+            such as traversability; `max` suits layers in which high values are bad, such as costs.
+        directions: `worst` results in the value of the worst direction (all directions are free),
+            NaN if a direction is unknown; `best` in that of the best known direction (some
+            direction is free).
+    """
+
+    footprint: str | tuple[tuple[float, ...], ...] | None = None
+    radius: float | None = None
+    yaws: int = 16
+    statistic: Literal["min", "mean", "max"] = "min"
+    directions: Literal["worst", "best"] = "worst"
+
+    def __post_init__(self) -> None:
+        if (self.footprint is None) == (self.radius is None):
+            raise ConfigError("expected exactly one of 'footprint' and 'radius'")
+        check_directions(self.yaws, self.statistic)
+        known = self.directions in ("worst", "best")
+        check(known, "directions", "'worst' or 'best'", self.directions)
+        _ = self._outline
+
+    def reach(self, resolution: float) -> float:
+        # The near border of the farthest cell is half a cell before its center.
+        return math.ceil(min(self._outline.radius / resolution + 0.5, 2.0**31)) - 1
+
+    @cached_property
+    def _outline(self) -> planning.Footprint:
+        if self.radius is not None:
+            valid = math.isfinite(self.radius) and self.radius > 0
+            check(valid, "radius", "a length > 0 [m]", self.radius)
+            return planning.Footprint.circle(self.radius)
+        corners: Any = self.footprint
+        try:
+            corners = literal_eval(corners) if isinstance(corners, str) else corners
+            return planning.Footprint(corners)
+        except (GeometryError, SyntaxError, ValueError) as error:
+            expected = "corners [x, y] [m] in order along an outline that does not cross itself"
+            raise mismatch("footprint", expected, self.footprint) from error
+
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
+        # The first two pass NaN on, the others ignore it.
+        combine: np.ufunc = {
+            ("worst", False): np.minimum,
+            ("worst", True): np.maximum,
+            ("best", False): np.fmax,
+            ("best", True): np.fmin,
+        }[self.directions, self.statistic == "max"]
+        result: Layer | None = None
+        outline = self._outline
+        for found, _ in statistics_under(layer, outline, resolution, self.yaws, self.statistic):
+            result = found if result is None else combine(result, found)
+        assert result is not None
+        return result
