@@ -19,8 +19,10 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Path2d
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
@@ -531,6 +533,7 @@ class PlanarRegionsReportNode(ReportNode):
         super().__init__("planar_regions_report")
         self._truth: GridMap | None = None
         self._markers: MarkerArray | None = None
+        self._regions: ReceivedMap | None = None
         self._is_there = False
         self._maps = [
             MapSubscription(self, TRUTH, self._on_truth),
@@ -547,17 +550,22 @@ class PlanarRegionsReportNode(ReportNode):
     def _on_truth(self, received: ReceivedMap) -> None:
         self._truth = received.decode()
 
+    def _on_map(self, received: ReceivedMap) -> None:
+        self._regions = received
+        self._report()
+
     def _on_markers(self, message: MarkerArray) -> None:
         self._markers = message
+        self._report()
 
     def _on_odometry(self, message: Odometry) -> None:
         self._is_there |= message.pose.pose.position.x >= END
 
-    def _on_map(self, received: ReceivedMap) -> None:
-        markers = self._markers
-        if self._truth is None or markers is None or not self._is_there:
+    def _report(self) -> None:
+        """Report as soon as the map and the markers are of the same time."""
+        markers, received = self._markers, self._regions
+        if self._truth is None or markers is None or received is None or not self._is_there:
             return
-        # The markers of this map come before or after it.
         if from_stamp(markers.markers[0].header.stamp) != received.timestamp:
             return
         regions = received.decode(["elevation", "plane_id", "plane_elevation"])
@@ -584,24 +592,27 @@ def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
 
 def draw_regions(grid_map: GridMap, message: MarkerArray) -> Figure:
     """Draw the heights of a map, and the markers of its regions on them."""
-    figure = Figure((9.0, 4.2), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    heights = {"color_map": "gray", "scale_bar": False, "hillshade": "elevation"}
-    plot(grid_map, "elevation", upper, label="height [m]", **heights)
-    plot(grid_map, "elevation", lower, label=" ", **heights)
+    figure = Figure((8.0, 6.4), layout="constrained")
+    upper, lower = figure.subplots(2, 1)
+    for ax, title in ((upper, "mapped heights"), (lower, "planar regions")):
+        heights = {"color_map": "gray", "color_bar": False, "hillshade": "elevation"}
+        plot(grid_map, "elevation", ax, scale_bar=False, **heights)
+        ax.set_title(title, fontsize=9)
+        ax.set(xlabel="", ylabel="", xlim=(0.4, 8.2), ylim=(-1.6, 1.6))
+        ax.tick_params(labelsize=7)
     for marker in message.markers:
         points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
         color = marker.color.r, marker.color.g, marker.color.b, marker.color.a
         if marker.type == Marker.TRIANGLE_LIST:
-            # Without lines, narrow gaps would appear between the triangles.
-            options = {"facecolors": [color], "edgecolors": "none", "antialiased": False}
-            lower.add_collection(PolyCollection(points.reshape(-1, 3, 2), **options))
+            # A single path: separate triangles would overlap along their edges.
+            closed = points.reshape(-1, 3, 2)[:, [0, 1, 2, 0]]
+            codes = np.tile(
+                [Path2d.MOVETO, Path2d.LINETO, Path2d.LINETO, Path2d.CLOSEPOLY], len(closed)
+            )
+            path = Path2d(closed.reshape(-1, 2), codes)
+            lower.add_patch(PathPatch(path, facecolor=color, linewidth=0.0))
         elif marker.type == Marker.LINE_LIST:
             lower.add_collection(LineCollection(points.reshape(-1, 2, 2), colors=[color]))
-    for ax, title in ((upper, "mapped heights"), (lower, "planar regions")):
-        ax.set_title(title, fontsize=9)
-        ax.set(xlabel="", ylabel="", xlim=(-0.5, 8.2), ylim=(-1.6, 1.6))
-        ax.tick_params(labelsize=7)
     return figure
 
 
