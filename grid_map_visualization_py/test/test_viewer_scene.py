@@ -539,6 +539,12 @@ def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):
     ]
 
 
+def test_page_starts_with_a_reversed_color_map():
+    page = Page("127.0.0.1", 0, "elevation", color_map="RdYlGn_r")
+    assert page.settings().coloring.color_map == "RdYlGn_r"
+    page.close()
+
+
 def test_map_is_hidden_while_it_is_loaded(page, hill):
     def load(*, replaces: bool) -> None:
         settings = ViewSettings(height_layer="elevation", points=True, grid_lines=True)

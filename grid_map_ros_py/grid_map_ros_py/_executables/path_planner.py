@@ -139,7 +139,7 @@ class Request:
 
     @property
     def is_over(self) -> bool:
-        """Whether the client has canceled the goal, or the goal has waited too long."""
+        """True if the client has canceled the goal, or the goal has waited too long."""
         is_canceled = self.handle is not None and self.handle.is_cancel_requested
         return is_canceled or time.monotonic() - self.since > PATIENCE
 

@@ -436,7 +436,8 @@ class Page:
             }
         with gui.add_folder("Color", expand_by_default=False):
             mode = next(name for name, mode in MODES.items() if mode == coloring.mode)
-            names = dict.fromkeys((*FIRST_COLOR_MAPS, *color_map_names()))
+            # The list contains no reversed maps, such as `viridis_r`.
+            names = dict.fromkeys((coloring.color_map, *FIRST_COLOR_MAPS, *color_map_names()))
             # The keys are field names of `Coloring`.
             self._colors = {
                 "mode": gui.add_dropdown("Color by", tuple(MODES), initial_value=mode),
