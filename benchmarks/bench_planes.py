@@ -29,7 +29,8 @@ def treads(x, y):
 
 def rubble(cells):
     side = 0.04 * cells
-    return sampled(Rubble(1, side, int(1.5 * side**2)), (cells, cells), 1, outliers=0.05)[0]
+    boxes = Rubble(1, side, int(1.5 * side**2))
+    return sampled(boxes, (cells, cells), 1, share=1, outliers=0.05)[0]
 
 
 def smeared(cells):
@@ -54,8 +55,8 @@ def test_smeared_stairs_and_rubble(measure, cells, scene):
     assert (regions.labels > 0).mean() > 0.4
 
 
-@SIDES
-def test_previous_regions(measure, cells):
+def test_previous_regions(measure):
+    cells = 400
     grid_map, _ = sampled(treads, (cells, cells), 1, share=1)
     first = extract_planes(grid_map)
     again = lambda: extract_planes(grid_map, previous=first)  # noqa: E731
@@ -63,9 +64,9 @@ def test_previous_regions(measure, cells):
     assert [region.id for region in regions] == [region.id for region in first]
 
 
-@SIDES
 @pytest.mark.parametrize("query", ["at", "nearest", "project", "convex_inside"])
-def test_a_hundred_queries(measure, cells, query):
+def test_a_hundred_queries(measure, query):
+    cells = 400
     regions = extract_planes(rubble(cells))
     positions = np.random.default_rng(0).uniform(-0.02 * cells, 0.02 * cells, (100, 2))
     on_planes = [position for position in positions if regions.at(position)]

@@ -127,7 +127,7 @@ SECTIONS = {
 """Class of each section of the YAML file."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class PlaneParameters:
     """Parameters of `extract_planes`, in the sections of upstream's `parameters.yaml`.
 
@@ -154,6 +154,10 @@ class PlaneParameters:
             name, value = section.name, getattr(self, section.name)
             if not isinstance(value, SECTIONS[name]):
                 object.__setattr__(self, name, _section(name, value))
+
+    def __repr__(self) -> str:
+        changed = (f"{n}={v!r}" for n, v in vars(self).items() if v != SECTIONS[n]())
+        return f"PlaneParameters({', '.join(changed)})"
 
     @classmethod
     def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
