@@ -35,10 +35,10 @@ from grid_map_demos_py import (
     normal_filter_comparison_demo_node as comparison,
     opencv_demo_node as opencv,
     path_planner_robot_node as walking,
-    planar_regions_robot_node as steps,
     report_node as report,
     robot_course as robot,
     sdf_demo_node as sdf,
+    steps_course as steps,
     tutorial_demo_node as tutorial,
 )
 from grid_map_demos_py.parts import HEIGHT, star_map

@@ -46,8 +46,8 @@ from grid_map_visualization_py.pictures import plot, save_picture
 from .demo import Demo
 from .large_site import GEOMETRY, LAYER
 from .parts import to_text
-from .planar_regions_robot_node import END, PLANES
 from .robot_course import ARRIVED, GOAL, START, Matrix
+from .steps_course import END, PLANES
 
 DIAGNOSTICS = "/diagnostics"
 
@@ -595,8 +595,8 @@ def draw_regions(grid_map: GridMap, message: MarkerArray) -> Figure:
     figure = Figure((8.0, 6.4), layout="constrained")
     upper, lower = figure.subplots(2, 1)
     for ax, title in ((upper, "mapped heights"), (lower, "planar regions")):
-        heights = {"color_map": "gray", "color_bar": False, "hillshade": "elevation"}
-        plot(grid_map, "elevation", ax, scale_bar=False, **heights)
+        heights: dict[str, Any] = {"color_map": "gray", "hillshade": "elevation"}
+        plot(grid_map, "elevation", ax, color_bar=False, scale_bar=False, **heights)
         ax.set_title(title, fontsize=9)
         ax.set(xlabel="", ylabel="", xlim=(0.4, 8.2), ylim=(-1.6, 1.6))
         ax.tick_params(labelsize=7)
@@ -612,7 +612,7 @@ def draw_regions(grid_map: GridMap, message: MarkerArray) -> Figure:
             path = Path2d(closed.reshape(-1, 2), codes)
             lower.add_patch(PathPatch(path, facecolor=color, linewidth=0.0))
         elif marker.type == Marker.LINE_LIST:
-            lower.add_collection(LineCollection(points.reshape(-1, 2, 2), colors=[color]))
+            lower.add_collection(LineCollection([*points.reshape(-1, 2, 2)], colors=[color]))
     return figure
 
 

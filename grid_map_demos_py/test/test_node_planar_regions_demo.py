@@ -10,8 +10,8 @@ from std_msgs.msg import Header
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.planes import extract_planes
-from grid_map_demos_py.planar_regions_robot_node import PLANES, make_course, pose_at
 from grid_map_demos_py.report_node import draw_regions, found_planes
+from grid_map_demos_py.steps_course import PLANES, make_course, pose_at
 from grid_map_ros_py._planes import to_markers
 from grid_map_ros_py.testing import Process, peer
 

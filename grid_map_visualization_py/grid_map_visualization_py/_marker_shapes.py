@@ -33,7 +33,8 @@ def points_of(marker: Any, pose: Positions) -> Positions:
 def rgba_of(marker: Any) -> npt.NDArray[np.uint8]:
     """Return red, green, blue, alpha (N, 4) of the points, of the triangles, or of the marker."""
     colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
-    return np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
+    rgba: npt.NDArray[np.uint8] = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
+    return rgba
 
 
 def of_points(rgba: npt.NDArray[np.uint8], count: int) -> npt.NDArray[np.uint8]:

@@ -58,7 +58,8 @@ class Markers:
         """
         parts = [EMPTY, *(part for frame, part in self._drawn.values() if frame == frame_id)]
         *arrays, opacities = zip(*parts, strict=True)
-        return Drawing(*map(np.concatenate, arrays), opacity=min(opacities))
+        lines, line_colors, triangles, colors = map(np.concatenate, arrays)
+        return Drawing(lines, line_colors, triangles, colors, min(opacities))
 
 
 def _drawing(marker: Any, index: int) -> Drawing:

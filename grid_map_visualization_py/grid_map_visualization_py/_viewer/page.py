@@ -235,7 +235,7 @@ class Page:
         lines, triangles = self._lifted(drawing.lines), self._lifted(drawing.triangles)
         drawing = drawing._replace(lines=lines, triangles=triangles)
         before, node = self._drawings.get(name, (EMPTY, None))
-        if all(map(np.array_equal, before, drawing)):
+        if all(np.array_equal(*pair) for pair in zip(before, drawing, strict=True)):
             return
         if node is not None:
             node.remove()
