@@ -235,7 +235,8 @@ class Page:
         lines, triangles = self._lifted(drawing.lines), self._lifted(drawing.triangles)
         drawing = drawing._replace(lines=lines, triangles=triangles)
         before, node = self._drawings.get(name, (EMPTY, None))
-        if all(np.array_equal(*pair) for pair in zip(before, drawing, strict=True)):
+        pairs: Any = zip(before, drawing, strict=True)
+        if all(np.array_equal(old, new) for old, new in pairs):
             return
         if node is not None:
             node.remove()
