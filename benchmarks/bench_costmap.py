@@ -84,3 +84,18 @@ def test_rotated_frame(measure, cells):
     result = measure("costmap, rotated frame", cells, turn)
     assert np.nanmax(result["cost"]) == 254
     assert np.isfinite(result["cost"]).sum() > 0.5 * cells**2
+
+
+def test_cells_of_10_m(measure, cells):
+    grid_map = costs(cells)
+    coarsen = lambda: resampled(grid_map, "cost", (1.0, -2.0, 0.5), "map", 10.0, 0)  # noqa: E731
+    result = measure("costmap, cells of 10 m", cells, coarsen)
+    assert np.nanmax(result["cost"]) == 254
+
+
+def test_map_beside_the_grid(measure, cells):
+    grid_map = costs(cells)
+    grid_map.position = grid_map.position + 0.025
+    shift = lambda: resampled(grid_map, "cost", (0.0, 0.0, 0.0), "odom", 0.05)  # noqa: E731
+    result = measure("costmap, shifted by half a cell", cells, shift)
+    assert result.size == (cells + 1, cells + 1)

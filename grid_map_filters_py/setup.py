@@ -3,17 +3,26 @@ import shlex
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from xml.etree import ElementTree
 
+import setuptools
 from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_filters_py"
 URL = "https://github.com/grid-map-py/grid_map_py"
+README = Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8")
+VERSION = ElementTree.parse(Path(__file__).resolve().with_name("package.xml")).findtext("version")
 
+key = "license_expression" if int(setuptools.__version__.partition(".")[0]) >= 77 else "license"
 options = {}
-requirements = ["grid_map_core_py~=0.2.0", "lark>=1.1.9"]
+scripts = []  # `ros2 run` finds no nodes that pip has installed
+requirements = [f"grid_map_core_py=={VERSION}", "lark>=1.1.9"]
 if {"develop", "install"} & set(sys.argv):
     # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []
+    scripts = [
+        "filter_chain = grid_map_filters_py._executables.filter_chain:FilterChainNode.main",
+    ]
     # Ctrl-C waits until `quiet_start`; Python would print a traceback while it starts.
     python = f"/usr/bin/env -S --block-signal=INT {shlex.quote(sys.executable)}"
     options = {"build_scripts": {"executable": python}}
@@ -26,17 +35,26 @@ setup(
     name=PACKAGE,
     version="0.2.0",
     description="Chains of grid map filters, configured in YAML.",
-    long_description=Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8"),
+    long_description=README.replace("](../", f"]({URL}/blob/main/"),
     long_description_content_type="text/markdown",
     url=URL,
     project_urls={
         "Documentation": f"{URL}/tree/main/docs",
         "Changelog": f"{URL}/blob/main/{PACKAGE}/CHANGELOG.rst",
+        "Issues": f"{URL}/issues",
     },
+    keywords=["grid map", "elevation map", "filters", "traversability", "robotics"],
+    classifiers=[
+        "Development Status :: 5 - Production/Stable",
+        "Intended Audience :: Science/Research",
+        "Programming Language :: Python :: 3",
+        "Topic :: Scientific/Engineering",
+        "Typing :: Typed",
+    ],
     maintainer="grid_map_py contributors",
     maintainer_email="grid-map-py@users.noreply.github.com",
-    license="BSD-3-Clause",
     license_files=["LICENSE"],
+    **{key: "BSD-3-Clause"},
     options=options,
     python_requires=">=3.11",
     packages=find_packages(exclude=["test"]),
@@ -46,13 +64,10 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=requirements,
-    tests_require=["pytest"],
     extras_require={"test": ["pytest"]},
     zip_safe=True,
     entry_points={
-        "console_scripts": [
-            "filter_chain = grid_map_filters_py._executables.filter_chain:FilterChainNode.main",
-        ],
+        "console_scripts": scripts,
         "grid_map_core_py.commands": ["filter = grid_map_filters_py._commands.filter"],
         "grid_map_ros_py.chains": ["filters = grid_map_filters_py:FilterChain"],
     },

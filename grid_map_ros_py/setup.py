@@ -4,7 +4,9 @@ import sys
 from glob import glob
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from xml.etree import ElementTree
 
+import setuptools
 from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_ros_py"
@@ -21,12 +23,21 @@ NODES = (
     "point_cloud_to_grid_map",
 )
 URL = "https://github.com/grid-map-py/grid_map_py"
+README = Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8")
+VERSION = ElementTree.parse(Path(__file__).resolve().with_name("package.xml")).findtext("version")
 
+key = "license_expression" if int(setuptools.__version__.partition(".")[0]) >= 77 else "license"
 options = {}
-requirements = ["grid_map_core_py~=0.2.0", "mcap>=1.1"]
+scripts = []  # `ros2 run` finds no nodes that pip has installed
+requirements = [f"grid_map_core_py=={VERSION}", "mcap>=1.1"]
 if {"develop", "install"} & set(sys.argv):
     # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []
+    scripts = [
+        # Such as grid_map_loader = ..._executables.grid_map_loader:GridMapLoaderNode.main
+        f"{name} = {PACKAGE}._executables.{name}:{name.title().replace('_', '')}Node.main"
+        for name in NODES
+    ]
     # Ctrl-C waits until `quiet_start`; Python would print a traceback while it starts.
     python = f"/usr/bin/env -S --block-signal=INT {shlex.quote(sys.executable)}"
     options = {"build_scripts": {"executable": python}}
@@ -39,17 +50,26 @@ setup(
     name=PACKAGE,
     version="0.2.0",
     description="Conversions between grid maps and ROS 2 messages.",
-    long_description=Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8"),
+    long_description=README.replace("](../", f"]({URL}/blob/main/"),
     long_description_content_type="text/markdown",
     url=URL,
     project_urls={
         "Documentation": f"{URL}/tree/main/docs",
         "Changelog": f"{URL}/blob/main/{PACKAGE}/CHANGELOG.rst",
+        "Issues": f"{URL}/issues",
     },
+    keywords=["grid map", "elevation mapping", "Nav2", "ROS 2", "robotics"],
+    classifiers=[
+        "Development Status :: 5 - Production/Stable",
+        "Intended Audience :: Science/Research",
+        "Programming Language :: Python :: 3",
+        "Topic :: Scientific/Engineering",
+        "Typing :: Typed",
+    ],
     maintainer="grid_map_py contributors",
     maintainer_email="grid-map-py@users.noreply.github.com",
-    license="BSD-3-Clause",
     license_files=["LICENSE"],
+    **{key: "BSD-3-Clause"},
     options=options,
     python_requires=">=3.11",
     packages=find_packages(exclude=["test"]),
@@ -63,15 +83,10 @@ setup(
         ),
     ],
     install_requires=requirements,
-    tests_require=["pytest"],
     extras_require={"test": ["pytest"]},
     zip_safe=True,
     entry_points={
-        "console_scripts": [
-            # Such as grid_map_loader = ..._executables.grid_map_loader:GridMapLoaderNode.main
-            f"{name} = {PACKAGE}._executables.{name}:{name.title().replace('_', '')}Node.main"
-            for name in NODES
-        ],
+        "console_scripts": scripts,
         "grid_map_core_py.commands": [
             "play = grid_map_ros_py._commands.play",
             "record = grid_map_ros_py._commands.record",

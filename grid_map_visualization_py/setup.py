@@ -4,17 +4,31 @@ import sys
 from glob import glob
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from xml.etree import ElementTree
 
+import setuptools
 from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_visualization_py"
 URL = "https://github.com/grid-map-py/grid_map_py"
+README = Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8")
+VERSION = ElementTree.parse(Path(__file__).resolve().with_name("package.xml")).findtext("version")
 
+key = "license_expression" if int(setuptools.__version__.partition(".")[0]) >= 77 else "license"
 options = {}
-requirements = ["grid_map_ros_py~=0.2.0"]
+scripts = []  # `ros2 run` finds no nodes that pip has installed
+requirements = [f"grid_map_ros_py=={VERSION}"]
 if {"develop", "install"} & set(sys.argv):
     # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []
+    scripts = [
+        # Such as web_viewer = ..._executables.web_viewer:WebViewerNode.main
+        *(
+            f"{name} = {PACKAGE}._executables.{name}:{name.title().replace('_', '')}Node.main"
+            for name in ("grid_map_visualization", "rerun_viewer", "web_viewer")
+        ),
+        "snapshot = grid_map_visualization_py._executables.snapshot:main",
+    ]
     # Ctrl-C waits until `quiet_start`; Python would print a traceback while it starts.
     python = f"/usr/bin/env -S --block-signal=INT {shlex.quote(sys.executable)}"
     options = {"build_scripts": {"executable": python}}
@@ -27,17 +41,26 @@ setup(
     name=PACKAGE,
     version="0.2.0",
     description="Shows grid maps as point clouds, occupancy grids and markers.",
-    long_description=Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8"),
+    long_description=README.replace("](../", f"]({URL}/blob/main/"),
     long_description_content_type="text/markdown",
     url=URL,
     project_urls={
         "Documentation": f"{URL}/tree/main/docs",
         "Changelog": f"{URL}/blob/main/{PACKAGE}/CHANGELOG.rst",
+        "Issues": f"{URL}/issues",
     },
+    keywords=["grid map", "elevation map", "visualization", "ROS 2", "robotics"],
+    classifiers=[
+        "Development Status :: 5 - Production/Stable",
+        "Intended Audience :: Science/Research",
+        "Programming Language :: Python :: 3",
+        "Topic :: Scientific/Engineering",
+        "Typing :: Typed",
+    ],
     maintainer="grid_map_py contributors",
     maintainer_email="grid-map-py@users.noreply.github.com",
-    license="BSD-3-Clause",
     license_files=["LICENSE"],
+    **{key: "BSD-3-Clause"},
     options=options,
     python_requires=">=3.11",
     packages=find_packages(exclude=["test"]),
@@ -48,7 +71,6 @@ setup(
         (f"share/{PACKAGE}/config", glob("config/*")),
     ],
     install_requires=requirements,
-    tests_require=["pytest"],
     extras_require={
         "pictures": ["matplotlib>=3.6"],
         "rerun": ["matplotlib>=3.6", "rerun-sdk>=0.41,<0.42"],
@@ -57,14 +79,7 @@ setup(
     },
     zip_safe=True,
     entry_points={
-        "console_scripts": [
-            # Such as web_viewer = ..._executables.web_viewer:WebViewerNode.main
-            *(
-                f"{name} = {PACKAGE}._executables.{name}:{name.title().replace('_', '')}Node.main"
-                for name in ("grid_map_visualization", "rerun_viewer", "web_viewer")
-            ),
-            "snapshot = grid_map_visualization_py._executables.snapshot:main",
-        ],
+        "console_scripts": scripts,
         "grid_map_core_py.commands": [
             "plot = grid_map_visualization_py._commands.plot",
             "view = grid_map_visualization_py._commands.view",

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Tests of the node `costmap` with the messages of Nav2, run by test_optional_messages.py."""
 
+import itertools
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +16,8 @@ from map_msgs.msg import OccupancyGridUpdate
 from nav2_msgs.msg import Costmap, CostmapUpdate
 from nav2_msgs.srv import GetCostmap
 from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from tf2_msgs.msg import TFMessage
 
@@ -56,10 +59,11 @@ class Replay:
             self.grids[topic] = apply_update(self.grids[topic], message)
 
     def wait_for(self, grid_map: GridMap) -> None:
-        """Wait until both grids have exactly the costs of a map."""
+        """Wait until both grids have exactly the costs of a map, in its first layer."""
+        layer = grid_map.layers[0]
         grids = {
-            "costmap": to_occupancy_grid(grid_map, "cost", codec=CostRange()),
-            "costmap_raw": to_costmap(grid_map, "cost"),
+            "costmap": to_occupancy_grid(grid_map, layer, codec=CostRange()),
+            "costmap_raw": to_costmap(grid_map, layer),
         }
 
         def has_come(topic: str) -> bool:
@@ -80,6 +84,21 @@ def costmap(**parameters: object) -> Iterator[tuple[Process, Replay]]:
         yield node, Replay(other)
 
 
+def call(other: Peer, name: str, kind: type, **request: object) -> Any:
+    """Call a service, and return its answer."""
+    client = other.node.create_client(kind, name)
+    other.wait_until(client.service_is_ready, name)
+    answer = client.call_async(kind.Request(**request))
+    other.wait_until(answer.done, f"an answer of {name}")
+    return answer.result()
+
+
+def set_parameter(other: Peer, name: str, value: object) -> None:
+    parameters = [Parameter(name, value=value).to_parameter_msg()]
+    (result,) = call(other, "/costmap/set_parameters", SetParameters, parameters=parameters).results
+    assert result.successful, result.reason
+
+
 def costs() -> GridMap:
     """Return a moved map with random costs, some of them unknown."""
     grid_map = GridMap((3.0, 2.0), 0.1, layers={"cost": 0.0}, frame_id="odom", timestamp=10**9)
@@ -98,7 +117,10 @@ def edited(grid_map: GridMap, number: int) -> GridMap:
 
 def test_updates_replay_to_the_present_costs() -> None:
     grid_map = costs()
-    with costmap(full_period=1000.0) as (_, replay):
+    with costmap(full_period=1000.0) as (node, replay):
+        assert call(replay.peer, "/get_costmap", GetCostmap).map == Costmap()
+        warning = "get_costmap: no costs yet, as no map of /grid_map has been used"
+        replay.peer.wait_until(lambda: warning in node.text, warning)
         for number in range(60):
             replay.send(edited(grid_map, number))
         assert replay.counts["costmap"] == replay.counts["costmap_raw"] == 1
@@ -107,11 +129,7 @@ def test_updates_replay_to_the_present_costs() -> None:
         assert raw == deserialize_message(serialize(raw), Costmap)
         received = from_costmap(raw, "cost")
         np.testing.assert_array_equal(received["cost"], grid_map.unwrapped("cost"))
-        client = replay.peer.node.create_client(GetCostmap, "/get_costmap")
-        replay.peer.wait_until(client.service_is_ready, "the service")
-        answer = client.call_async(GetCostmap.Request())
-        replay.peer.wait_until(answer.done, "the answer")
-        assert answer.result().map.data == raw.data
+        assert call(replay.peer, "/get_costmap", GetCostmap).map.data == raw.data
 
 
 @pytest.mark.parametrize(("step", "count"), [(1, 12), (10, 3)])
@@ -148,45 +166,72 @@ def test_late_subscriber_has_the_present_costs_within_full_period() -> None:
 
 
 def test_stale_costs_become_unknown_and_return_in_full() -> None:
+    """A late subscriber gets no older update, though `stale_after` is lowered after one."""
     unknown, text = costs(), "no usable map of /grid_map for 2 s, all cells are unknown"
     unknown["cost"] = np.nan
-    with costmap(stale_after=2.0) as (node, replay):
+    with costmap(full_period=1000.0, stale_after=0.0) as (node, replay), peer() as other:
         replay.peer.listen("/diagnostics", DiagnosticArray, 10)
-        for count in (1, 3):
-            replay.send(costs())
-            assert replay.counts["costmap"] == replay.counts["costmap_raw"] == count
-            replay.wait_for(unknown)
-        assert replay.counts["costmap_updates"] == replay.counts["costmap_raw_updates"] == 0
+        replay.send(costs())
+        replay.send(edited(costs(), 0))
+        set_parameter(replay.peer, "stale_after", 2.0)
+        replay.wait_for(unknown)
+        late = Replay(other)
+        late.wait_for(unknown)
+        replay.send(costs())
+        late.wait_for(costs())
+        replay.send(edited(costs(), 1))
+        # The latched updates of a publisher come before its later ones.
+        late.wait_for(edited(costs(), 1))
+        assert late.counts["costmap_updates"] == late.counts["costmap_raw_updates"] == 1
+        replay.wait_for(unknown)
         reports = replay.peer.received["/diagnostics"]
         replay.peer.wait_until(
             lambda: reports and reports[-1].status[0].level == DiagnosticStatus.WARN, "a warning"
         )
         assert reports[-1].status[0].message.endswith(text)
         assert node.text.count(f"{text}; set stale_after to 0") == 2
-        assert replay.counts["costmap"] == 4
+        counts = replay.counts
+        assert counts["costmap"] == counts["costmap_raw"] == 4
+        assert counts["costmap_updates"] == counts["costmap_raw_updates"] == 2
 
 
 def test_rotated_frame_gets_costs_once_its_transform_arrives() -> None:
     transform, message = TransformStamped(child_frame_id="odom"), to_message(costs())
     transform.header.frame_id, transform.header.stamp = "map", to_stamp(10**9)
     with costmap(frame_id="map", unknown="above_free") as (node, replay):
+        replay.peer.listen("/diagnostics", DiagnosticArray, 10)
+        reports = replay.peer.received["/diagnostics"]
 
         def has_logged(text: str) -> bool:
             replay.peer.publish("/grid_map", message)
-            return text in node.text
+            return any(text in line for line in node.lines)
 
-        def publish_transform(roll: float) -> None:
+        def publish_transform(other: Peer, roll: float) -> None:
             transform.transform = to_transform(from_xyz_rpy((1.0, -2.0, 0.3), (roll, 0.0, 0.5)))
-            replay.peer.publish("/tf_static", TFMessage(transforms=[transform]))
+            other.publish("/tf_static", TFMessage(transforms=[transform]))
+
+        def levels() -> list[bytes]:
+            """Return the diagnostic levels from the first error on."""
+            replay.peer.publish("/grid_map", message)
+            found = [report.status[0].level for report in reports]
+            return list(itertools.dropwhile(lambda level: level != DiagnosticStatus.ERROR, found))
 
         text = (
             "dropped a message of /grid_map: frame_id: expected a transform from 'odom' to 'map', "
             "got none within 1 s: 'odom' passed to lookupTransform does not exist. Publish it"
         )
         replay.peer.wait_until(lambda: has_logged(text), "the missing transform")
-        publish_transform(0.2)
+        replay.peer.wait_until(lambda: len(levels()) >= 4, "four reports")
+        assert set(levels()) == {DiagnosticStatus.ERROR}
         tilt = "frame 'odom': expected roll and pitch of at most 5 deg in 'map', got 11.5"
-        replay.peer.wait_until(lambda: has_logged(tilt), "the tilt")
-        assert not any(replay.counts.values())
-        publish_transform(0.0)
-        replay.send(costs(), resampled(costs(), "cost", (1.0, -2.0, 0.5), "map", 0.1, False))
+        with peer() as other:
+            publish_transform(other, 0.2)
+            replay.peer.wait_until(lambda: has_logged(tilt), "the tilt")
+            assert all("[WARN]" in line for line in node.lines if tilt in line)
+            assert not any(replay.counts.values())
+            publish_transform(other, 0.0)
+            replay.send(costs(), resampled(costs(), "cost", (1.0, -2.0, 0.5), "map", 0.1, 0))
+        # No publisher could repeat the transform.
+        set_parameter(replay.peer, "layer", "other")
+        grid_map = costs().with_layers({"other": np.zeros(costs().size)})
+        replay.send(grid_map, resampled(grid_map, "other", (1.0, -2.0, 0.5), "map", 0.1))

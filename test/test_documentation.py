@@ -11,7 +11,8 @@ How blocks are run:
             Other lines from the root of the workspace: one with the comment `publishes /topic` runs
             until that topic has brought a message, and is then interrupted. Those that begin with
             `ros2` are run where there is a `ros2`; their names are checked everywhere.
-            The block marked `ros` runs with stand-ins for the network; `pip` names packages.
+            The block marked `ros` runs with stand-ins for the network; `pip` names packages; `venv`
+            builds the core.
     yaml    a filter chain or the parameters of a node of ours, which are built or looked up.
     text, xml, cpp are not run.
 
@@ -26,6 +27,7 @@ import os
 import re
 import shutil
 import sys
+import sysconfig
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
@@ -41,7 +43,7 @@ from rclpy.parameter_client import AsyncParameterClient
 import grid_map_core_py
 import grid_map_filters_py
 import grid_map_ros_py
-from grid_map_core_py._commands.doctor import PACKAGES as PACKAGES_OF_DOCTOR
+from grid_map_core_py._packages import PACKAGES as PACKAGES_OF_DOCTOR
 from grid_map_core_py._parameters import DEEPEST
 from grid_map_core_py.errors import cut
 from grid_map_core_py.files._formats import (
@@ -73,7 +75,7 @@ from grid_map_ros_py.testing import (
 from grid_map_visualization_py._registry import BUILT_IN, create
 from grid_map_visualization_py._rerun.server import SETTINGS
 from grid_map_visualization_py.pictures import plot, plot_3d, plot_relief
-from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, executables, run
+from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, executables, fresh_environment, run
 
 LANGUAGES = {"bash", "cpp", "python", "text", "xml", "yaml"}
 INDEX = page("docs/index.md")
@@ -253,7 +255,7 @@ def commands(block: Block) -> list[tuple[str, str]]:
 def scripts() -> Iterator[tuple[str, str]]:
     """Yield every command of the documentation with the topic that ends it, or an empty one."""
     for block in blocks("bash"):
-        if is_finite(block) or block.info in {"ros", "pip"}:
+        if is_finite(block) or block.info in {"ros", "pip", "venv"}:
             continue
         before = ""
         for command, comment in commands(block):
@@ -324,7 +326,7 @@ def test_finite_commands_are_make_targets_or_launch_files():
 STAND_INS = f"""
 source() {{ [ "$1" = /opt/ros/jazzy/setup.bash ]; }}
 git() {{ [ "$1 $2" = "clone https://github.com/grid-map-py/grid_map_py" ] && ln -s {ROOT} "$3"; }}
-rosdep() {{ [ "$*" = "install --from-paths src --ignore-src -y" ]; }}
+rosdep() {{ [ "$*" = "install --from-paths $(echo src/grid_map_py/*_py) --ignore-src -y" ]; }}
 colcon() {{ [ "$*" = build ] && command colcon list --names-only; }}
 """
 """They replace ROS and the network; colcon only lists the packages that it would build."""
@@ -340,6 +342,17 @@ def test_ros_workspace_of_readme_has_all_packages(tmp_path):
     done = run("bash", "-ec", script, environ=environment() | {"HOME": str(tmp_path)})
     assert done.returncode == 0, done.stderr
     assert sorted(done.stdout.split()) == sorted(path.name for path in PACKAGES)
+
+
+def test_executables_start_the_python_that_built_them(tmp_path):
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "grid_map_core_py").symlink_to(ROOT / "grid_map_core_py")
+    libraries = sysconfig.get_path("purelib")  # instead of those of apt
+    environ = fresh_environment(PYTHONPATH=libraries)
+    done = run("bash", "-ec", install_command("venv"), environ=environ, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    program = tmp_path / "install/grid_map_core_py/lib/grid_map_core_py/grid_map"
+    assert f"{tmp_path}/venv/bin/python" in program.read_text().partition("\n")[0]
 
 
 def test_pip_command_of_readme_names_packages():
@@ -420,6 +433,13 @@ def test_table_of_formats_has_all_formats_and_options():
             assert {*needed} <= PACKAGES_OF_DOCTOR.keys()
             listed.append(one.name)
     assert sorted(listed) == sorted(known)
+
+
+def test_table_of_installation_is_that_of_doctor():
+    rows = table(page("docs/installation.md").section("What each feature needs"))
+    found = [tuple(cell.strip("`").replace("$ROS_DISTRO", "*") for cell in row) for row in rows]
+    listed = {name: one for name, one in PACKAGES_OF_DOCTOR.items() if one.apt or one.pip}
+    assert found == [(one.gives, name, one.apt, one.pip) for name, one in listed.items()]
 
 
 def test_names_beside_cpp_names_exist():

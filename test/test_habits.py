@@ -190,3 +190,13 @@ def test_public_modules_have_all(package):
         assert exported, f"{name}: give it an __all__, or let its name begin with _"
         assert [name for name in exported if name.startswith("_")] == []
         assert [name for name in exported if not hasattr(module, name)] == []
+
+
+@pytest.mark.parametrize("package", LIBRARIES, ids=lambda path: path.name)
+def test_packages_show_public_names_only(package):
+    modules = {*public_modules(package)}
+    for name in modules:
+        module = importlib.import_module(name)
+        if hasattr(module, "__path__"):
+            others = {f"{name}.{other}" for other in {*dir(module)} - {*module.__all__}}
+            assert others <= modules, name

@@ -75,6 +75,16 @@ INTERFACES = {
     "tf2_msgs": {"msg/TFMessage.msg": "geometry_msgs/TransformStamped[] transforms\n"},
 }
 
+TYPE_HASHES = {
+    "map_msgs/msg/OccupancyGridUpdate": (
+        "RIHS01_c4095b0be2e4363f8978a1570e0293ee093436f1e1c61d99b48502ac317025e8"
+    ),
+    "tf2_msgs/msg/TFMessage": (
+        "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+    ),
+}
+"""Type hashes that Jazzy shows for messages of these types (`ros2 topic info --verbose`)."""
+
 # Only the Python generators: all generators would take twice as long.
 CMAKE = """
 cmake_minimum_required(VERSION 3.8)
@@ -223,6 +233,16 @@ def octomap_server(environ: dict[str, str], durability: str) -> Iterator[Process
 def node(environ: dict[str, str], module: str = NODE, **parameters: object) -> Process:
     given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     return Process([sys.executable, "-m", module, "--ros-args", *given], environ)
+
+
+@pytest.mark.parametrize("name", TYPE_HASHES)
+def test_messages_have_the_type_hashes_of_jazzy(with_messages, name):
+    package = name.partition("/")[0]
+    prefixes = with_messages["AMENT_PREFIX_PATH"].split(os.pathsep)
+    (prefix,) = (path for path in prefixes if Path(path).name == package)
+    hashes = json.loads(Path(prefix, "share", f"{name}.json").read_text())["type_hashes"]
+    (found,) = (entry["hash_string"] for entry in hashes if entry["type_name"] == name)
+    assert found == TYPE_HASHES[name]
 
 
 @pytest.mark.parametrize("file", ["costmaps.py", "plans.py", "terrains.py"])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The packages install with pip and without ROS, and from wheels and source archives."""
 
+import shutil
 import subprocess
 import tarfile
 import zipfile
@@ -9,19 +10,32 @@ from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
+from catkin_pkg.package_version import update_versions
+from catkin_pkg.packages import find_packages
 
 from grid_map_core_py import load
-from scratch import BASE_PYTHON, PYTHON_PACKAGES, ROOT, fresh_environment, run
+from scratch import (
+    BASE_PYTHON,
+    PACKAGES,
+    PYTHON_PACKAGES,
+    ROOT,
+    executables,
+    fresh_environment,
+    run,
+)
 
 pytestmark = pytest.mark.timeout(600)  # allows for downloads on a busy machine
 
 NAMES = [package.name for package in PYTHON_PACKAGES]
 LIBRARIES = {
     "grid_map_core_py": {"numpy", "opencv-python-headless", "PyYAML", "scipy"},
-    "grid_map_filters_py": {"grid_map_core_py", "lark"},
-    "grid_map_ros_py": {"grid_map_core_py", "mcap"},
-    "grid_map_visualization_py": {"grid_map_ros_py"},
-    "grid_map_demos_py": {"grid_map_filters_py", "grid_map_visualization_py"},
+    "grid_map_filters_py": {"grid_map_core_py==1.0.0", "lark"},
+    "grid_map_ros_py": {"grid_map_core_py==1.0.0", "mcap"},
+    "grid_map_visualization_py": {"grid_map_ros_py==1.0.0"},
+    "grid_map_demos_py": {
+        "grid_map_filters_py==1.0.0",
+        "grid_map_visualization_py[pictures]==1.0.0",
+    },
 }
 WITHOUT_ROS = """
 from grid_map_core_py import GridMap, circle_cells, conversions, load, save
@@ -52,11 +66,11 @@ from grid_map_demos_py.iterator_benchmark import main
 """Program for the second column of the table in docs/installation.md."""
 
 
-def files_of_packages() -> set[Path]:
-    """Return all files except those that tests running at the same time may write."""
-    every = {path for package in PYTHON_PACKAGES for path in package.rglob("*")}
+def files_in(folder: Path) -> set[Path]:
+    """Return all files of the packages but those that tests running at the same time may write."""
+    every = {path for package in PYTHON_PACKAGES for path in (folder / package.name).rglob("*")}
     transient = ("test", "__pycache__", ".hypothesis", ".pytest_cache")
-    return {path for path in every if not {*transient} & {*path.relative_to(ROOT).parts[1:]}}
+    return {path for path in every if not {*transient} & {*path.relative_to(folder).parts[1:]}}
 
 
 def site_packages(venv: Path) -> Path:
@@ -80,9 +94,9 @@ def environment_with(folder: Path, *names: str, base: Path | None = None) -> Pat
     run(BASE_PYTHON, "-m", "venv", *options, folder, environ=fresh_environment())
     if base is not None:
         (site_packages(folder) / "base.pth").write_text(f"{site_packages(base)}\n")
-    before = files_of_packages()
+    before = files_in(ROOT)
     pip(folder, *(f"./{name}" for name in names))
-    assert files_of_packages() == before
+    assert files_in(ROOT) == before
     return folder
 
 
@@ -101,22 +115,26 @@ def everything(venv) -> Path:
 
 @pytest.fixture(scope="module")
 def archives(venv) -> Path:
-    """A folder with a source archive of each package and the wheel that was built from it."""
-    pip(venv, "build", "setuptools>=68", "wheel")
-    folder = venv.with_name("archives")
-    before = files_of_packages()
+    """A folder with source archives and wheels of a release, whose version `bloom` would set."""
+    pip(venv, "build", "setuptools>=77", "twine", "wheel")
+    folder, sources = venv.with_name("archives"), venv.with_name("sources")
+    for package in PACKAGES:
+        shutil.copytree(package, sources / package.name)
+    release = find_packages(sources)
+    update_versions({sources / path: found for path, found in release.items()}, "1.0.0")
+    before = files_in(sources)
     for package in PYTHON_PACKAGES:
         command = (venv / "bin/python", "-m", "build", "--no-isolation", "--outdir", folder)
-        done = run(*command, package, environ=fresh_environment())
+        done = run(*command, sources / package.name, environ=fresh_environment())
         assert done.returncode == 0, done.stderr
-    assert files_of_packages() == before
+    assert files_in(sources) == before
     return folder
 
 
 def libraries(requirements: list[str]) -> set[str]:
     """Return the names of the requirements outside of extras."""
     always = [text for text in requirements if "extra ==" not in text]
-    return {text.partition("[")[0].split("~")[0].split(">")[0].strip() for text in always}
+    return {text.split(">")[0] for text in always}
 
 
 COMMANDS = """
@@ -185,20 +203,32 @@ def test_archives_describe_the_package_with_licence_and_types(archives, name):
     (path,) = archives.glob(f"{name}-*.whl")
     with zipfile.ZipFile(path) as wheel:
         files = wheel.namelist()
-        text = wheel.read(f"{name}-0.2.0.dist-info/METADATA").decode()
+        text = wheel.read(f"{name}-1.0.0.dist-info/METADATA").decode()
     assert f"{name}/py.typed" in files
     assert any(path.endswith("/LICENSE") for path in files)
     described = message_from_string(text)
-    assert described["License"] == "BSD-3-Clause"
+    assert described["License-Expression"] == "BSD-3-Clause"
     assert described["Requires-Python"] == ">=3.11"
     assert described["Description-Content-Type"] == "text/markdown"
     assert described.get_payload().startswith(f"# {name}\n")
     assert any("Documentation, https://" in url for url in described.get_all("Project-URL"))
+    assert "](../" not in described.get_payload()
     assert libraries(described.get_all("Requires-Dist")) == LIBRARIES[name]
     (source,) = archives.glob(f"{name}-*.tar.gz")
     with tarfile.open(source) as archive:
-        licence = archive.extractfile(f"{name}-0.2.0/LICENSE").read()
+        licence = archive.extractfile(f"{name}-1.0.0/LICENSE").read()
     assert licence == (ROOT / "LICENSE").read_bytes()
+
+
+def test_archives_are_fit_for_the_index(archives, venv):
+    files = sorted(archives.iterdir())
+    done = run(venv / "bin/twine", "check", "--strict", *files, environ=fresh_environment())
+    assert done.returncode == 0, done.stdout
+
+
+def test_pip_puts_only_the_command_line_on_the_path(everything):
+    nodes = {script for name in NAMES for script in executables(name)}
+    assert nodes & {path.name for path in (everything / "bin").iterdir()} == set()
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Multi-layer grid maps in NumPy, without ROS.
 
-- `GridMap`: named float32 layers over a rectangular grid that follows a robot without copying data.
+- `GridMap`: named float32 layers over a grid that can move with a robot without copying data.
   Related classes: `GridGeometry`, `Interpolation`, `BufferRegion`, `SignedDistanceField`.
 - Regions: `circle_cells` and similar functions return the (rows, cols) of the cells in a shape, for
   indexing a layer. See also `cells_to_mask`, `sliding_windows`, `window_array` and `Polygon`.
@@ -68,8 +68,6 @@ if TYPE_CHECKING:
         submap_cells as submap_cells,
         window_array as window_array,
     )
-
-__version__ = "0.2.0"
 
 _OFFERED = {
     "._arrays": "max_of_finites mean_of_finites min_of_finites number_of_finites sum_of_finites",

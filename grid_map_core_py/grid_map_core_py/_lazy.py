@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Packages that import their names on first use, so that programs start fast."""
+"""Lists the public names of packages, and imports names on first use for fast program starts."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -12,11 +12,22 @@ from .errors import hint
 def lazy_names(
     package: str, offered: Mapping[str, str]
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__all__`, `__getattr__`, `__dir__` for a package; `offered` maps modules to names."""
+    """Return `__all__`, `__getattr__` and `__dir__` for a package that imports names on first use.
+
+    `__getattr__` also finds `__version__`, which is "0+unknown" if the package is not installed.
+    `offered` maps each module of the package to its public names, separated by spaces.
+    """
     module_of = {name: module for module, names in offered.items() for name in names.split()}
     modules = [name.removeprefix(".") for name in offered]
 
     def find(name: str) -> Any:
+        if name == "__version__":
+            from importlib import metadata
+
+            try:
+                return metadata.version(package)
+            except metadata.PackageNotFoundError:
+                return "0+unknown"
         if name in modules:
             return import_module(f"{package}.{name}")
         if name not in module_of:
@@ -31,3 +42,9 @@ def lazy_names(
         return sorted({*sys.modules[package].__all__, *public})
 
     return sorted(module_of), find, names
+
+
+def public_names(names: Iterable[str]) -> tuple[list[str], Callable[[], list[str]]]:
+    """Return `__all__` and `__dir__` of a package; `names` is its `dir()` after all imports."""
+    public = [name for name in names if not name.startswith("_")]
+    return public, lambda: public

@@ -39,7 +39,7 @@ class Loop:
             arrays and returns nothing. It may call `math`, NumPy and other compilable functions.
         takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
             "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
-            For other types, the loop is compiled again when it is first called with them.
+            The first call with other types compiles the loop again.
         instead: maps functions that `function` calls to their replacements in compiled code.
     """
 
@@ -50,8 +50,8 @@ class Loop:
     def compiled(self) -> Compiled | None:
         """Return the compiled function, from numba's cache or after a few seconds of compilation.
 
-        The first compilation in a process is logged.
-        Array arguments may have any shape and must be contiguous. The function releases the GIL.
+        The first compilation in a process is logged. The arrays that are passed to the function may
+        have any shape, but must be contiguous. The function releases the GIL.
 
         Returns:
             The function, or None if numba is not installed, if NUMBA_DISABLE_JIT is set, or (with a
@@ -99,7 +99,7 @@ def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
 
 @lru_cache
 def _announce() -> None:
-    # Logged, as a program may turn Python warnings into errors. Nodes forward the message to ROS.
+    # A log message, because programs may turn warnings into errors. Nodes forward it to ROS.
     logger.warning("numba compiles loops for some seconds, this first time only")
 
 

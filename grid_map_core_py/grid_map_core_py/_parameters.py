@@ -4,12 +4,13 @@
 YAML values of a similar type are cast: `1` to a float, `3.0` to an integer, a list to a tuple.
 """
 
+import functools
 import inspect
 import numbers
 import re
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, fields
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
@@ -25,6 +26,7 @@ __all__ = [
     "mismatch",
     "nested",
     "node_sections",
+    "with_checked_names",
 ]
 
 T = TypeVar("T")
@@ -43,7 +45,14 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
         ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` rejects a
             value.
     """
-    known = {f.name: f for f in fields(cls) if f.init}  # type: ignore[arg-type]
+    _check_names(cls, parameters)
+    types_of = typing.get_type_hints(cls)
+    return cls(**{name: cast(name, value, types_of[name]) for name, value in parameters.items()})
+
+
+def _check_names(cls: type, parameters: Iterable[str]) -> None:
+    """Raise `ConfigError` if a parameter of the dataclass `cls` is unknown or missing."""
+    known = {f.name: f for f in fields(cls) if f.init}
     for name in parameters:
         if name not in known:
             names = ", ".join(known) or "(none)"
@@ -52,8 +61,19 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
         is_required = declared.default is MISSING and declared.default_factory is MISSING
         if is_required and name not in parameters:
             raise ConfigError(f"missing parameter {name!r}")
-    types_of = typing.get_type_hints(cls)
-    return cls(**{name: cast(name, value, types_of[name]) for name, value in parameters.items()})
+
+
+def with_checked_names(cls: type[T]) -> type[T]:
+    """Class decorator: let the constructor of a keyword-only dataclass check parameter names."""
+    create: Any = cls.__init__
+
+    @functools.wraps(create)
+    def checked(self: object, **parameters: object) -> None:
+        _check_names(cls, parameters)
+        create(self, **parameters)
+
+    cls.__init__ = checked  # type: ignore[method-assign]
+    return cls
 
 
 def descriptions(cls: type) -> dict[str, str]:
@@ -112,7 +132,7 @@ def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
 
 
 def cast(name: str, value: object, kind: Any) -> Any:
-    """Return the value of a parameter, cast to a declared type.
+    """Return the value of a parameter, cast to a declared type; raise `ConfigError` if impossible.
 
     Args:
         name: name of the parameter, for the error message.

@@ -10,6 +10,7 @@ Data goes to standard output, messages to standard error. Exit codes are 0 for s
 1 for an error, 2 for invalid arguments, and 128 plus the signal number after a signal.
 """
 
+from . import _lazy
 from ._commands import (
     CommandError as CommandError,
     add_source as add_source,
@@ -17,4 +18,4 @@ from ._commands import (
     read_map as read_map,
 )
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

@@ -18,6 +18,8 @@ from importlib import import_module
 from itertools import islice
 from typing import Any
 
+from ._packages import remedy_for
+
 __all__ = [
     "ConfigError",
     "GeometryError",
@@ -32,7 +34,7 @@ __all__ = [
 class GridMapError(Exception):
     """Base class of all errors that the grid_map packages raise.
 
-    The message is shortened to at most 500 characters.
+    `str(error)` is shortened to at most 500 characters; `error.whole_text()` is not.
     """
 
     def __str__(self) -> str:
@@ -75,19 +77,19 @@ class LimitError(GridMapError, ValueError):
 class MissingPackageError(GridMapError, ImportError):
     """A feature needs a package that is not installed."""
 
-    def __init__(self, package: str, feature: str, remedy: str) -> None:
+    def __init__(self, package: str, feature: str, remedy: str = "") -> None:
         self.package = package
-        super().__init__(package, feature, remedy)
+        super().__init__(package, feature, remedy or remedy_for(package))
 
     def whole_text(self) -> str:
         package, feature, remedy = self.args
         return f"{feature} needs the package {package!r}, which is not installed: {remedy}"
 
 
-_LONGEST = 80  # maximum characters of a value in a message
-_LONGEST_TEXT, _END = 500, 100  # maximum characters of a message, and of its end if shortened
+_LONGEST = 80  # maximum number of characters of a value in a message
+_LONGEST_TEXT, _END = 500, 100  # maximum length of a message, and of its end if it is shortened
 _MOST_NAMES = 1000  # maximum number of names compared with a wrong name
-_MOST_ELEMENTS = 4  # maximum elements of an array that is shown in full
+_MOST_ELEMENTS = 4  # maximum number of elements of an array that is shown in full
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxlong = _repr.maxother = _LONGEST
@@ -117,12 +119,13 @@ def wrong_crs(crs: object) -> ConfigError:
     return ConfigError(f"crs: expected {expected}, got {short(crs)}")
 
 
-def required(module: str, feature: str, remedy: str) -> Any:
-    """Import a module. If it is missing, `MissingPackageError` names the feature and remedy."""
+def required(module: str, feature: str, remedy: str = "") -> Any:
+    """Import a module; if it is missing, raise `MissingPackageError` with feature and remedy."""
     try:
         return import_module(module)
     except ImportError as error:
-        raise MissingPackageError(module.partition(".")[0], feature, remedy) from error
+        package = module.partition(".")[0]
+        raise MissingPackageError(package, feature, remedy or remedy_for(module)) from error
 
 
 def cut(text: str) -> str:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Limits on the size of messages, files and requests, checked before memory is allocated.
 
-A message of a few bytes can declare a map of any size. Sizes given in Python, as in `GridMap(...)`,
-are not limited. Set limits for the process, or for a `with` block::
+A message of a few bytes can declare a map of any size. The size passed to `GridMap(...)` is not
+limited. Set limits for the process, or for a `with` block::
 
     from grid_map_core_py.limits import changed_limits, set_limits
 
@@ -79,7 +79,7 @@ def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
 
 @contextmanager
 def changed_limits(**changes: float) -> Iterator[None]:
-    """Change limits of the process for the duration of a `with` block."""
+    """Change limits, as `set_limits` does, for the duration of a `with` block."""
     before = set_limits(**changes)
     try:
         yield

@@ -2,7 +2,7 @@
 """Helpers for plug-ins: class registries and parameter checks.
 
 Filters and visualizations are dataclasses whose fields are their parameters. A `Registry` finds
-such classes by their YAML type names in all installed packages. `check` validates a value.
+such classes by their YAML type names in all installed packages. `check` rejects invalid values.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,11 @@ class Registry(Generic[T]):
     group: str
 
     def __getitem__(self, type_name: str) -> type[T]:
-        """Return the class of a type; raise `ConfigError` if it is unknown or cannot be loaded."""
+        """Return the class registered as `type_name`.
+
+        Raises:
+            ConfigError: the name is unknown, or the class cannot be loaded.
+        """
         plugins = self._plugins
         if type_name in plugins:
             entry = plugins[type_name]
@@ -53,7 +57,7 @@ class Registry(Generic[T]):
 
     @property
     def types(self) -> tuple[str, ...]:
-        """Sorted names of all types."""
+        """Sorted type names of the built-in classes and of those from entry points."""
         return tuple(sorted({*self.built_in, *self._plugins}))
 
     @cached_property

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Registers the xarray accessor `grid_map` when imported; see `GridMapAccessor`.
+"""Registers the accessor `grid_map` of xarray datasets and arrays when imported.
 
+The accessor reads, filters, crops, samples and plots data that `GridMap.from_xarray` accepts.
 `GridMap.to_xarray`, `GridMap.from_xarray` and `open_map` also register the accessor.
 """
 

@@ -4,12 +4,16 @@
 import json
 import sys
 
+import pytest
+
+from grid_map_core_py import _packages
 from grid_map_core_py._commands import doctor, main
+from grid_map_core_py._packages import Package, remedy_for
 
 
 def test_healthy_machine_has_no_failures(capfd, monkeypatch):
     # The page on the command line examines all of them, which takes seconds.
-    monkeypatch.setattr(doctor, "PACKAGES", {"numpy": ("arrays", "apt"), "yaml": ("x", "apt")})
+    monkeypatch.setattr(doctor, "PACKAGES", {"numpy": Package("arrays"), "yaml": Package("x")})
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     code = main(["doctor", "--json"])
     found = json.loads(capfd.readouterr().out)
@@ -23,10 +27,10 @@ def test_healthy_machine_has_no_failures(capfd, monkeypatch):
 
 
 def test_failures_are_listed_last_and_in_the_exit_code(capfd, monkeypatch):
-    monkeypatch.setattr(doctor, "PACKAGES", {"numpy": ("arrays", "apt"), "nothing": ("x", "pip")})
+    monkeypatch.setattr(doctor, "PACKAGES", {"numpy": Package("arrays"), "nothing": Package("x")})
     assert main(["doctor"]) == 0
     text = capfd.readouterr().out
-    assert "missing  nothing  x (pip)\n" in text
+    assert "missing  nothing  x (" in text
     assert text.endswith("All that is installed works.\n")
     monkeypatch.setattr(doctor, "REQUIRED", ("nothing",))
     assert main(["doctor"]) == 1
@@ -46,3 +50,27 @@ def test_modules_that_break_or_end_python_are_broken(tmp_path, monkeypatch):
     assert found["breaks"][1] == "no library"
     assert found["dies"][1] == "importing it ends Python with exit code 7"
     assert "that_is_not_there" in found["needs"][1]
+
+
+@pytest.mark.parametrize(
+    ("module", "anywhere", "where_pip_is_refused"),
+    [
+        (
+            "rasterio.crs",
+            "apt install python3-rasterio, or pip install rasterio",
+            "apt install python3-rasterio",
+        ),
+        (
+            "viser",
+            "pip install viser",
+            "python3 -m venv --system-site-packages venv && venv/bin/pip install viser",
+        ),
+        ("nav_msgs.srv", "apt install ros-jazzy-nav-msgs", "apt install ros-jazzy-nav-msgs"),
+        ("grid_map_ros_py", "build and source the workspace", "build and source the workspace"),
+    ],
+)
+def test_remedy_works_where_pip_is_refused(module, anywhere, where_pip_is_refused, monkeypatch):
+    monkeypatch.setattr(_packages, "_is_managed", lambda: False)
+    assert remedy_for(module).startswith(anywhere)
+    monkeypatch.setattr(_packages, "_is_managed", lambda: True)
+    assert remedy_for(module).startswith(where_pip_is_refused)

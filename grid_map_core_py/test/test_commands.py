@@ -241,6 +241,7 @@ WRONG = {
         "sit.npz: cannot be read: No such file or directory; did you mean site.npz",
     ),
     "inspct": (2, "invalid choice: 'inspct'; known: info, inspect, "),
+    "info site.np": (1, "site.np: cannot be read: No such file or directory; did you mean site"),
     "convrt": (2, "; did you mean convert?"),
     "convert site.npz": (2, "required: destination"),
 }

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
@@ -73,6 +74,16 @@ def test_killed_worker_costs_no_bytes(
     assert not (tmp_path / "kill").exists()
     assert files(target) == expected
     assert site.source.computed().count("48 32") == 2
+
+
+def test_warnings_of_workers_reach_the_client(cluster: Any) -> None:
+    def doubled(number: int) -> int:
+        warnings.warn(f"{number} is odd", RuntimeWarning, stacklevel=2)
+        return 2 * number
+
+    with cluster.as_current(), pytest.warns(RuntimeWarning) as caught:
+        assert dict(in_any_order(doubled, (3, 5))) == {3: 6, 5: 10}
+    assert {str(warning.message) for warning in caught} == {"3 is odd", "5 is odd"}
 
 
 @pytest.fixture

@@ -389,12 +389,15 @@ def test_wide_strips_warn_and_say_what_mends_them():
     open_map("a.tif")
 
 
-def test_wrong_arguments_are_refused():
+def test_wrong_arguments_are_refused(capfd):
     write("a.tif", heights(5, 5), crs=None)
     with pytest.raises(GridMapError, match=r"a\.tif: .*has no reference system from which EPSG:4"):
         open_map("a.tif", crs="EPSG:4326")
     with pytest.raises(ConfigError, match=r"crs: expected WKT, a code .*, got 'EPSG:nothing'"):
         open_map(write("b.tif", heights(5, 5)), crs="EPSG:nothing")
+    with pytest.raises(ConfigError, match=r"crs: expected WKT, a code .*, got 'EPSG:9999999'"):
+        open_map("b.tif", crs="EPSG:9999999")
+    assert not capfd.readouterr().err  # PROJ prints no message of its own
     with pytest.raises(ConfigError, match="path"):
         open_map([])
     path = f"/vsisubfile/0_{Path('a.tif').stat().st_size},{Path('a.tif').absolute()}"

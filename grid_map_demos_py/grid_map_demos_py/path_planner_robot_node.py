@@ -33,8 +33,8 @@ from .robot_course import (
     to_bytes,
 )
 
-MAX_RANGE = 4.0
-"""Range of the sensors [m]; short, so that the robot sees the scarp late."""
+MAX_RANGE = 12.0
+"""Range of the sensors [m]."""
 
 MAP = "/elevation_mapping/elevation_map"
 """Topic of the maps for the planner."""
@@ -51,6 +51,9 @@ class PathPlannerRobotNode(Demo):
         self._period = 1.0 / self.read_positive("rate", 5.0, "scan rate of each sensor [Hz]")
         self._random = np.random.default_rng(self.read("seed", 1, "seed of the noise"))
         self._ground = load_course(path)
+        # Walls at the borders keep the robot on the terrain.
+        inner = np.pad(np.zeros(np.subtract(self._ground.size, 20)), 10, constant_values=1.5)
+        self._ground["elevation"] += inner.astype(np.float32)
         self._walker, self._is_done = Walker(START, GOAL), False
         self._odometry = self.create_publisher(Odometry, "odom", 10)
         self._goal = self.create_publisher(PoseStamped, "goal_pose", map_qos())

@@ -497,7 +497,7 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
         plans: plans (N, 2) in their order [m].
         walk: walked path (N, 2) [m].
     """
-    figure = Figure((7.2, 2.9), layout="constrained")
+    figure = Figure((6.8, 2.75), layout="constrained")
     panels: list[tuple[GridMap, str, str, dict[str, Any]]] = [
         (truth, "elevation", "true terrain [m]", {"color_map": "gist_earth"}),
         (costs, COST, "costs; unknown is white", {"color_map": "RdYlGn_r", "upper": 254.0}),

@@ -7,13 +7,11 @@ import sys
 
 import numpy as np
 import pytest
-from demos import PACKAGE
 from nav_msgs.msg import Odometry, Path
 
 from grid_map_core_py import GridMap
 from grid_map_demos_py.report_node import draw_walk, length_of
-from grid_map_demos_py.robot_course import ARRIVED, GOAL, START, Walker, load_course
-from grid_map_filters_py import FilterChain
+from grid_map_demos_py.robot_course import ARRIVED, GOAL, START, Walker
 from grid_map_ros_py import from_pose
 from grid_map_ros_py.testing import Process, peer
 
@@ -80,13 +78,3 @@ def test_robot_plans_again_and_walks_to_the_goal(tmp_path):
     assert (tmp_path / "path_planner.png").stat().st_size > 50_000
     assert math.dist(walk[0], START) < 0.3
     assert math.dist(walk[-1], GOAL) < ARRIVED + 0.3
-    # The robot goes around the scarp and the stairs; its sensors are noisy, this slope is not.
-    steps = [
-        {
-            "name": "slope",
-            "type": "gridMapFilters/SlopeFilter",
-            "params": {"input_layer": "elevation", "output_layer": "slope", "radius": 0.2},
-        }
-    ]
-    ground = FilterChain.from_config(steps)(load_course(PACKAGE / "data/jacksboro_fault_dem.npz"))
-    assert ground.at_position("slope", walk).max() < 0.6

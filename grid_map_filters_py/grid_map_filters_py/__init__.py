@@ -19,8 +19,6 @@ from ._step import Step
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
 
-__version__ = "0.2.0"
-
 __all__ = [
     "FILTERS",
     "WHOLE_MAP",

@@ -5,13 +5,16 @@ Other packages register filters through the entry-point group `grid_map_filters_
 name of an entry point is the YAML type of the filter, and its value refers to the filter class.
 """
 
+from grid_map_core_py._parameters import with_checked_names
 from grid_map_core_py.plugins import Registry
 
 from . import _builtin
 from ._filter import Filter
 
 BUILT_IN: dict[str, type[Filter]] = {
-    f"gridMap{'Cv' if name == 'Inpaint' else 'Filters'}/{name}Filter": getattr(_builtin, name)
+    f"gridMap{'Cv' if name == 'Inpaint' else 'Filters'}/{name}Filter": with_checked_names(
+        getattr(_builtin, name)
+    )
     for name in _builtin.__all__
 }
 """Built-in filters by C++ type name."""

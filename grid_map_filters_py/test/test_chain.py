@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Filter chains: configuration, order, memory, errors and warnings."""
 
+import inspect
 import threading
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -9,7 +10,6 @@ import numpy as np
 import pytest
 from filter_cases import TO_OUT, step_of
 
-import grid_map_filters_py
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
@@ -423,6 +423,10 @@ def test_misspelled_filter_is_answered_with_a_similar_one():
         _ = FILTERS["slope"]
 
 
-def test_package_shows_public_names_only():
-    others = {*dir(grid_map_filters_py)} - {*grid_map_filters_py.__all__}
-    assert others == {"errors", "expression", "parts"}
+def test_misspelled_parameter_of_a_class_gets_a_suggestion():
+    layers = {"input_layer": "elevation", "output_layer": "slope"}
+    with pytest.raises(ConfigError, match=r"unknown parameter 'radus'; .*did you mean radius\?$"):
+        FILTERS["Slope"](**layers, radus=0.3)
+    with pytest.raises(ConfigError, match=r"^missing parameter 'output_layer'$"):
+        FILTERS["Slope"](input_layer="elevation")
+    assert "radius" in inspect.signature(FILTERS["Slope"]).parameters

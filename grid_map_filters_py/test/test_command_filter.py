@@ -187,6 +187,17 @@ def test_result_is_that_of_the_whole_map(on_store, where):
     assert_maps_equal(load("out.zarr"), expected, atol=1e-5)
 
 
+@NEEDS_TILES
+@pytest.mark.parametrize("where", ["", "--workers 2"])
+def test_warning_about_tiles_is_one_line(on_store, where):
+    params = "{input_layer: elevation, output_layer: rough, radius: 0.01}"
+    Path("rough.yaml").write_text(f"[{{name: rough, type: Roughness, params: {params}}}]")
+    code, _, error = on_store(f"filter rough.yaml site.zarr out.zarr --quiet {where}")
+    first, *others = error.splitlines()
+    assert (code, others) == (0, ["grid-map: 70 x 55 cells in out.zarr"])
+    assert first.startswith("grid-map: warning: filter 1 'rough' (Roughness): radius: expected at")
+
+
 @pytest.mark.needs("rasterio", "zarr", "distributed")
 def test_some_layers_from_raster_to_store_and_back(on_store):
     assert on_store("convert site.zarr site.tif")[0] == 0

@@ -137,6 +137,12 @@ def test_costs_are_graded_between_free_and_lethal_values(free, lethal, unknown, 
     assert 253 not in filtered("Cost", ground([np.linspace(0, 1.2, 999)]), **params)
 
 
+@pytest.mark.parametrize(("free", "lethal"), [(0.1, 0.7), (0.7, 0.1), (0.9, 0.3), (0.3, 0.9)])
+def test_values_at_the_limits_are_free_and_lethal(free, lethal):
+    found = filtered("Cost", ground([[free, lethal]]), free_value=free, lethal_value=lethal)
+    assert found.tolist() == [[0, 254]]
+
+
 def test_second_criterion_is_lethal_also_where_the_first_is_unknown():
     grid_map = terrain((1, 5), slope=[[0.0, 0.0, 0.1, np.nan, 0.3]])
     grid_map["step"] = [[0.13, 0.12, np.nan, 0.2, np.inf]]
@@ -148,11 +154,17 @@ def test_second_criterion_is_lethal_also_where_the_first_is_unknown():
 @pytest.mark.parametrize(
     ("type_name", "params", "message"),
     [
-        ("Cost", {"lethal_value": 0.0}, "'lethal_value': expected another number than free_value"),
-        (
-            "Cost",
-            {"lethal_value": math.inf},
-            "'lethal_value': expected a finite number in the unit of",
+        *(
+            ("Cost", {"lethal_value": value}, "'lethal_value': expected another number than free")
+            for value in (0.0, 1e-60)
+        ),
+        *(
+            (
+                "Cost",
+                {"lethal_value": value},
+                "'lethal_value': expected a finite number in the unit",
+            )
+            for value in (math.inf, 1e60)
         ),
         ("Cost", {"lethal_value": 1.0, "lethal_above": 1.0}, "both or none of 'lethal_layer'"),
         ("Cost", {"lethal_value": 1.0, "unknown": "nan"}, "'unknown': expected one of 'unknown', "),

@@ -66,8 +66,6 @@ if TYPE_CHECKING:
         to_triangle_list_marker as to_triangle_list_marker,
     )
 
-__version__ = "0.2.0"
-
 _OFFERED = {
     ".bags": "BagMessage BagReader BagTopic BagWriter bag_maps bag_messages bag_topics "
     "load_from_bag save_to_bag",

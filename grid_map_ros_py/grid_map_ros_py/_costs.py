@@ -9,13 +9,17 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap, GridMapError
 from grid_map_core_py.conversions import CostRange
-from grid_map_core_py.conversions._costmap import LETHAL, UNKNOWN
+from grid_map_core_py.conversions._costmap import FREE, LETHAL, UNKNOWN
 from grid_map_core_py.limits import check_cells
 
+from .errors import TiltedFrameError
 from .messages._fields import Matrix
 
-TOLERANCE = 1e-6
+TOLERANCE = 1e-3
 """Cells touch if they overlap by more than this [cells]."""
+
+WORST_BELOW_UNKNOWN = {"worst": LETHAL, "above_free": FREE}
+"""Largest cost that an unknown cell hides, by the value of the parameter `unknown`."""
 
 Planar = tuple[float, float, float]
 """Pose of a frame in another frame: x, y [m] and yaw [rad]."""
@@ -26,7 +30,7 @@ def planar(matrix: Matrix, source: str, target: str) -> Planar:
     roll = math.degrees(math.atan2(matrix[2, 1], matrix[2, 2]))
     pitch = math.degrees(math.asin(np.clip(-matrix[2, 0], -1.0, 1.0)))
     if max(abs(roll), abs(pitch)) > 5.0:
-        raise GridMapError(
+        raise TiltedFrameError(
             f"frame {source!r}: expected roll and pitch of at most 5 deg in {target!r}, got "
             f"{roll:.1f} and {pitch:.1f} deg. Choose another frame_id"
         )
@@ -71,40 +75,53 @@ def resampled(
     transform: Planar,
     frame_id: str,
     resolution: float,
-    unknown_is_worst: bool = True,
+    worst_below_unknown: int = LETHAL,
 ) -> GridMap:
     """Return costs in another frame or resolution, on a grid aligned with the frame origin.
 
     Each cell gets the worst cost of the map cells that it touches; if it touches none, it becomes
-    unknown. If `unknown_is_worst`, unknown is worse than all costs, otherwise only worse than free.
+    unknown. A map that already has this frame, resolution and alignment is returned unchanged.
 
     Args:
         grid_map, layer: the costs.
         transform: pose of the map's frame in the frame `frame_id`.
         frame_id, resolution: frame and cell size [m] of the result.
+        worst_below_unknown: unknown is worse than this cost, and better than the next higher one.
     """
     (*shift, yaw), source = transform, grid_map.resolution
     cos, sin = math.cos(yaw), math.sin(yaw)
     turn = np.array([[cos, -sin], [sin, cos]])
     center, half = turn @ grid_map.position + shift, np.abs(turn) @ (0.5 * grid_map.length)
-    lower = np.floor((center - half) / resolution + TOLERANCE)
-    upper = np.ceil((center + half) / resolution - TOLERANCE)
-    size = int(upper[0] - lower[0]), int(upper[1] - lower[1])
+    # Large cells are divided into parts of about the size of a map cell.
+    parts = max(1, round(resolution / source))
+    side = resolution / parts
+    offset = (center - half) / side
+    is_aligned = np.abs(offset - np.rint(offset)).max() < TOLERANCE
+    if is_aligned and (frame_id, resolution) == (grid_map.frame_id, source):
+        return grid_map
+    lower = np.floor(offset + TOLERANCE).astype(int)
+    upper = np.ceil((center + half) / side - TOLERANCE).astype(int)
+    first, end = lower // parts, -(-upper // parts)
+    size = int(end[0] - first[0]), int(end[1] - first[1])
     check_cells("resolution", size)
-    geometry = GridGeometry.from_size(size, resolution, 0.5 * resolution * (lower + upper))
-    x = resolution * (lower[0] + 0.5 + np.arange(size[0]))[:, None] - center[0]
-    y = resolution * (lower[1] + 0.5 + np.arange(size[1])) - center[1]
+    geometry = GridGeometry.from_size(size, resolution, 0.5 * resolution * (first + end))
+    x = side * (np.arange(lower[0], upper[0]) + 0.5)[:, None] - center[0]
+    y = side * (np.arange(lower[1], upper[1]) + 0.5) - center[1]
     # Centers of the new cells relative to the center of the first source cell [source cells].
     u = (cos * x + sin * y) / source + 0.5 * (grid_map.size[0] - 1)
     v = (cos * y - sin * x) / source + 0.5 * (grid_map.size[1] - 1)
-    # Rank 0 means that no cell is touched; rank 2, between costs 0 and 1, is kept for unknown.
-    ranks = np.array([1, *range(3, 257)] + [257 if unknown_is_worst else 2], np.int16)
-    values = np.full(258, np.nan, np.float32)
+    # Costs have even ranks from 2; rank 0 means that no cell is touched.
+    ranks = (2 * np.arange(UNKNOWN + 1) + 2).astype(np.int16)
+    ranks[UNKNOWN] = ranks[worst_below_unknown] + 1
+    values = np.full(ranks.max() + 1, np.nan, np.float32)
     values[ranks[:UNKNOWN]] = np.arange(UNKNOWN)
     costs = CostRange().to_costs(grid_map.unwrapped(layer))[::-1, ::-1]
-    worst = _worst(ranks[costs], u, v, (cos, sin), resolution / source)[::-1, ::-1]
+    worst = _worst(ranks[costs], u, v, (cos, sin), side / source)
+    for axis in (0, 1):
+        starts = np.arange(first[axis], end[axis]) * parts - lower[axis]
+        worst = np.maximum.reduceat(worst, np.maximum(starts, 0), axis)
     result = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=grid_map.timestamp)
-    return result.with_layers({layer: values[worst]})
+    return result.with_layers({layer: values[worst[::-1, ::-1]]})
 
 
 def _worst(
@@ -121,6 +138,8 @@ def _worst(
     cosine and sine. Two squares touch unless their projections on one of the four directions of
     the sides are disjoint. Each iteration tests one of the few possible neighbors of all squares.
     """
+    if direction == (1.0, 0.0):
+        return _worst_along(_worst_along(ranks, u[:, 0], side).T, v[0], side).T
     (cos, sin), extent = direction, abs(direction[0]) + abs(direction[1])
     reach, turned_reach = 0.5 * (1 + side * extent) - TOLERANCE, 0.5 * (side + extent) - TOLERANCE
     padded, near = np.pad(ranks, 1), (np.rint(u), np.rint(v))
@@ -138,4 +157,17 @@ def _worst(
         touches &= np.abs(cos * x - sin * y) < turned_reach
         touches &= np.abs(sin * x + cos * y) < turned_reach
         np.maximum(worst, padded[rows[i], columns[j]] * touches, out=worst)
+    return worst
+
+
+def _worst_along(
+    ranks: npt.NDArray[np.int16], centers: npt.NDArray[np.float64], side: float
+) -> npt.NDArray[np.int16]:
+    """For each interval of length `side`, return the largest ranks of the rows that it touches."""
+    reach = 0.5 * (1 + side) - TOLERANCE
+    ends = np.stack([np.ceil(centers - reach), np.floor(centers + reach)])
+    first, last = np.clip(ends, 0, len(ranks) - 1).astype(np.intp)
+    worst: npt.NDArray[np.int16] = ranks[first]
+    for k in range(1, np.max(last - first) + 1):
+        np.maximum(worst, ranks[np.minimum(first + k, last)], out=worst)
     return worst

@@ -6,7 +6,8 @@ GridMapError (grid_map_core_py)
 ├── MessageError (ValueError)
 ├── MissingPackageError (grid_map_core_py)
 ├── NodeFailedError
-└── RequestError
+├── RequestError
+└── TiltedFrameError
 """
 
 from grid_map_core_py.errors import GridMapError, MissingPackageError, short
@@ -64,3 +65,7 @@ class NodeFailedError(GridMapError):
 
 class RequestError(GridMapError):
     """A service request is rejected; the text gives the reason."""
+
+
+class TiltedFrameError(GridMapError):
+    """The roll or pitch of a frame is too large; nodes log this as a warning."""

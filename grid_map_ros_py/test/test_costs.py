@@ -70,24 +70,28 @@ def test_planar_transform_refuses_tilted_frames() -> None:
 CORNERS = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
-@pytest.mark.parametrize("unknown_is_worst", [True, False])
+@pytest.mark.parametrize("worst_below_unknown", [252, 0])
 @pytest.mark.parametrize(
     ("shape", "resolution", "yaw"),
-    [((9, 5), 0.1, 0.7), ((4, 6), 0.1, -2.1), ((6, 3), 0.25, 3.0), ((1, 1), 0.1, 0.5 * math.pi)],
+    [
+        *(((9, 5), 0.1, 0.7), ((4, 6), 0.1, -2.1), ((6, 3), 0.25, 3.0), ((9, 8), 0.75, 0.4)),
+        *(((1, 1), 0.1, 0.5 * math.pi), ((1, 1), 7.0, 0.2)),
+        *(((9, 5), 0.1, 0.0), ((6, 7), 0.07, 0.0), ((9, 8), 0.75, 0.0)),
+    ],
 )
 @pytest.mark.parametrize("source", [0.1, 0.2])
 def test_target_cells_get_the_worst_cost_they_touch(
-    unknown_is_worst: bool, shape: tuple[int, int], resolution: float, yaw: float, source: float
+    worst_below_unknown: int, shape: tuple[int, int], resolution: float, yaw: float, source: float
 ) -> None:
     """OpenCV intersects each pair of cells; overlaps below 1e-3 of a cell may count or not."""
     grid_map, transform = costs(shape, source), (1.03, -0.4, yaw)
-    result = resampled(grid_map, "cost", transform, "map", resolution, unknown_is_worst)
+    result = resampled(grid_map, "cost", transform, "map", resolution, worst_below_unknown)
     assert (result.frame_id, result.timestamp) == ("map", grid_map.timestamp)
     lower = (result.position - 0.5 * result.length) / resolution
     np.testing.assert_allclose(lower, np.rint(lower), atol=1e-9)
 
     def rank(cost: float) -> float:
-        return (300.0 if unknown_is_worst else 0.5) if math.isnan(cost) else cost
+        return worst_below_unknown + 0.5 if math.isnan(cost) else cost
 
     turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
     known = 0
@@ -108,6 +112,29 @@ def test_target_cells_get_the_worst_cost_they_touch(
         assert least <= rank(cost) <= most, (row, column)
         known += 1
     assert known >= grid_map["cost"].size * (source / resolution) ** 2
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-7, 0.05, -0.02])
+def test_origin_becomes_a_multiple_of_the_resolution(offset: float) -> None:
+    """An unknown cell beside a cell of at least 253 hides no obstacle."""
+    grid_map = costs((6, 4))
+    grid_map.position = grid_map.position + (offset, 0)
+    values = np.array([3, 254, np.nan, 253, np.nan, 252.0])
+    grid_map["cost"] = np.tile(np.roll(values, grid_map.start_index[0]), (4, 1)).T
+    result = resampled(grid_map, "cost", (0.0, 0.0, 0.0), "odom", 0.1)
+    if abs(offset) < 1e-4:
+        assert result is grid_map
+        return
+    lower = (result.position - 0.5 * result.length) / 0.1
+    np.testing.assert_allclose(lower, np.rint(lower), atol=1e-9)
+    expected = [3, 254, 254, 253, 253, np.nan, 252]
+    np.testing.assert_array_equal(result["cost"], np.tile(expected, (4, 1)).T)
+
+
+def test_very_large_cells_need_no_more_memory() -> None:
+    result = resampled(costs((20, 30)), "cost", (0.0, 0.0, 0.3), "map", 1e6, 0)
+    assert result.size == (2, 2)
+    assert np.nanmax(result["cost"]) == np.nanmax(costs((20, 30))["cost"])
 
 
 def test_too_fine_resolution_is_refused() -> None:

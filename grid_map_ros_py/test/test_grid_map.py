@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import copy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,10 @@ from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buff
 from grid_map_ros_py import (
     from_message,
     from_serialized_message,
+    to_image,
     to_message,
+    to_occupancy_grid,
+    to_point_cloud,
     to_serialized_message,
 )
 
@@ -49,12 +53,21 @@ def test_buffer_survives_the_wire_bit_by_bit(grid_map: GridMap) -> None:
         np.testing.assert_array_equal(received_bits, sent_bits)
 
 
-def test_message_says_that_the_reference_system_is_lost() -> None:
+@pytest.mark.parametrize(
+    "convert",
+    [
+        to_message,
+        partial(to_point_cloud, point_layer="elevation"),
+        partial(to_occupancy_grid, layer="elevation", data_min=0.0, data_max=1.0),
+        partial(to_image, layer="elevation", encoding="mono8"),
+    ],
+)
+def test_message_says_that_the_reference_system_is_lost(convert: Any) -> None:
     grid_map = sample_map()
     grid_map.crs = "EPSG:25832"
     with pytest.warns(UserWarning, match="crs: a message cannot hold .* it is lost") as caught:
-        to_message(grid_map)
-    assert caught[0].filename == __file__
+        convert(grid_map)
+    assert [warning.filename for warning in caught] == [__file__]
 
 
 def test_map_and_message_share_no_memory() -> None:

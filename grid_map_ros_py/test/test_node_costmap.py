@@ -83,3 +83,26 @@ def test_parameters_apply_to_the_latched_map_at_once(other_side: Peer) -> None:
         assert set_parameters(other_side, resolution=0.1, origin_grid=3) == []
         info = other_side.expect("/costmap", 5).info
         assert (info.width, info.height) == (30, 18)
+
+
+def test_only_changed_costs_are_sent_on_an_aligned_grid(other_side: Peer) -> None:
+    """The position of the map is a multiple of the resolution, its origin is not."""
+    other_side.listen("/costmap", OccupancyGrid)
+    other_side.listen("/diagnostics", DiagnosticArray, 10)
+    grid_map, reports = costs((31, 20)), other_side.received["/diagnostics"]
+
+    def has_used_two_maps() -> bool:
+        return any(report.status[0].values[1].value == "2" for report in reports)
+
+    with running_node(MODULE, *arguments()) as node:
+        other_side.publish("/grid_map", to_message(grid_map))
+        info = other_side.expect("/costmap").info
+        assert (info.width, info.height) == (32, 20)
+        assert info.origin.position.x == pytest.approx(-1.3, abs=1e-9)
+        other_side.publish("/grid_map", to_message(grid_map))
+        other_side.wait_until(has_used_two_maps, "the second map")
+        grid_map["cost"] = 0.0
+        other_side.publish("/grid_map", to_message(grid_map))
+        assert set(other_side.expect("/costmap", 2).data) == {0}
+        assert len(other_side.received["/costmap"]) == 2
+        assert "trinary_costmap to false and subscribe_to_updates to true" in node.text

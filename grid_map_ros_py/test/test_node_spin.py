@@ -192,8 +192,9 @@ def test_node_without_keys_does_not_start_under_enforced_security(tmp_path: Path
         "rate: 1\n",
         "node:\n  rate: 1\n",
         "node: {ros__parameters: {filters: [{name: a, params: {radius: 1.0}}]}}",
+        "node: {ros__parameters: {input_sources: {}, rate: 1}}",
     ],
-    ids=["chain", "parameter", "section", "list"],
+    ids=["chain", "parameter", "section", "list", "empty mapping"],
 )
 def test_parameter_file_of_ros_1_names_the_page_on_migration(
     start: Start, content: str, tmp_path: Path
@@ -202,6 +203,7 @@ def test_parameter_file_of_ros_1_names_the_page_on_migration(
     path.write_text(content)
     process = start("living.py", "idle", "--ros-args", "--params-file", str(path))
     assert process.wait() == 1
+    assert ("Write an empty mapping as []. Param" in process.text) == ("1.0" not in content)
     assert "docs/migration_ros1.md#parameters" in process.text
     assert ("Name the items of a list of mappings: filter1, f" in process.text) == (
         "1.0" in content

@@ -16,8 +16,6 @@ from grid_map_core_py._lazy import lazy_names
 if TYPE_CHECKING:
     from ._registry import VISUALIZATIONS, Visualization, create
 
-__version__ = "0.2.0"
-
 __all__ = ["VISUALIZATIONS", "Visualization", "create"]
 
 # The built-in visualizations import message packages.

@@ -10,6 +10,7 @@ from os import PathLike
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.files import Format
+from grid_map_core_py.files._shared import say_crs_is_lost
 
 _TOPIC = "/grid_map"
 
@@ -26,6 +27,7 @@ def _save(
     from ._rerun.recording import recorded
     from ._rerun.scene import Style
 
+    say_crs_is_lost(grid_map, "a recording of Rerun", stacklevel=4)
     style = Style(height_layer=height_layer, color_layer=color_layer, exaggeration=exaggeration)
     with recorded(path, style) as scene:
         scene.log_map(topic, grid_map)
@@ -39,6 +41,7 @@ def _save_maps(
     count = 0
     with recorded(path) as scene:
         for time, grid_map in maps:
+            say_crs_is_lost(grid_map, "a recording of Rerun", stacklevel=4)
             scene.log_map(topic, grid_map, log_time=time)
             count += 1
     return count

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
 from grid_map_core_py import GridMap
-from grid_map_core_py._parameters import build, descriptions
+from grid_map_core_py._parameters import build, descriptions, with_checked_names
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import Registry, check
 
@@ -34,7 +34,7 @@ class Visualization(Protocol):
 
 
 BUILT_IN: Mapping[str, type[Visualization]] = {
-    cls.__module__.rpartition("._")[2]: cls
+    cls.__module__.rpartition("._")[2]: with_checked_names(cls)
     for cls in (getattr(_builtin, name) for name in _builtin.__all__)
 }
 """Built-in visualization classes. The keys are YAML type names, which equal the module names."""

@@ -33,13 +33,11 @@ MISSING = 128
 
 DEFAULT_COLOR_MAP = "viridis"
 
-REMEDY = "install python3-matplotlib (apt) or matplotlib (pip)"
-
 _STEPS = 256
 
 
 def _all_color_maps() -> Any:
-    return required("matplotlib", "a color map", REMEDY).colormaps
+    return required("matplotlib", "a color map").colormaps
 
 
 def color_map_names() -> list[str]:

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps as pictures."""
 
+import itertools
 import math
 
 import matplotlib
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import MouseEvent
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -119,6 +121,20 @@ def test_ticks_show_whole_coordinates(draw):
     far = GridMap((4.0, 3.0), 0.1, (691_600.0, 5_399_500.0), {"elevation": 1.0})
     draw(far, "elevation", axes).figure.canvas.draw()
     assert "5399500.0" in [text.get_text() for text in axes.get_yticklabels()]
+
+
+def test_large_coordinates_fit_into_a_new_figure():
+    pyplot.close("all")
+    far = GridMap((4.0, 3.0), 0.1, (539_953.4, 5_819_504.2), {"elevation": 1.0})
+    figure = far.plot("elevation").figure
+    figure.canvas.draw()
+    (x_left, x_right), _ = figure.axes[0].viewLim.get_points().T
+    texts = figure.axes[0].get_xticklabels()
+    boxes = [one.get_window_extent() for one in texts if x_left <= one.get_position()[0] <= x_right]
+    assert len(boxes) > 2
+    assert all(left.x1 < right.x0 for left, right in itertools.pairwise(boxes))
+    assert min(one.get_window_extent().x0 for one in figure.axes[0].get_yticklabels()) >= 0
+    pyplot.close(figure)
 
 
 def test_packed_colors_have_no_color_bar():

@@ -76,6 +76,16 @@ def recorded(grid_map: GridMap, **options: object) -> dict[str, list[Row]]:
     return rows_of(Path("map.rrd"))
 
 
+def test_recording_says_that_the_reference_system_is_lost(tmp_path):
+    grid_map = GridMap((1, 1), 0.5, layers={"elevation": 1.0})
+    grid_map.crs = "EPSG:25832"
+    with pytest.warns(UserWarning, match="crs: a recording of Rerun cannot hold .* it is lost"):
+        save(grid_map, tmp_path / "map.rrd")
+    save(grid_map, tmp_path / "map.npz")
+    done = convert(tmp_path / "map.npz", tmp_path / "new.rrd")
+    assert done.stderr.startswith("grid-map: warning: crs: a recording of Rerun cannot hold")
+
+
 def test_maps_of_bags_keep_values_and_times(recording):
     for layer in ("elevation", "slope"):
         rows = recording[f"/grid_map/layers/{layer}"]

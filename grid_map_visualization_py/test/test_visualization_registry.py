@@ -20,6 +20,11 @@ INF = math.inf
 VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
 
 
+def test_misspelled_parameter_of_a_class_gets_a_suggestion():
+    with pytest.raises(ConfigError, match=r"unknown parameter 'scal'; .*; did you mean scale"):
+        VISUALIZATIONS["vectors"](**VECTORS, scal=2.0)
+
+
 @pytest.mark.parametrize(
     ("type_name", "params", "defaults"),
     [

@@ -264,7 +264,7 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
         layer[...] = data
     if max(abs(float(choose.reduce(data, None))) for choose in (np.fmin, np.fmax)) > _EXACT_FLOAT32:
         sizes = np.abs(layer)
-        # From 2**53 on, float64 resolves no units either.
+        # Above 2**53, float64 cannot represent every integer either.
         is_large = (sizes >= _EXACT_FLOAT32) & (sizes < _EXACT)
         # NumPy 1.26 would compare with a 0-D number in float32.
         if (layer != np.atleast_1d(data))[is_large].any():

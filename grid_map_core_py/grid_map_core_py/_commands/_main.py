@@ -11,6 +11,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import FrameType
@@ -106,8 +107,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(format=f"{PROGRAM}: %(message)s")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("once", UserWarning)
-            warnings.showwarning = lambda text, *_, **__: message(f"warning: {text}")
+            warnings.simplefilter("always", UserWarning)
+            # The warning filter "once" of CPython shows a warning once per module.
+            once = cache(lambda text: message(f"warning: {text}"))
+            warnings.showwarning = lambda warning, *_, **__: once(str(warning))
             return _run(sys.argv[1:] if arguments is None else arguments)
     except OSError as error:
         # Standard output is broken; redirect it, or Python would try to flush it again at exit.
@@ -184,9 +187,8 @@ def _failed(text: str) -> int:
 def on_end(handler: Handler) -> dict[signal.Signals, Any]:
     """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
-    A SIGHUP that is ignored, as under `nohup`, stays ignored.
-    A handler must not acquire locks, as `threading.Event` does, because the interrupted thread may
-    hold them.
+    A SIGHUP that is ignored, as under `nohup`, stays ignored. A handler must not acquire locks, as
+    `threading.Event` does, because the interrupted thread may hold them.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:

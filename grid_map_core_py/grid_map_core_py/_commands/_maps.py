@@ -235,7 +235,7 @@ class Destination:
             if self.path != STANDARD:
                 self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
                 continue
-            # A ZIP archive cannot be written sequentially.
+            # `save` needs a path, and replaces the file there; standard output may be a pipe.
             with scratch_folder() as folder:
                 path = folder / "map.npz"
                 self.format.save(grid_map, path, **self._given)  # type: ignore[misc]

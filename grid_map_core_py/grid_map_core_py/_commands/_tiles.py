@@ -29,7 +29,6 @@ _OPTIONS = ("workers", "memory", "scheduler", "resume", "cog")
 """Options that apply only to tiled maps."""
 
 _PATIENCE = 30  # maximum time to wait for a cluster [s]
-_REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 
 def add_tiles(parser: argparse.ArgumentParser) -> None:
@@ -106,10 +105,9 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it is to be read window by window, else None.
 
-    Windows can be read only if the source, and the destination if there is one, is a Zarr store or
-    a GeoTIFF file. Without a destination, or if both are GeoTIFF files, a source within `max_cells`
-    is read as a whole. If `also_small` or an option in `_OPTIONS` is set, it is read in windows,
-    too.
+    Windows can be read only if the source and the destination, if any, are Zarr stores or GeoTIFF
+    files. Without a destination, or if both are GeoTIFF files, a source within `max_cells` is read
+    as a whole, unless `also_small` or an option in `_OPTIONS` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -169,11 +167,11 @@ def write_tiles(
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
     """Context in which Dask runs on the threads, processes or cluster that the options select."""
     if options.scheduler is None and options.workers is None:
-        config = required("dask", f"{options.source}: tiles", _REMEDY).config
+        config = required("dask", f"{options.source}: tiles").config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):
             yield
         return
-    distributed = required("distributed", "a cluster", _REMEDY)
+    distributed = required("distributed", "a cluster")
     # Errors are also raised, so logging would only repeat them.
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)

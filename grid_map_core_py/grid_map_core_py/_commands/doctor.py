@@ -8,44 +8,9 @@ import platform
 import subprocess
 import sys
 
+from .._packages import PACKAGES, remedy_for
 from ._arguments import add_json
 from ._output import print_json, print_table
-
-_BUILD = "build and source the workspace, or pip install it"
-_SOURCE = "source ROS 2 Jazzy, then the workspace"
-
-PACKAGES = {
-    "numpy": ("arrays", "apt install python3-numpy"),
-    "scipy": ("distances and interpolation", "apt install python3-scipy"),
-    "cv2": ("images", "apt install python3-opencv"),
-    "yaml": ("parameter files", "apt install python3-yaml"),
-    "grid_map_core_py": ("maps and their files", _BUILD),
-    "lark": ("expressions of filters", "apt install python3-lark"),
-    "grid_map_filters_py": ("filters", _BUILD),
-    "grid_map_ros_py": ("bags, octomaps and conversions", _BUILD),
-    "grid_map_visualization_py": ("pictures, and displays of RViz", _BUILD),
-    "grid_map_msgs.msg": ("topics of maps", _BUILD),
-    "rclpy": ("nodes", _SOURCE),
-    "sensor_msgs.msg": ("messages", _SOURCE),
-    "mcap": ("bags in MCAP files", "pip install mcap"),
-    "matplotlib": ("pictures and color maps", "apt install python3-matplotlib"),
-    "viser": ("maps in the browser", "pip install viser"),
-    "rerun": ("recordings in Rerun", "pip install rerun-sdk"),
-    "rasterio": ("GeoTIFF", "pip install rasterio"),
-    "pyproj": ("latitudes and longitudes", "pip install pyproj"),
-    "xarray": ("datasets of xarray", "pip install xarray"),
-    "dask": ("maps larger than memory", "pip install 'dask[array]'"),
-    "distributed": ("maps on several machines", "pip install distributed"),
-    "zarr": ("Zarr stores", "pip install zarr"),
-    "trimesh": ("PLY, OBJ and STL files", "pip install trimesh"),
-    "pypcd4": ("PCD files", "pip install pypcd4"),
-    "numba": ("faster filters", "pip install numba"),
-    "argcomplete": ("completion in the shell", "apt install python3-argcomplete"),
-    "octomap_msgs.msg": ("octomaps of topics", "apt install ros-jazzy-octomap-msgs"),
-    "nav2_msgs.msg": ("costmaps of nav2", "apt install ros-jazzy-nav2-msgs"),
-    "tf2_ros": ("clouds in other frames", "apt install ros-jazzy-tf2-ros-py"),
-}
-"""Purpose and installation command of each module."""
 
 REQUIRED = ("numpy", "scipy", "cv2", "yaml", "grid_map_core_py")
 
@@ -86,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     settings = sorted(pair for pair in os.environ.items() if pair[0].startswith(beginnings))
     version = platform.python_version()
     if options.json:
-        keys = "status", "text", "gives", "remedy"
+        keys = "status", "text", "gives", "apt", "pip"
         print_json(
             {
                 "ok": not failures,
@@ -102,8 +67,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"Python {version} at {sys.executable}")
     rows = []
     for name, (status, text) in packages.items():
-        gives, remedy = PACKAGES[name]
-        advice = f"{gives} ({remedy}){': ' if text else ''}{text}"
+        advice = f"{PACKAGES[name].gives} ({remedy_for(name)}){': ' if text else ''}{text}"
         rows.append((status, name, text if status == "ok" else advice))
     print_table(rows)
     print_table([("", *pair) for pair in settings] or [("no ROS settings",)])

@@ -105,7 +105,7 @@ def _draw(grid_map: "GridMap", layer: str, path: "planning.Path", file: Path) ->
     from ..errors import required
     from ..files._shared import new_file, storage_errors
 
-    matplotlib: Any = required("matplotlib.figure", "a picture", "pip install matplotlib")
+    matplotlib: Any = required("matplotlib.figure", "a picture")
     figure = matplotlib.Figure(figsize=(9.0, 7.0), dpi=110, layout="constrained")
     axes = grid_map.plot(layer, figure.add_subplot())
     (line,) = axes.plot(*path.positions.T, color="red", linewidth=2.0)

@@ -2,17 +2,15 @@
 """Convert layers to and from images, packed colors, costmaps, point clouds and triangle meshes.
 
 - Gray images: `to_image`, `from_image`, `add_layer_from_image`; color images: `to_color_image`,
-  `add_color_layer_from_image`; `change_resolution`; the types `Image` and `Order`.
-- Packed colors: `color_vector_to_value`, `color_value_to_vector`, `color_channels_to_value`,
-  `color_value_to_bytes`; conventional names of color layers and fields: `COLOR_LAYER`,
-  `COLOR_FIELDS`.
-- Costmaps: `to_costs`, `from_costs`, `Costmap`. A `CostCodec` (`CostTable` or `CostRange`) converts
-  values to costs from `FREE` to `LETHAL`.
-- Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`,
-  `PointCloudPipeline`.
+  `add_color_layer_from_image`. `change_resolution` resamples all layers of a map.
+- Packed colors: `color_vector_to_value`, `color_value_to_vector`.
+- Costmaps: `to_costs`, `from_costs`, `Costmap`. A `CostTable` or `CostRange` converts values to
+  costs.
+- Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `PointCloudPipeline`.
 - Triangle meshes: `from_mesh`, `rasterize_triangles`.
 """
 
+from .. import _lazy
 from ._costmap import (
     Costmap as Costmap,
     CostRange as CostRange,
@@ -43,4 +41,4 @@ from ._point_layers import (
     rasterize as rasterize,
 )
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

@@ -156,7 +156,7 @@ class Costmap:
         costmap: (size_x * size_y,) uint8 costs; x varies fastest, and x and y ascend.
         size_x, size_y: number of cells along x and y.
         resolution: side of a cell [m].
-        origin_x, origin_y: corner with the smallest x and y [m].
+        origin_x, origin_y: position of the corner with the smallest x and y [m].
         global_frame_id: coordinate frame of the origin.
     """
 
@@ -175,7 +175,7 @@ def to_costs(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     Args:
         grid_map: the map.
         layer: name of the layer.
-        codec: converts values to costs.
+        codec: converts values to costs, such as a `CostTable` or `CostRange`.
     """
     costs = codec.to_costs(grid_map[layer])
     costs = np.roll(costs, np.negative(grid_map.start_index), axis=(0, 1))
@@ -199,7 +199,7 @@ def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int
         costmap: a `Costmap`, or an object with its attributes, such as Nav2's `PyCostmap2D` of
             Kilted and later.
         layer: name of the layer.
-        codec: converts costs to values.
+        codec: converts costs to values, such as a `CostTable` or `CostRange`.
         timestamp: time of the data [ns].
 
     Raises:

@@ -12,8 +12,8 @@ uint16, and [0, 1] for float32 and float64. A float image created without `lower
 contains the layer values unchanged.
 
 NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. The alpha of a NaN cell is
-0. All other cells are opaque. Infinities become the bounds of the range. When an image is read,
-pixels whose alpha is below half the maximum become NaN by default.
+0. All other cells are opaque. Scaling maps infinities to the bounds of the range. When an image is
+read, pixels whose alpha is below half the maximum become NaN by default.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ def rasterize_triangles(
     """Return a map with a layer that holds the highest point of a mesh at each cell center.
 
     A triangle also covers centers up to 1e-9 m outside its edges, so that no center on the edge
-    between two triangles is missed. Triangles that are vertical, have zero area or are
-    not finite are ignored.
+    between two triangles is missed. Triangles that are vertical, have zero area or are not finite
+    are ignored.
 
     Args:
         vertices: (V, 3) x, y, z [m], map frame.
@@ -45,8 +45,8 @@ def rasterize_triangles(
 
     Raises:
         GeometryError: an array has the wrong shape or type, or a vertex index is out of range.
-        LimitError: the bounding rectangles of the triangles contain more than 4 times `max_cells`
-            cells in total.
+        LimitError: the bounding rectangles of the triangles contain more cells in total than 4
+            times the limit `max_cells`.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -87,7 +87,7 @@ def from_mesh(
 ) -> GridMap:
     """Create a map from a mesh, just large enough for the finite vertices of all faces.
 
-    Arguments not listed here are as in `rasterize_triangles`.
+    Arguments and errors not listed here are as in `rasterize_triangles`.
 
     Args:
         resolution: side of a cell [m].
@@ -95,8 +95,8 @@ def from_mesh(
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: no face has a finite vertex, or `rasterize_triangles` raises an error.
-        LimitError: the map would have too many cells, or `rasterize_triangles` raises it.
+        GridMapError: no face has a finite vertex.
+        LimitError: the map would have too many cells.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))

@@ -8,9 +8,11 @@ Reductions of heights and other fields:
 
 - `max`, `min`, `mean`, `median`: statistics of the values; the median of an even number of values
   is the mean of the two middle values.
-- `first`, `last`: value of the point in the cell that comes first or last in the cloud.
+- `first`, `last`: value of the first or last point in the cell, in the order of the cloud.
 - `variance`: mean squared deviation from the mean (population variance; 0 for one point).
-- `count`: number of points. In cells without points, `count` is 0 and all other reductions are NaN.
+- `count`: number of points.
+
+In cells without points, `count` is 0 and all other reductions are NaN.
 """
 
 from __future__ import annotations
@@ -68,7 +70,8 @@ def rasterize(
 
     Args:
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
-        layers: maps the name of each height layer [m] to a reduction, such as `max`.
+        layers: maps the name of each height layer [m] to a reduction: `max`, `min`, `mean`,
+            `median`, `first`, `last`, `variance` or `count`.
         fields: maps field names to point values (N,); each field becomes a layer of the same name.
             Values that are not finite are ignored. The fields `rgb`, `rgba` and `color` are packed
             colors; alpha is dropped.

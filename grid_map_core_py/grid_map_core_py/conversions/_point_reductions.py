@@ -2,7 +2,8 @@
 """Functions that reduce the point values in each cell to one value.
 
 A reduction takes the flat cell index (n,) and the value (n,) of each point, and the number of
-cells. It returns one float32 per cell. For cells without points, `count` is 0. The others are NaN.
+cells. It returns one float32 per cell: for a cell without points, `count` returns 0, and all other
+reductions return NaN.
 """
 
 from collections.abc import Callable, Mapping

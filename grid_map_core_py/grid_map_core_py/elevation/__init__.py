@@ -2,13 +2,13 @@
 """Elevation maps that move with a robot.
 
 `ElevationMapper` fuses range sensor scans into heights with variances, and clears cells that beams
-pass through. `Parameters` configures the mapper, and an `UpdateReport` summarizes one update.
-A `SensorModel` describes the sensor noise: `LaserModel`, `StructuredLightModel`,
-`StereoModel`, `ConstantModel`, or `PerfectModel` (no noise).
+pass through. An `UpdateReport` summarizes one update. A `SensorModel` describes the sensor noise:
+`LaserModel`, `StructuredLightModel`, `StereoModel`, `ConstantModel`, or `PerfectModel` (no noise).
 
 `RollingMap` stores the largest, smallest, mean or last height of each cell.
 """
 
+from .. import _lazy
 from ._mapper import ElevationMapper as ElevationMapper, UpdateReport as UpdateReport
 from ._parameters import (
     ConstantModel as ConstantModel,
@@ -20,4 +20,4 @@ from ._parameters import (
 )
 from ._rolling_map import RollingMap as RollingMap
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

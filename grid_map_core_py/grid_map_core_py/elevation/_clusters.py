@@ -199,7 +199,7 @@ class Clusters:
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the concatenated point indices of clusters, and where each cluster starts (k,)."""
+        """Return the concatenated point indices of clusters, and the start (k,) of each cluster."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins

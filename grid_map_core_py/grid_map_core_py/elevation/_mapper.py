@@ -58,7 +58,7 @@ class UpdateReport:
         points_dropped: number of points that were ignored.
         points_gated: number of points on the map that do not agree with their cell.
         reasons: number of dropped points for each reason.
-        conflicts: number of cells whose height the scan contradicts, even if it was replaced.
+        conflicts: number of cells whose previous height the scan contradicts or replaces.
         cells_cleared: number of cells that the visibility cleanup cleared.
         drift: vertical offset of the scan from the map [m]; 0 without drift compensation, or if
             the cells do not agree on an offset.
@@ -90,7 +90,8 @@ class ElevationMapper:
         value_fusions: maps value names or regular expressions to fusion methods: `average`,
             `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is `color` for
             `rgb`, `rgba` and `color`, and `average` for all other values.
-        parameters: elevation mapping parameters, such as `min_variance`.
+        parameters: elevation mapping parameters, such as `min_variance`; the property `parameters`
+            lists all of them.
 
     Raises:
         ConfigError: a parameter is unknown or invalid.
@@ -181,8 +182,8 @@ class ElevationMapper:
             values: additional point values (N,) by layer name.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             sensor: noise model; None uses the model passed to the constructor.
-            limits: parameters whose range and height limits apply to this scan; None uses the
-                parameters of the mapper.
+            limits: parameters whose range and height limits apply to this scan, such as
+                `dataclasses.replace(mapper.parameters, max_range=5.0)`; None uses `parameters`.
 
         Raises:
             GridMapError: an argument is invalid; the message names the argument.
@@ -274,8 +275,8 @@ class ElevationMapper:
 
         Args:
             grid_map: the other map, in the same frame.
-            mask_layer: layer of the other map; cells where it is NaN stay unchanged. If the layer
-                does not exist, all cells are replaced.
+            mask_layer: layer of the other map; cells where this layer is NaN stay unchanged. If the
+                layer does not exist, all cells are replaced.
 
         Raises:
             GridMapError: `grid_map` is not a map, or has another frame.
@@ -312,8 +313,9 @@ class ElevationMapper:
         """Return a copy of the map that accounts for the horizontal uncertainty of cells.
 
         Each known cell becomes a mixture of the cells within its horizontal uncertainty. The layers
-        `elevation` and `variance` hold the mean and variance of the mixture, and 1 % of its weight
-        lies beyond each bound. Other layers stay unchanged.
+        `elevation` and `variance` hold the mean and variance of the mixture. The bounds are the
+        99 % quantile of the upper bounds and the 1 % quantile of the lower bounds of these cells.
+        Other layers stay unchanged.
 
         Raises:
             ConfigError: the mapper was created without `horizontal_variances`.

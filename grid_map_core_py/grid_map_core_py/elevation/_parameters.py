@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Upper limit [m^2] of the variance added by relief or pose; it alone clears no cell."""
+        """Upper limit [m^2] of the variance that relief or pose adds; too small to clear a cell."""
         return 0.25 * self.largest_variance
 
 
@@ -128,13 +128,13 @@ class SensorModel(Protocol):
     """Interface for range sensor noise models; implement it for custom sensors."""
 
     def vertical_variances(self, points: Numbers, distances: Numbers, axis: Numbers) -> Numbers:
-        """Return the vertical variances (n,) of points [m^2].
+        """Return the variances (n,) of points along an axis, usually the vertical [m^2].
 
         Args:
             points: (3, n) x, y, z [m], sensor frame.
             distances: (n,) distances from the sensor [m], more than 0.
-            axis: (3,) unit vector of the map's vertical, sensor frame; to compute horizontal
-                variances, the x or y axis of the map is passed instead.
+            axis: (3,) unit vector of the axis, sensor frame: the map's vertical, or another axis,
+                such as the map's x axis for horizontal variances.
 
         Returns:
             Variances; NaN for points that the sensor cannot measure. These points are dropped.
@@ -142,7 +142,7 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Base class that checks that parameters are finite, and, unless in `_signed`, not negative."""
+    """Base class; checks that parameters are finite and, unless in `_signed`, not negative."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""

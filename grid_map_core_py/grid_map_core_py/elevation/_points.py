@@ -207,7 +207,7 @@ def distances_of(points: NDArray[np.float64]) -> Numbers:
 
 
 def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
-    """Return a copy of a map with start index (0, 0), moved to `position` by whole cells."""
+    """Return a copy of a map in map order, moved to `position` by whole cells unless it is None."""
     result = grid_map.copy()
     if position is not None:
         result.move(position)

@@ -105,8 +105,6 @@ class RollingMap:
     ) -> dict[str, int]:
         """Fuse the points of a cloud into the map; after an error the map is unchanged.
 
-        Returns the number of ignored points by reason, such as `outside the map`.
-
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
                 map are ignored.
@@ -118,6 +116,9 @@ class RollingMap:
                 other points are ignored.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             timestamp: time of the cloud [ns], which becomes the time of the map.
+
+        Returns:
+            The number of ignored points by reason, such as `outside the map`.
 
         Raises:
             GridMapError: an array or the position is invalid, or a column has the name of a height

@@ -333,7 +333,7 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return a beam's first row or column, the beam parameter at its end, and the step per row."""
+    """Return a beam's first row or column, the beam parameter at its far border, and the step."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

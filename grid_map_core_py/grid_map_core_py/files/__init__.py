@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Loads and saves maps, and loads point clouds and meshes; file names select the format."""
 
+from .. import _lazy
 from ._clouds import (
     load_cloud as load_cloud,
     load_mesh as load_mesh,
@@ -20,4 +21,4 @@ from ._image_files import (
 from ._map_server import load_map_server as load_map_server, save_map_server as save_map_server
 from ._npz import load_npz as load_npz, save_npz as save_npz
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

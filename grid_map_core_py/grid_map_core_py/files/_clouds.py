@@ -120,7 +120,8 @@ def load_cloud(
         resolution: side of a cell [m]; required.
         kind: "points" or "mesh"; None means "mesh" if the file has faces, else "points".
         height_layer: name of the height layer.
-        reduction: method that combines the point heights in a cell, as in `from_points`.
+        reduction: reduces the point heights in a cell to one height, such as "max"; see
+            `rasterize`.
         min_height, max_height: points below or above these heights [m] are ignored.
         tight: for points only. If True, center the map on the points; if False, align its
             borders with multiples of the resolution.

@@ -19,12 +19,13 @@ from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
 from ._image_files import HEIGHT_ENDINGS, load_height_image, save_height_image
 from ._map_server import load_map_server, save_map_server
 from ._npz import describe_npz, load_npz, save_npz
+from ._shared import similar
 
 GROUP = "grid_map_core_py.formats"
 
 
 class MapRecord(Protocol):
-    """A map in a file that has not been read yet."""
+    """A map in a file; the map is read on demand."""
 
     time: int
     """Recording time [ns]."""
@@ -49,7 +50,7 @@ class Format:
         load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
         save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
         describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
-            "map" contains the map metadata. If None, the map is loaded.
+            "map" contains the map metadata. If None, the map is loaded to describe it.
         open_maps: for formats with several maps per file: `open_maps(path, **options)` accepts the
             options of `load` except `layers` and `index`, and returns a context manager that yields
             a sequence of `MapRecord` with an attribute `topic`.
@@ -140,7 +141,7 @@ def formats() -> dict[str, Format]:
     after the format and refers to a `Format`. Formats that fail to load are skipped with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
-    # Built-in formats come first, because any folder may be a bag.
+    # Formats of this package come first, because any folder may be a bag.
     own = f"{__package__.partition('.')[0]}."
     entries = entry_points(group=GROUP)
     for entry in sorted(entries, key=lambda one: (not one.value.startswith(own), one.name)):
@@ -203,13 +204,12 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
     endings = {".mcap": "bag", ".db3": "bag", ".bt": "octomap", ".ot": "octomap"}
     kind = "bag" if (path / "metadata.yaml").exists() else endings.get(path.suffix.lower())
     if kind is not None and kind not in formats():
-        remedy = "build and source this workspace with ROS 2, or pip install it"
-        return MissingPackageError("grid_map_ros_py", f"{path}: a {kind}", remedy)
+        return MissingPackageError("grid_map_ros_py", f"{path}: a {kind}")
     if writes and kind == "bag":
         text = "a bag is a folder; its name has no ending"
         return GridMapError(f"{path}: {text}: {path.with_suffix('')}")
     if not writes and not path.exists():
-        return GridMapError(f"{path}: cannot be read: No such file or directory")
+        return GridMapError(f"{path}: cannot be read: No such file or directory{similar(path)}")
     if not writes and path.suffix.lower() == ".rrd":
         text = "a recording of Rerun is written, not read; show it by"
         return GridMapError(f"{path}: {text} `rerun {path}`")

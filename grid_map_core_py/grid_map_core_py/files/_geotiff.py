@@ -120,7 +120,7 @@ def gdal(path: str | PathLike[str], **options: Any) -> Any:
 
 
 def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
-    """Open a file with rasterio; `overview` 0 is the largest overview."""
+    """Open a file with rasterio; `overview` 0 is the largest overview, None the full resolution."""
     level = {} if overview is None else {"overview_level": overview}
     return import_module("rasterio").open(os.fspath(path), **level)
 
@@ -249,7 +249,7 @@ def read_pixels(
 def _warn_of_fill(raster: Any, values: Layer) -> None:
     """Warn if many pixels share an extreme value, probably a nodata value that is not declared."""
     for fill in map(float, (values.min(initial=0.0), values.max(initial=0.0))):
-        # The usual marks are at least 999 away from 0.
+        # Common nodata values are at least 999 away from 0.
         others = values[values != fill].astype(np.float64) if abs(fill) > 900.0 else values[:0]
         is_many = 0 < others.size < 0.99 * values.size
         if is_many and np.abs(others - fill).min() > np.ptp(others) > 0:
@@ -261,9 +261,10 @@ def _warn_of_fill(raster: Any, values: Layer) -> None:
 def checked_crs(crs: Any) -> str:
     """Return a reference system as text; raise `ConfigError` if rasterio does not know it."""
     if text := as_crs(crs):
-        known = required("rasterio.crs", "crs", "pip install 'grid_map_core_py[geo]'").CRS
+        rasterio = required("rasterio", "crs")
         try:
-            known.from_user_input(text)
+            with rasterio.Env():  # else PROJ prints its own message
+                rasterio.crs.CRS.from_user_input(text)
         except ValueError:  # base class of rasterio's CRSError; a malformed number
             raise wrong_crs(crs) from None
     return text

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lossless maps in NumPy's `.npz` files.
+"""Stores maps without loss in NumPy's `.npz` files.
 
 NumPy alone can read such a file: `np.load("map.npz")["layers/elevation"]` is a layer
 in map order, and the entry `metadata` is a JSON string with all other attributes.

@@ -56,7 +56,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         raise
     except OSError as error:
         reason = error.strerror or error.__cause__ or error
-        raise GridMapError(f"{file}: cannot be {doing}: {reason}{_similar(file)}") from error
+        raise GridMapError(f"{file}: cannot be {doing}: {reason}{similar(file)}") from error
     # For damaged files, libraries raise errors of many classes.
     except Exception as error:
         text = f"{error} is missing" if isinstance(error, KeyError) else str(error).strip()
@@ -64,7 +64,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         raise GridMapError(f"{file}: cannot be {doing}: {first_line}") from error
 
 
-def _similar(file: Path) -> str:
+def similar(file: Path) -> str:
     """Return a hint with a similar name in the folder if `file` does not exist, otherwise ""."""
     known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
     # An equal ending alone is not similar.
@@ -84,7 +84,7 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
     """Import the package for a kind of file; if this fails, the error says how to install it."""
-    return errors.required(name, f"{path}: {kind}", f"pip install {name}")
+    return errors.required(name, f"{path}: {kind}")
 
 
 def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
@@ -116,7 +116,7 @@ def map_facts(grid_map: GridMap) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class StoredMap:
-    """A map in a file whose layers have not been read yet."""
+    """A map in a file; its layers are read on demand."""
 
     empty: GridMap
     """The map without its layers."""
@@ -249,7 +249,7 @@ def load_yaml(path: str | PathLike[str]) -> Any:
     try:
         text = Path(path).read_bytes()
     except OSError as error:
-        reason = f"{error.strerror or error}{_similar(Path(path))}"
+        reason = f"{error.strerror or error}{similar(Path(path))}"
         raise GridMapError(f"{path}: cannot be read: {reason}") from error
     return parse_yaml(text, path)
 

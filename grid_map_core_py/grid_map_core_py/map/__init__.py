@@ -8,6 +8,7 @@
 - `SignedDistanceField`: distances from points in space to the surface of a layer.
 """
 
+from .. import _lazy
 from ._geometry import GridGeometry as GridGeometry
 from ._grid_map import GridMap as GridMap
 from ._interpolation import Interpolation as Interpolation
@@ -16,4 +17,4 @@ from ._ring_buffer import (
 )
 from ._signed_distance_field import SignedDistanceField as SignedDistanceField
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

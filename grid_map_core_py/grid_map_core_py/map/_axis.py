@@ -94,7 +94,7 @@ class Axis:
 
     def centers(self, first: int, stop: int) -> Positions:
         """Return the centers [m] of the cells `first` ... `stop` - 1."""
-        # A range of floats needs no conversion.
+        # A range of floats needs no conversion from integers.
         return self.center_of(np.arange(first, stop, dtype=np.float64))
 
     def between(
@@ -160,7 +160,7 @@ class Axis:
 
 
 def both_axes(x: Axis, y: Axis) -> Axis:
-    """Combine the x and y axes for use with coordinates (2, N); attributes become (2, 1) arrays."""
+    """Combine the x and y axes into one `Axis` of (2, 1) arrays, for coordinates (2, N)."""
     size: Any = np.array([[x.size], [y.size]])
     center: Any = np.array([[x.center], [y.center]])
     return Axis(size, x.resolution, center)

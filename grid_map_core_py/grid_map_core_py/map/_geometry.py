@@ -88,7 +88,7 @@ class GridGeometry:
         return cls((rows * resolution, columns * resolution), resolution, position)
 
     def at(self, position: ArrayLike) -> GridGeometry:
-        """Return a grid of the same size centered on another position."""
+        """Return a grid with the same cells, centered at `position` (2,) [m]."""
         x, y = as_pair(position, "position")
         return self._of(self._x.at(x), self._y.at(y))
 
@@ -276,13 +276,13 @@ class GridGeometry:
         return rows, columns
 
     def cropped(self, rows: slice, columns: slice) -> GridGeometry:
-        """Return the geometry of a block of cells."""
+        """Return the geometry of a block of cells; the slices are in map order."""
         return self._of(
             self._x.block(rows.start, rows.stop), self._y.block(columns.start, columns.stop)
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point of the map nearest to each position (..., 2) [m]."""
+        """Return the point of the map nearest to each position (..., 2) [m]; NaN is an error."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
@@ -293,7 +293,7 @@ class GridGeometry:
     def index_shift(self, position: ArrayLike) -> Size:
         """Return the shift in rows and columns that brings the map center closest to `position`.
 
-        The shift is rounded half away from zero, and is positive towards -x and -y.
+        The shift is rounded to whole cells (halves away from zero). It is positive towards -x, -y.
         """
         x, y = as_pair(position, "position")
         rows, columns = self._x.shift_to(x), self._y.shift_to(y)

@@ -42,7 +42,7 @@ from ._transform import transformed_map
 if TYPE_CHECKING:
     import xarray
 
-_LARGEST_REST = 1e-3  # largest rounding of a length or a coordinate without a word [cells]
+_LARGEST_REST = 1e-3  # largest rounding of a length or coordinate that is accepted silently [cells]
 _NO_DATA = np.array(nan, np.float32)  # NumPy assigns an array faster than a number
 
 
@@ -51,15 +51,15 @@ class GridMap(MutableMapping[str, Layer]):
 
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
     and writing into this array changes the map. `map[layer] = values` adds or replaces a layer. An
-    xarray array is aligned by its coordinates. NaN means "no data". Finite values beyond the
-    float32 range become infinite, and numbers above 2**24 may lose digits; both cause a
-    `RuntimeWarning`.
+    xarray array is aligned by its coordinates. NaN means "no data". A `RuntimeWarning` is issued if
+    finite values are beyond the float32 range and become infinite, or if values above 2**24 lose
+    digits.
 
-    In map order, row 0, column 0 is the corner with the largest x and y. Rows run towards -x and
+    In map order, cell (0, 0) is at the corner with the largest x and y. Rows run towards -x and
     columns towards -y. Layers of a new map are in map order. After `move`, they are circular
-    buffers in which the cell at that corner is stored at `start_index`. `axes()`, positions and
-    regions account for this. To read or write a layer in map order, use `unwrapped(layer)` and
-    `set_unwrapped(layer, values)`.
+    buffers, in which this cell is stored at `start_index`. The methods for positions, `axes()` and
+    `grid_map_core_py.regions` account for this. To read or write a layer in map order, use
+    `unwrapped(layer)` and `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
     equal. NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
@@ -67,7 +67,8 @@ class GridMap(MutableMapping[str, Layer]):
 
     Args:
         length: (2,) side lengths along x and y in meters, not cells: 4.0 and 3.0 at a resolution of
-            0.05 make 80 x 60 cells. Rounded to whole cells, with a `UserWarning`.
+            0.05 make 80 x 60 cells. A length that is not a whole number of cells is rounded, with a
+            `UserWarning`.
         resolution: side of a cell [m].
         position: (2,) center of the map [m], in `frame_id`.
         layers: names of layers to add without data, or a mapping from names to values.
@@ -77,7 +78,8 @@ class GridMap(MutableMapping[str, Layer]):
 
     Unless stated otherwise, methods raise `LayerNotFoundError` for a missing layer, and
     `OutOfMapError` for a position or an index outside the map. They raise `GeometryError` for
-    arrays of the wrong shape, and for geometric arguments that are not finite.
+    arrays of the wrong shape, and for lengths, centers and transforms that are not finite. A
+    position with NaN is outside the map.
 
     Example:
         >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
@@ -102,7 +104,7 @@ class GridMap(MutableMapping[str, Layer]):
     _geometry: GridGeometry
     _layers: dict[str, Layer]
     _reference: tuple[str, Pair]  # reference system, and the frame origin in it
-    _shared: set[str]  # layers that another map owns; copied when taken
+    _shared: set[str]  # layers that another map owns; copied on first access
     _start: Size
     _timestamp: int
     __hash__ = None  # type: ignore[assignment]
@@ -163,7 +165,7 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: str = "",
         timestamp: int = 0,
     ) -> GridMap:
-        """Return a map over `geometry`; the other arguments are as in the constructor."""
+        """Create a map with the grid `geometry`; other arguments are as in the constructor."""
         grid_map = cls.__new__(cls)
         grid_map._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
         grid_map._fill(layers, basic_layers)
@@ -279,7 +281,7 @@ class GridMap(MutableMapping[str, Layer]):
     def crs(self) -> str:
         """Coordinate reference system of the frame: WKT, a code or a PROJ string; "" if unknown.
 
-        Copies, submaps, and GeoTIFF, Zarr and .npz files keep it. ROS messages and images cannot.
+        Copies, submaps, and GeoTIFF, Zarr and .npz files keep it. ROS messages and images do not.
         Setting `crs` resets `origin` to (0, 0).
         """
         return self._reference[0]
@@ -400,8 +402,8 @@ class GridMap(MutableMapping[str, Layer]):
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a new map with these layers added or replaced.
 
-        The new map shares all other layers with this map. Each is copied when it is first accessed
-        as `new[layer]`. Given arrays are copied, except float32 arrays in Fortran order.
+        The new map shares all other layers with this map. A shared layer is copied on first access
+        as `new[layer]`. The arrays in `layers` are copied, except float32 arrays in Fortran order.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
@@ -500,7 +502,11 @@ class GridMap(MutableMapping[str, Layer]):
         return np.roll(x, self._start[0]), np.roll(y, self._start[1])
 
     def get_closest_position_in_map(self, positions: ArrayLike) -> Positions:
-        """Return the point of the map nearest to each (2,) or (N, 2) position [m]."""
+        """Return the point of the map nearest to each (2,) or (N, 2) position [m].
+
+        Raises:
+            GeometryError: a position contains NaN.
+        """
         return self._geometry.closest_position(positions)
 
     def at_position(
@@ -513,7 +519,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         If a cubic method needs a cell that is not finite, linear interpolation is used instead. If
         that also needs such a cell, the result is the value of the nearest cell, which may be NaN
-        or infinite. Beyond the map border, the border cell is repeated.
+        or infinite. At the map border, the border cell replaces missing neighbors.
 
         Args:
             layer: name of the layer.
@@ -566,7 +572,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return a cell's center and value as (3,) x, y, z [m]; NaN if the value is not finite."""
+        """Return a cell's center and value as (3,) x, y, z [m], all NaN if z is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
@@ -624,7 +630,7 @@ class GridMap(MutableMapping[str, Layer]):
             self._layers[layer] = ring_buffer.unwrapped(self._adopt(layer, value), back)
 
     def with_start_index(self, index: ArrayLike) -> GridMap:
-        """Return a copy of the map whose layers are stored with another start index.
+        """Return a copy of the map whose layers are stored with the start index `index`.
 
         `with_start_index((0, 0))` stores all layers in map order.
         """
@@ -757,7 +763,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             crs: coordinate reference system of the frame, such as "EPSG:25832". If empty, the `crs`
-                of the map is used. Stored in the coordinate `spatial_ref`, as rioxarray expects.
+                of the map is used. The coordinate `spatial_ref` holds it, as rioxarray expects.
 
         Raises:
             MissingPackageError: xarray, or pyproj for `crs`, is not installed.
@@ -787,7 +793,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             dataset: dataset or array; the coordinates x and y are the evenly spaced centers of
-                square cells [m]. A single cell needs the attribute `resolution` [m].
+                square cells [m]. A map of one cell needs the attribute `resolution` [m].
             layers: names of the layers to read; None means all.
 
         Raises:
@@ -808,7 +814,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             layer: layer drawn as colors (style "flat") or as heights (other styles); empty means
-                `elevation`, or the first layer.
+                `elevation` if it exists, else the first layer.
             ax: axes to draw on; None means the current axes, or new axes for "surface".
             style: "flat", "surface" or "relief", or a style that another package adds.
             options: keyword arguments of the function that draws the style: `plot`, `plot_3d` or
@@ -874,7 +880,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers; it copies an array of this map when first accessed."""
+        """Return a map with these layers; those that this map owns are copied on first access."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}

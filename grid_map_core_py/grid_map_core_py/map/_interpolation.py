@@ -3,7 +3,7 @@
 
 All methods except `NEAREST` are separable. The value is a weighted sum of the cells in a few rows
 and columns around the position. Each weight is the product of a row weight and a column weight.
-Beyond the border, the border cell is repeated.
+Near the map border, the border cell replaces missing neighbors.
 """
 
 from __future__ import annotations

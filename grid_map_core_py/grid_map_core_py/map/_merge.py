@@ -104,7 +104,7 @@ def check_frames(grid_map: Any, other: GridMap) -> None:
 def _has_one_crs(one: Any, other: GridMap) -> bool:
     if one.crs == other.crs or one.origin != other.origin:
         return bool(one.origin == other.origin)
-    proj = required("pyproj", "comparing crs", "pip install 'grid_map_core_py[geo]'")
+    proj = required("pyproj", "comparing crs")
     return bool(proj.CRS.from_user_input(one.crs) == proj.CRS.from_user_input(other.crs))
 
 

@@ -20,8 +20,7 @@ def plot(grid_map: object, layer: str, ax: Any, style: str, options: dict[str, A
     """Draw a map; see `GridMap.plot`."""
     styles = {entry.name: entry for entry in entry_points(group=GROUP)}
     if not styles:
-        remedy = f"install {PACKAGE}, or source the workspace that has it"
-        raise MissingPackageError(PACKAGE, "plot", remedy)
+        raise MissingPackageError(PACKAGE, "plot")
     check(style in styles, "style", f"one of {', '.join(sorted(styles))}", style)
     draw = styles[style].load()
     known = signature(draw).parameters

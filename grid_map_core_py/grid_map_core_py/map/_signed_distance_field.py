@@ -22,7 +22,7 @@ Nodes: TypeAlias = NDArray[np.float32]
 
 _Coordinates: TypeAlias = list[Positions]  # three (N,): coordinates of N points along each axis
 
-_MOST_NODES = 2**31  # largest number of nodes (8 GiB); a larger field means wrong height limits
+_MOST_NODES = 2**31  # largest number of nodes (8 GiB); more nodes suggest wrong height limits
 _STRIP = 1 << 16  # cells per strip; a strip fits into the cache
 
 
@@ -110,7 +110,7 @@ class SignedDistanceField:
             for stride, count in zip(nodes.strides, nodes.shape, strict=True)
         ]
         flat = nodes.ravel(order="K")
-        # Each view is for one corner: its item at the memory index of a cell is that corner.
+        # One view per corner: indexed with the memory index of a cell, it returns this corner.
         offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
         self._corner_nodes = [flat[offset:] for offset in offsets]
 
@@ -189,7 +189,7 @@ class SignedDistanceField:
         return (float(values[0]), gradients[0]) if given.ndim == 1 else (values, gradients)
 
     def to_points(self, lower: float = -np.inf, upper: float = np.inf) -> NDArray[np.float32]:
-        """Return the nodes whose distance is between two limits.
+        """Return the nodes whose distance is between two limits, both included.
 
         Args:
             lower: smallest distance [m].

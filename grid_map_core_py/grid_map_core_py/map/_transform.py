@@ -33,8 +33,9 @@ def transformed_map(
     steps = [(0.0, 0.0)]
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    # Smallest grid around the corners, transformed at z = 0. The center is summed in the same order
-    # as in C++, for equal rounding. Far from the origin, a length from corners is imprecise.
+    # The smallest grid that contains the corners, transformed at z = 0. The center is summed in the
+    # same order as in C++, for equal rounding. The length is not computed from the corners, because
+    # coordinates far from the origin are imprecise.
     x, y = (grid_map.position + np.outer((0.5, -0.5), grid_map.length)).T
     center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
     length = np.abs(matrix[:2, :2]) @ grid_map.length

@@ -10,6 +10,7 @@
 - `Polygon`: a polygon in the plane of the map.
 """
 
+from .. import _lazy
 from ._polygon import Polygon as Polygon
 from ._shapes import (
     cells_to_mask as cells_to_mask,
@@ -24,4 +25,4 @@ from ._shapes import (
 from ._sliding_window import sliding_windows as sliding_windows, window_array as window_array
 from ._spiral import spiral_cells as spiral_cells
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

@@ -19,11 +19,11 @@ _CHUNK = 2**16  # point-edge pairs per chunk; a chunk fits into the cache
 
 
 class BoundingBox(NamedTuple):
-    """Smallest rectangle parallel to x and y that contains all vertices.
+    """Axis-aligned bounding box of a polygon.
 
     Attributes:
-        center: (2,) center of the rectangle [m].
-        length: (2,) sides of the rectangle along x and y [m].
+        center: (2,) center [m].
+        length: (2,) side lengths along x and y [m].
     """
 
     center: Positions
@@ -143,7 +143,7 @@ class Polygon:
 
     @property
     def bounding_box(self) -> BoundingBox:
-        """Smallest rectangle parallel to x and y that contains all vertices."""
+        """Axis-aligned bounding box of the vertices."""
         self._need_vertices(1, "bounding_box")
         lower, upper = map(np.array, self._ends)
         return BoundingBox(0.5 * (lower + upper), upper - lower)
@@ -151,7 +151,8 @@ class Polygon:
     def is_inside(self, points: ArrayLike) -> bool | Mask:
         """Return a mask of the points inside, by the even-odd rule.
 
-        Points on a left or lower edge are inside. Points on a right or upper edge are outside.
+        Edges whose outward normal points towards -x, or exactly along -y, belong to the inside. All
+        other edges are outside.
 
         Args:
             points: (2,) or (N, 2) x, y [m]; a point with NaN is outside.
@@ -188,7 +189,7 @@ class Polygon:
         the result is turned inside out.
 
         Raises:
-            GeometryError: the polygon has no area, or the margin is not finite.
+            GeometryError: the polygon has vertices but no area, or the margin is not finite.
         """
         margin = as_finite(margin, "margin")
         if not len(self._vertices):
@@ -230,7 +231,7 @@ class Polygon:
         return a, 1.0 + a @ mean
 
     def triangulate(self) -> list[Polygon]:
-        """Split a convex polygon into triangles between the first vertex and each edge."""
+        """Split a convex polygon into triangles that share the first vertex."""
         return [Polygon([self._vertices[0], *pair]) for pair in pairwise(self._vertices[1:])]
 
     def __len__(self) -> int:

@@ -34,8 +34,8 @@ def sliding_windows(
     Args:
         layer: name of the layer.
         edge_handling: handling of windows that extend beyond the map: "inside" skips these windows,
-            "crop" crops them, "empty" pads them with NaN, and "mean" pads with the mean of the
-            window's finite values.
+            "crop" crops them, "empty" pads them with NaN, and "mean" pads them with the mean
+            of their finite values.
         window_size: side of the window [cells], odd.
         window_length: side of the window [m], instead of `window_size`; rounded to whole cells,
             and an even number is increased by 1.

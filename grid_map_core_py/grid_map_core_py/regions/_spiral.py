@@ -16,7 +16,7 @@ from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
 from ._shapes import checked_radius, circle_cells, empty_cells
 
-# Number of rings of a cached spiral (0.8 MB). Smaller spirals are cut out of it without sorting.
+# Number of rings in the cached spiral (0.8 MB), from which smaller spirals are cut without sorting.
 KEPT_RINGS = 128
 
 # Limit on the row and column of a disc center outside the map; their squares must fit into int64.

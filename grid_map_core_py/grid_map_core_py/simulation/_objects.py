@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Places objects on a terrain; the new map copies the height layer and shares all others."""
+"""Places objects on a terrain; the new map shares all layers except the height layer."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def with_box(
     Args:
         grid_map: the terrain, which stays unchanged.
         center: (2,) center of the object [m], map frame; parts outside the map are cut off.
-        length: (2,) side lengths of the object along the object's x and y axes [m].
+        length: (2,) side lengths along the object's x and y axes [m].
         height: height of the object [m] above the mean height of the ground below it, or above 0 if
             no ground height is known. Higher ground keeps its height.
         yaw: rotation of the object relative to the map [rad].

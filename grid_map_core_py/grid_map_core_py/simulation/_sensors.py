@@ -89,7 +89,7 @@ def scan(
     layer: str = "elevation",
     max_range: float = np.inf,
 ) -> Positions:
-    """Return the points of a scan of a terrain, during which the sensor does not move.
+    """Simulate a scan of a terrain with a sensor that does not move during the scan.
 
     Args:
         grid_map: the terrain; `cast_rays` defines the surface.

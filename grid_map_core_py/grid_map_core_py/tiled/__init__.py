@@ -5,7 +5,8 @@ Requires the extra `tiled`. GeoTIFF files also require the extra `geo`. `grid_ma
 registers the accessor `grid_map` for xarray datasets.
 """
 
+from .. import _lazy
 from ._open import open_map as open_map
 from ._tiled_map import TiledMap as TiledMap
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

@@ -2,7 +2,7 @@
 """Converts maps to xarray datasets, and reads layers from datasets.
 
 Layers become variables with the dimensions ("x", "y") in map order: both coordinates descend.
-Datasets from elsewhere may also have the order ("y", "x") and ascending coordinates.
+Datasets from other programs may also have the order ("y", "x") and ascending coordinates.
 """
 
 import re
@@ -33,7 +33,6 @@ from ._source import TILE, TiledData, Window, data_errors, shape
 if TYPE_CHECKING:
     import xarray
 
-REMEDY = "pip install 'grid_map_core_py[xarray]'"
 
 DIMENSIONS = ("x", "y")
 
@@ -92,7 +91,7 @@ def to_dataset(grid_map: GridMap) -> "xarray.Dataset":
 def dataset_of(described: GridMap | TiledData, layers: Mapping[str, Any]) -> "xarray.Dataset":
     """Create a dataset from NumPy or Dask arrays in map order, without copying the arrays."""
     crs, about = described.crs, attributes(described, layers)
-    xr = required("xarray", "a dataset", REMEDY)
+    xr = required("xarray", "a dataset")
     if taken := {*layers} & {*DIMENSIONS, CRS_VARIABLE}:
         raise GridMapError(
             f"layers: expected other names than those of coordinates, got {min(taken)!r}"
@@ -121,7 +120,7 @@ def grid_mapping(crs: str) -> dict[str, Any]:
     is_wkt = bool(_WKT.match(crs))
     wkt, about = crs, {}
     try:
-        pyproj = required("pyproj", f"crs {short(crs)}", "pip install 'grid_map_core_py[geo]'")
+        pyproj = required("pyproj", f"crs {short(crs)}")
         found = pyproj.CRS.from_user_input(crs)
         wkt, about = crs if is_wkt else found.to_wkt(), found.to_cf()
     except MissingPackageError:
@@ -139,10 +138,11 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Convert a dataset or data array to a dataset with one variable per band.
 
-    A single band keeps the name of its variable. If several bands have no unique names, they are
-    numbered, such as `height_2`. Missing values become NaN; scale and offset are applied.
+    A single band keeps the name of its variable. If the names of several bands are missing or not
+    unique, the bands are numbered, such as `height_2`. Missing values become NaN; scale and offset
+    are applied.
     """
-    xr = required("xarray", "a dataset", REMEDY)
+    xr = required("xarray", "a dataset")
     dataset: Any = data
     prefix = None
     if isinstance(data, xr.DataArray):
@@ -289,7 +289,7 @@ class DatasetSource:
     reads_layers_alone: ClassVar[bool] = True
 
     def describe(self) -> str:
-        return str(required("dask.base", "tiled maps", REMEDY).tokenize(self.dataset))
+        return str(required("dask.base", "tiled maps").tokenize(self.dataset))
 
     def prepare(self) -> None:
         """Do nothing, because windows share no data."""
@@ -302,7 +302,7 @@ class DatasetSource:
             part = dict(zip(DIMENSIONS, stored, strict=True))
             layers = [self.dataset.variables[name].isel(part) for name in names]
             if any(layer.chunks for layer in layers):
-                compute = required("dask.base", "a dataset of Dask", REMEDY).compute
+                compute = required("dask.base", "a dataset of Dask").compute
                 # Compute in this thread: in a Dask task, a pool would wait for threads in use.
                 values = compute(*(layer.data for layer in layers), scheduler="synchronous")
             else:
@@ -380,7 +380,7 @@ def mirrored(window: Window, size: Size, ascends: Sequence[bool]) -> Window:
 
 def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -> "xarray.Dataset":
     """Convert a tiled map to a dataset of Dask arrays; see `TiledMap.to_xarray`."""
-    required("dask.array", "a dataset that is computed later", REMEDY)
+    required("dask.array", "a dataset that is computed later")
     from dask.array import map_blocks
     from dask.delayed import delayed
 

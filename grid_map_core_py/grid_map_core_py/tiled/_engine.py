@@ -8,10 +8,11 @@ its cluster is used instead. `dask.config.set(scheduler=...)` selects another lo
 import itertools
 import pickle
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextvars import copy_context
-from functools import lru_cache
+from contextvars import ContextVar, copy_context
+from functools import cache, lru_cache
 from operator import length_hint
 from typing import Any, TypeVar
 
@@ -21,7 +22,6 @@ from ..errors import GridMapError, required
 T = TypeVar("T")
 P = TypeVar("P")
 
-REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 _AHEAD = 2
 """Number of running and queued calls per thread of this process."""
@@ -55,7 +55,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
         GridMapError: the cluster is lost, or several workers died while computing the same part.
         Exception: the exception of a failed call; no further call is started.
     """
-    required("dask", "tiled maps", REMEDY)
+    required("dask", "tiled maps")
     from dask import base, config, system, threaded
 
     find: Any = base.get_scheduler
@@ -92,7 +92,7 @@ def _on_cluster(
     from distributed import as_completed
 
     # Pickled in advance, because schedulers may unpickle task arguments.
-    call = required("cloudpickle", "tiled maps on a cluster", REMEDY).dumps(function)
+    call = required("cloudpickle", "tiled maps on a cluster").dumps(function)
     running: dict[Any, list[P]] = {}
     completed: Any = as_completed
     ready = completed(with_results=True, raise_errors=False)
@@ -123,12 +123,19 @@ def _on_cluster(
             if not isinstance(result, list):
                 raise _error(client, result)
             future.release()
-            yield from zip(running.pop(future), result, strict=True)
+            yield from zip(running.pop(future), _values(*result), strict=True)
     finally:
         # The scheduler drops released tasks; `cancel` would wait for a lost scheduler.
         ready.clear()
         for future in running:
             future.release()
+
+
+def _values(values: list[T], warned: list[Warning]) -> list[T]:
+    """Issue the warnings of a task, and return its results."""
+    for warning in warned:
+        warnings.warn(warning, stacklevel=3)
+    return values
 
 
 def _error(client: Any, result: Any = None) -> BaseException:
@@ -149,7 +156,29 @@ def _error(client: Any, result: Any = None) -> BaseException:
 _unpickled = lru_cache(maxsize=4)(pickle.loads)
 
 
-def _call_each(pickled: bytes, group: list[Any]) -> list[Any]:
+_warned: ContextVar[list[Warning] | None] = ContextVar("_warned", default=None)
+"""List that collects the warnings of the task that this thread of a worker runs."""
+
+
+@cache
+def _collect_warnings() -> None:
+    """Collect warnings in `_warned`. `catch_warnings` would affect all threads of the worker."""
+    show: Any = warnings.showwarning
+
+    def collect(warning: Any, *details: Any, **options: Any) -> None:
+        warned = _warned.get()
+        show(warning, *details, **options) if warned is None else warned.append(warning)
+
+    warnings.showwarning = collect  # type: ignore[assignment]
+
+
+def _call_each(pickled: bytes, group: list[Any]) -> list[list[Any]]:
+    """Return the results of a task and its warnings, which the client issues again."""
     keep_memory()
-    function = _unpickled(pickled)
-    return [function(part) for part in group]
+    _collect_warnings()
+    token = _warned.set(warned := list[Warning]())
+    try:
+        function = _unpickled(pickled)
+        return [[function(part) for part in group], warned]
+    finally:
+        _warned.reset(token)

@@ -30,7 +30,7 @@ def open_map(
     """Open a map of any size and read only the metadata.
 
     Several GeoTIFF files form one map if their pixels lie on one grid. Gaps between files are NaN;
-    where files overlap, a cell gets the value of the first file that has one.
+    where files overlap, a cell gets its value from the first file that has data there.
 
     Args:
         path: a Zarr store (a folder or an fsspec URL), one or more GeoTIFF files (including GDAL

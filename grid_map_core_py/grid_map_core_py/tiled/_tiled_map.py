@@ -21,7 +21,6 @@ from ..map._interpolation import REACH, Interpolation, Surface, check_inside, me
 from ..plugins import check
 from ._datasets import (
     DIMENSIONS,
-    REMEDY,
     as_dataset,
     geometry_of,
     layers_of,
@@ -211,8 +210,8 @@ class TiledMap(TiledData):
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
         Each tile is one chunk, and is computed once even if several layers are used together. In
-        all other respects the dataset equals the result of `GridMap.to_xarray`, with `crs` as a CF
-        grid mapping. If a filter needs values of the whole map, these are computed immediately.
+        all other respects, the dataset equals the result of `GridMap.to_xarray`. If a filter needs
+        values of the whole map, these are computed immediately.
 
         Args:
             layers: names of the layers; None means all.
@@ -297,7 +296,7 @@ class TiledMap(TiledData):
             resume: continue an unfinished run: only missing tiles are computed, and the store is
                 identical to the store of an uninterrupted run.
             overwrite: replace an existing store.
-            progress: called after each tile.
+            progress: called after each tile with the numbers of finished tiles and of all tiles.
 
         Raises:
             GridMapError: a tile cannot be read, computed or written; the store exists or is being
@@ -358,7 +357,7 @@ class TiledMap(TiledData):
             layers: names of the layers to write; None means all.
             compress: compress the values with deflate.
             overwrite: replace an existing file.
-            progress: called after each window.
+            progress: called after each window with the numbers of finished and of all windows.
         """
         from ._rasters import to_geotiff
 
@@ -404,16 +403,17 @@ class TiledMap(TiledData):
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
         """Return the map in a frame whose origin has this latitude and longitude.
 
-        Coordinates in a reference system can be millions of meters. In a frame whose origin
-        is near the robot, they are small. The directions of the axes do not change. Datasets,
-        stores and GeoTIFF files still use the coordinates of the reference system. They also store
-        the origin, so that `open_map` and `load_geotiff` can restore the frame.
+        Coordinates in a reference system can reach millions of meters. In a frame whose origin is
+        near the robot, they are small. The directions of the axes do not change. Datasets, stores
+        and GeoTIFF files still use the coordinates of the reference system. They also store the
+        origin, so that `open_map` and `load_geotiff` can restore the frame.
 
         Args:
             latitude, longitude: the new origin [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or the origin is outside its valid area.
+            GridMapError: the map has no reference system, or the reference system is not valid at
+                the origin.
         """
         origin = self.position_of(latitude, longitude)
         if not np.isfinite(origin).all():
@@ -437,8 +437,7 @@ def _transformer(crs: str) -> Any:
             "the map has no reference system, so its place on the earth is unknown; a GeoTIFF "
             "file or a store says it, or 'dataclasses.replace(tiled_map, crs=...)'"
         )
-    remedy = "pip install 'grid_map_core_py[geo]'"
-    proj = required("pyproj", "latitude and longitude", remedy)
+    proj = required("pyproj", "latitude and longitude")
     return proj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
 
 
@@ -526,6 +525,6 @@ class GridMapAccessor:
 @cache
 def register() -> None:
     """Register the accessor `grid_map` in xarray."""
-    xr = required("xarray", "the accessor `grid_map`", REMEDY)
+    xr = required("xarray", "the accessor `grid_map`")
     xr.register_dataset_accessor("grid_map")(GridMapAccessor)
     xr.register_dataarray_accessor("grid_map")(GridMapAccessor)

@@ -31,14 +31,18 @@ from .._unfinished import notes
 from ..errors import GridMapError, required, short
 from ..files._shared import check_ending, new_folder
 from ._datasets import CRS_VARIABLE, DIMENSIONS, attributes, coordinates, grid_mapping
-from ._engine import REMEDY, in_any_order
+from ._engine import in_any_order
 from ._source import Progress, TiledData, data_errors, tile_name
+
+VERSION_KEY = "grid_map_version"
+VERSION = 1
+"""Version of the store format. It changes when older releases would misread a store."""
 
 _RUN = ".run.json"
 """File that describes the run in an unfinished store; locked by the process that is writing."""
 
 _NEAR = 4
-"""Tiles are computed in square groups with this side length [tiles]."""
+"""Side of the square groups in which neighboring tiles are computed [tiles]."""
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
@@ -71,7 +75,7 @@ def to_zarr(
         if target.exists():
             if not overwrite:
                 raise GridMapError("already exists; 'overwrite' replaces it")
-            # Raises FileNotFoundError if the folder is not a store.
+            # Raises an error if the target is not a store, so that only stores are replaced.
             metadata_file(target)
         # A run is resumed only if all these entries are equal.
         run = {
@@ -195,8 +199,8 @@ def check_local(path: str | PathLike[str]) -> Path:
 
 def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> None:
     """Create a store for the layers `names` in an empty folder, without writing any chunks."""
-    zarr = required("zarr", f"{path}: a Zarr store", REMEDY)
-    blosc = required("numcodecs", "a Zarr store", REMEDY).Blosc
+    zarr = required("zarr", f"{path}: a Zarr store")
+    blosc = required("numcodecs", "a Zarr store").Blosc
     taken = (*DIMENSIONS, CRS_VARIABLE)
     for name in names:
         if not is_name(name) or name.startswith((".", "__")) or {*name} & {*"/\\"} or name in taken:
@@ -238,7 +242,7 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
         array[:] = values
     if crs:
         create(CRS_VARIABLE, "<i4", (), (), [], grid_mapping(crs))
-    group.attrs.put(attributes(tiled_map, names))
+    group.attrs.put(attributes(tiled_map, names) | {VERSION_KEY: VERSION})
     # Readers then need only one file for the metadata of all layers.
     zarr.consolidate_metadata(str(path))
 
@@ -255,7 +259,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
         name: name of the layer.
         empty_chunks: also write chunks in which all cells are NaN.
     """
-    zarr = required("zarr", f"{store}: a Zarr store", REMEDY)
+    zarr = required("zarr", f"{store}: a Zarr store")
     if Path(store, name).is_symlink():
         raise GridMapError("expected a folder, got a link. Copy the layer into the store first")
     options = {"write_empty_chunks": empty_chunks}

@@ -11,14 +11,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._arrays._checks import Layer, Size, select_layers
-from ..errors import GeometryError, GridMapError, OutOfMapError, required
+from ..errors import GeometryError, GridMapError, OutOfMapError, required, short
 from ..limits import check_cells
 from ..map._grid_map import GridMap
 from ..map._merge import check_frames, lines_under
 from ._datasets import DIMENSIONS, geometry_of, layers_of, mirrored, open_dataset
-from ._engine import REMEDY
 from ._source import TILE, TiledData, Tiles, Window, common, data_errors, within
-from ._zarr_files import check_local, is_local, locked, metadata_file, open_layer
+from ._zarr_files import (
+    VERSION,
+    VERSION_KEY,
+    check_local,
+    is_local,
+    locked,
+    metadata_file,
+    open_layer,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -91,11 +98,14 @@ def _stamp(name: str) -> object:
 @lru_cache(maxsize=_OPENED)
 def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # noqa: ARG001
     with data_errors(name, "read"):
-        xarray = required("xarray", f"{name}: a Zarr store", REMEDY)
-        required("zarr", f"{name}: a Zarr store", REMEDY)
-        # If `consolidated` is None, xarray warns about local stores without such metadata.
+        xarray = required("xarray", f"{name}: a Zarr store")
+        required("zarr", f"{name}: a Zarr store")
+        # With None, xarray would warn about local stores without consolidated metadata.
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
         dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
+        if (version := dataset.attrs.get(VERSION_KEY, VERSION)) != VERSION:
+            expected = f"expected a store of version {VERSION}, got {short(version)}"
+            raise GridMapError(f"{expected}. Install a newer grid_map_core_py")
         layers = layers_of(dataset)
         for layer in layers:
             chunk = dataset[layer].encoding.get("chunks") or (1, 1)

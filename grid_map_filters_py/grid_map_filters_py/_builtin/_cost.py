@@ -26,7 +26,8 @@ class Cost(CellFilter):
     """Convert a layer such as traversability or slope to Nav2 costs.
 
     With u = (value - free_value) / (lethal_value - free_value), the cost is 0 (free) if u <= 0, 254
-    (lethal) if u >= 1, else 1 + floor(252 u). Cost 253 is left to `InflationFilter`.
+    (lethal) if u >= 1, else 1 + floor(252 u). Cost 253 is left to `InflationFilter`. Values
+    equal to a limit in float32, the precision of the layer, count as equal to it.
 
     Attributes:
         input_layer: layer to convert; cells that are not finite are unknown.
@@ -50,8 +51,8 @@ class Cost(CellFilter):
     def __post_init__(self) -> None:
         for name in ("free_value", "lethal_value", "lethal_above"):
             value, expected = getattr(self, name), "a finite number in the unit of its layer"
-            check(value is None or math.isfinite(value), name, expected, value)
-        differ = self.lethal_value != self.free_value
+            check(value is None or math.isfinite(_rounded(value)), name, expected, value)
+        differ = _rounded(self.lethal_value) != _rounded(self.free_value)
         check(differ, "lethal_value", "another number than free_value", self.lethal_value)
         if (self.lethal_layer is None) != (self.lethal_above is None):
             raise ConfigError("expected both or none of 'lethal_layer', 'lethal_above'")
@@ -62,15 +63,23 @@ class Cost(CellFilter):
         return grid_map.with_layers({self.output_layer: costs})
 
     def _costs(self, values: Layer, second: Layer | None = None) -> npt.NDArray[np.float64]:
+        free, extent = self.free_value, self.lethal_value - self.free_value
+        low, high = ((_rounded(limit) - free) / extent for limit in (free, self.lethal_value))
         share = values.astype(np.float64)
-        share -= self.free_value
-        share /= self.lethal_value - self.free_value
+        share -= free
+        share /= extent
         costs = np.floor(_GRADED * share)
         costs += 1
-        costs[share <= 0] = FREE
-        costs[share >= 1] = LETHAL
+        costs[share <= max(low, 0)] = FREE
+        costs[share >= min(high, 1)] = LETHAL
         missing = {"unknown": np.nan, "lethal": LETHAL, "free": FREE}[self.unknown]
         costs[~np.isfinite(values)] = missing
         if second is not None and self.lethal_above is not None:
             costs[second.astype(np.float64) > self.lethal_above] = LETHAL
         return costs
+
+
+def _rounded(value: float) -> float:
+    """Round to float32; a value outside its range becomes infinite."""
+    with np.errstate(over="ignore"):
+        return float(np.float32(value))

@@ -32,9 +32,9 @@ class Inflation(LayerFilter):
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
-            the footprint. To match `robot_radius` in Nav2, use that radius times cos(pi / 16) =
-            0.9808.
-        footprint: corners [x, y] [m], as a list or (as in Nav2) a string; replaces
+            the footprint. To match `robot_radius` in Nav2 without `footprint_padding`, use that
+            radius times cos(pi / 16) = 0.9808.
+        footprint: corners [x, y] [m], as a list or (as in Nav2) a string, after padding; replaces
             `inscribed_radius`.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].

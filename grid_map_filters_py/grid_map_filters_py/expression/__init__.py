@@ -5,6 +5,8 @@
 number. The method `over_windows` evaluates the expression for the window around every cell.
 """
 
-from ._expression import Expression
+from grid_map_core_py import _lazy
 
-__all__ = ["Expression"]
+from ._expression import Expression as Expression
+
+__all__, __dir__ = _lazy.public_names(dir())

@@ -6,6 +6,8 @@ values of one cell to all cells, and compiles it if numba is installed. `blockwi
 block by block in the threads of the chain, and `side_by_side` runs other work in these threads.
 """
 
+from grid_map_core_py import _lazy
+
 from ._blocks import blockwise as blockwise
 from ._cell_function import (
     cell_function as cell_function,
@@ -16,4 +18,4 @@ from ._cell_function import (
 from ._disc import Disc as Disc, disc_reach as disc_reach, typical_value as typical_value
 from ._side_by_side import side_by_side as side_by_side
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

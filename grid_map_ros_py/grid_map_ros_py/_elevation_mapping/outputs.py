@@ -45,8 +45,7 @@ def make_chain(config: Mapping[str, Any], threads: int = 1) -> Chain:
     """Create a filter chain from its configuration."""
     found = next(iter(entry_points(group=GROUP)), None)
     if found is None:
-        remedy = f"install {PACKAGE}, or source the workspace that has it"
-        raise MissingPackageError(PACKAGE, "postprocessor_pipeline", remedy)
+        raise MissingPackageError(PACKAGE, "postprocessor_pipeline")
     chain: Chain = found.load().from_config(config, threads=threads)
     return chain
 

@@ -138,7 +138,7 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
     if not names and "input_sources" not in node._parameter_overrides:
         names, defaults = ["points"], {"topic": topic}
     elif not names:
-        read_parameter_tree(node, "input_sources", description="empty: no source")
+        read_parameter_tree(node, "input_sources", description="[]: no source")
     sources, owners = [], dict[str, str]()
     for name in names:
         place = f"input_sources.{name}"

@@ -4,9 +4,11 @@
 import time
 from collections import deque
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import SetParametersResult
@@ -22,7 +24,7 @@ from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_core_py.plugins import check
 
 from .. import ReceivedMap, to_costmap, to_occupancy_grid
-from .._costs import Planar, aligned, check_costs, planar, resampled
+from .._costs import WORST_BELOW_UNKNOWN, Planar, aligned, check_costs, planar, resampled
 from ..errors import DROPPED, reason
 from ..messages._packages import messages_of
 from ..messages._updates import filled, is_same_grid, with_cells
@@ -70,32 +72,42 @@ class CostmapSettings:
 class Output:
     """Publishes latched full grids of type `kind`, and updates of type `update` unless it is None.
 
-    An update expires after `lifespan` [s]. Two full grids follow each update, one per `period` [s].
-    If a late subscriber applies an update to a newer grid, a full grid soon replaces the result.
+    An update expires after `period` [s]. Two full grids follow it, one per period. If a late
+    subscriber applies an update to a newer grid, a full grid soon replaces the result.
     """
 
-    def __init__(
-        self, node: Node, topic: str, kind: type, update: Any, period: float, lifespan: float
-    ) -> None:
+    def __init__(self, node: Node, topic: str, kind: type, update: Any, period: float) -> None:
         self.last: Any = None
         self.counts = {"full grids": 0, "updates": 0}
-        self._update, self._pending = update, 0
+        self._node, self._update, self._pending = node, update, 0
         self._publisher = node.create_publisher(kind, topic, map_qos())
-        if update:
-            qos = map_qos()
-            qos.depth, qos.lifespan = QUEUE, Duration(seconds=lifespan)
-            self._updates = node.create_publisher(update, f"{topic}_updates", qos)
+        qos = map_qos()
+        qos.depth, qos.lifespan = QUEUE, Duration(seconds=period)
+        self._offer_updates = partial(node.create_publisher, update, f"{topic}_updates", qos)
+        self._updates: Any = update and self._offer_updates()
         steady_timer(node, period, self._repeat)
 
     def send(self, grid: Any, *, full: bool = False) -> None:
         """Send a full grid, an update, or nothing if no cell has changed."""
         before, self.last = self.last, grid
-        if full or not self._update or before is None or not is_same_grid(before, grid):
+        is_new = full or before is None or not is_same_grid(before, grid)
+        if is_new or (not self._update and before.data != grid.data):
             self._send_full()
-        elif update := filled(self._update(), before, grid):
+        elif self._update and (update := filled(self._update(), before, grid)):
             self._updates.publish(update)
             self.counts["updates"] += 1
             self._pending = 2
+
+    def send_unknown(self, stamp: Time) -> None:
+        """Send a grid of unknown cells, if any was sent; discard the latched updates."""
+        if self.last is None:
+            return
+        if self._update:
+            self._node.destroy_publisher(self._updates)
+            self._updates = self._offer_updates()
+        header = Header(stamp=stamp, frame_id=self.last.header.frame_id)
+        cells = np.full(len(self.last.data), UNKNOWN, np.uint8)
+        self.send(with_cells(self.last, cells, header), full=True)
 
     def _repeat(self) -> None:
         if self._pending:
@@ -120,18 +132,15 @@ class CostmapNode(ConfiguredNode):
         about = "maximum time from an update to a full grid [s]"
         period = 0.5 * self.read_number("full_period", 5.0, 0.01, 1e6, about)
         self._next = self._settings = read_fields(self, CostmapSettings, read_only=False)
-        # When the costs become unknown, no late subscriber may get an older update.
-        times = period, min(period, self._settings.stale_after or period)
         update = getattr(self._find("map_msgs", "full grids only"), "OccupancyGridUpdate", None)
-        self._outputs = [Output(self, topic, OccupancyGrid, update, *times)]
+        self._outputs = [Output(self, topic, OccupancyGrid, update, period)]
         self._health.details = lambda: self._outputs[0].counts
         if publishes_raw and (nav2 := self._find("nav2_msgs", "no nav2_msgs/Costmap")):
-            raw = Output(self, f"{topic}_raw", nav2.Costmap, nav2.CostmapUpdate, *times)
+            raw = Output(self, f"{topic}_raw", nav2.Costmap, nav2.CostmapUpdate, period)
             self._outputs.append(raw)
             service = messages_of("nav2_msgs", "costmap", "srv").GetCostmap
-            answer = lambda *_: service.Response(map=raw.last or nav2.Costmap())  # noqa: E731
             folder, slash, name = topic.rpartition("/")
-            self.create_service(service, f"{folder}{slash}get_{name}", answer)
+            self.create_service(service, f"{folder}{slash}get_{name}", self._answer)
         self._waiting: deque[tuple[ReceivedMap, float]] = deque()
         self._used, self._is_stale = time.monotonic(), False
         self._listen()
@@ -139,7 +148,10 @@ class CostmapNode(ConfiguredNode):
         self.add_post_set_parameters_callback(self._apply_changes)
         steady_timer(self, WAIT_PERIOD, self._work)
         source, target = self._subscription.topic_name, self.resolve_topic_name(topic)
-        self.get_logger().info(f"publishes {self._settings.layer!r} of {source} on {target}")
+        self.get_logger().info(
+            f"publishes {self._settings.layer!r} of {source} on {target}. Set trinary_costmap to "
+            "false and subscribe_to_updates to true in the StaticLayer of Nav2"
+        )
 
     def _find(self, package: str, consequence: str) -> Any:
         try:
@@ -147,6 +159,15 @@ class CostmapNode(ConfiguredNode):
         except MissingPackageError as error:
             self.get_logger().info(f"{error}. Without it, the node publishes {consequence}")
             return None
+
+    def _answer(self, _request: Any, response: Any) -> Any:
+        """Fill the answer of the service; before the first map, it has no cells."""
+        if self._outputs[-1].last is None:
+            topic = self._subscription.topic_name
+            self._log.warning(f"get_costmap: no costs yet, as no map of {topic} has been used")
+        else:
+            response.map = self._outputs[-1].last
+        return response
 
     # --- parameters -------------------------------------------------------------------------------
 
@@ -185,6 +206,7 @@ class CostmapNode(ConfiguredNode):
             # The oldest map stays, so that its missing transform is logged.
             self._waiting.pop()
         self._waiting.append((received, time.monotonic()))
+        self._health.defer()
 
     def _transform(self, received: ReceivedMap, since: float = np.inf) -> Planar | None:
         """Return the pose of the map in the frame of the costmap; None if it is not known yet."""
@@ -208,8 +230,8 @@ class CostmapNode(ConfiguredNode):
         grid_map = received.decode([layer], copy=False)
         check_costs(grid_map, layer)
         target = settings.frame_id or grid_map.frame_id, settings.resolution or grid_map.resolution
-        if target != (grid_map.frame_id, grid_map.resolution):
-            grid_map = resampled(grid_map, layer, transform, *target, settings.unknown == "worst")
+        worst_below_unknown = WORST_BELOW_UNKNOWN[settings.unknown]
+        grid_map = resampled(grid_map, layer, transform, *target, worst_below_unknown)
         grid_map = aligned(grid_map, settings.origin_grid)
         full = settings.always_send_full or self._is_stale
         self._outputs[0].send(to_occupancy_grid(grid_map, layer, codec=CostRange()), full=full)
@@ -227,11 +249,8 @@ class CostmapNode(ConfiguredNode):
             text = f"no usable map of {topic} for {limit:g} s, all cells are unknown"
             self._health.problem = text
             self._log.warning(f"{text}; set stale_after to 0 for a map that is published once")
-            for output in filter(lambda output: output.last is not None, self._outputs):
-                stamp, frame_id = self.get_clock().now().to_msg(), output.last.header.frame_id
-                cells = np.full(len(output.last.data), UNKNOWN, np.uint8)
-                header = Header(stamp=stamp, frame_id=frame_id)
-                output.send(with_cells(output.last, cells, header), full=True)
+            for output in self._outputs:
+                output.send_unknown(self.get_clock().now().to_msg())
 
     def _finish(self, received: ReceivedMap, since: float) -> bool:
         """Send or drop a waiting map; return False if it must keep waiting."""
@@ -242,8 +261,9 @@ class CostmapNode(ConfiguredNode):
                     return False
                 self._send(received, transform)
             except DROPPED as error:
-                self._health.drop_used(reason(error))
+                self._health.drop(reason(error))
                 raise
+            self._health.use()
         return True
 
 

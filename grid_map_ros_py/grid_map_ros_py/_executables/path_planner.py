@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from grid_map_core_py._arrays._checks import Mask
+from grid_map_core_py._packages import remedy_for
 from grid_map_core_py._parameters import build
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -110,7 +111,7 @@ class Locator:
             return np.eye(4)
         if self._tf is None:
             need = f"a pose in frame {source!r} for a map in frame {target!r}"
-            remedy = "install ros-jazzy-tf2-ros-py and source ROS, or send it in the map frame"
+            remedy = f"{remedy_for(TF)}, or send it in the map frame"
             raise PlanError(TF_ERROR, str(MissingPackageError(TF, need, remedy)))
         matrix = self._tf.frame_at(source, 0)
         if matrix is None:
@@ -161,7 +162,7 @@ class PathPlannerNode(ConfiguredNode):
         topic = self.read_topic("pose_topic", "initial_pose", about)
         self._next = self._settings = read_fields(self, PlannerSettings, read_only=False)
         if source == "tf" and not has_tf():
-            remedy = "install ros-jazzy-tf2-ros-py and source ROS, or take another pose_source"
+            remedy = f"{remedy_for(TF)}, or take another pose_source"
             raise MissingPackageError(TF, "pose_source 'tf'", remedy)
         source = chosen_source(source, "pose_with_covariance")
         self._locator = Locator(self, source, topic, self._log)

@@ -7,6 +7,8 @@ functions raise `BagError` if a bag cannot be read or written, and `MissingPacka
 package `mcap` is needed but not installed.
 """
 
+from grid_map_core_py import _lazy
+
 from ._bag import (
     BagMessage as BagMessage,
     BagReader as BagReader,
@@ -19,4 +21,4 @@ from ._bag import (
     save_to_bag as save_to_bag,
 )
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

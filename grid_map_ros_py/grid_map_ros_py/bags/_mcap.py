@@ -44,7 +44,7 @@ _INDEX_ENTRY = struct.Struct("<QQ")
 
 def package(module: str, path: Path) -> Any:
     """Import a module of the package `mcap` or of one of its dependencies."""
-    return required(module, f"the bag {path}", "pip install mcap")
+    return required(module, f"the bag {path}")
 
 
 # --- reading --------------------------------------------------------------------------------------

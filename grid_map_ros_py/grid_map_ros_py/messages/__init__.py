@@ -7,6 +7,8 @@ layer, `LimitError` for too many cells, `MissingPackageError` for a missing mess
 `GridMapError` for invalid arguments.
 """
 
+from grid_map_core_py import _lazy
+
 from ._cdr import serialize as serialize, view as view
 from ._costmap import (
     OCCUPANCIES as OCCUPANCIES,
@@ -68,4 +70,4 @@ from ._updates import (
     to_occupancy_grid_update as to_occupancy_grid_update,
 )
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())

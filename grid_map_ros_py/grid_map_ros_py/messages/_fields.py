@@ -19,6 +19,7 @@ import numpy.typing as npt
 from grid_map_core_py import GeometryError, GridGeometry, GridMap
 from grid_map_core_py._arrays import as_array
 from grid_map_core_py._arrays._checks import is_name
+from grid_map_core_py.files._shared import say_crs_is_lost
 from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
@@ -74,7 +75,8 @@ def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
 
 
 def to_header(grid_map: GridMap) -> "Header":
-    """Return a `std_msgs/Header` with the frame and timestamp of a map."""
+    """Return a `std_msgs/Header` with the frame and timestamp of a map; warn if `crs` is lost."""
+    say_crs_is_lost(grid_map, "a message", stacklevel=4)
     return messages_of("std_msgs").Header(
         stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id
     )

@@ -14,8 +14,7 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
     `kind` is "msg", or "srv" for services. If the package is missing, the error names `needed_by`.
     """
     name = f"{package}.{kind}"
-    remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"
-    return sys.modules.get(name) or required(name, needed_by, remedy)
+    return sys.modules.get(name) or required(name, needed_by)
 
 
 def set_array(message: Any, values: "array.array[Any]") -> None:

@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from grid_map_core_py.errors import cut
 
-from ..errors import DROPPED, NodeFailedError, reason
+from ..errors import DROPPED, NodeFailedError, TiltedFrameError, reason
 
 TOPIC = "/diagnostics"
 
@@ -47,20 +47,30 @@ class Health:
     details: Callable[[], Mapping[str, object]] = dict
     drop_level: bytes = DiagnosticStatus.WARN
     _last_was_dropped: bool = False
+    _is_deferred: bool = False
     _last_time: float = math.nan
     _publisher: Any = None
     _discovered: float = math.inf
 
     @contextmanager
     def counted(self) -> Iterator[None]:
-        """Count an input as dropped if the context raises an error, and as used otherwise."""
+        """Count an input as dropped if the context raises an error, and as used otherwise.
+
+        If the context calls `defer`, the input is not counted yet.
+        """
         self.receive()
+        self._is_deferred = False
         try:
             yield
         except Exception as error:
             self.drop(reason(error))
             raise
-        self.use()
+        if not self._is_deferred:
+            self.use()
+
+    def defer(self) -> None:
+        """Keep the current input waiting; `use` or `drop` counts it later."""
+        self._is_deferred = True
 
     def receive(self) -> None:
         """Count a received input."""
@@ -189,11 +199,14 @@ class LogThrottle:
 def dropping(log: LogThrottle, what: str) -> Iterator[None]:
     """Catch a `GridMapError` or `MemoryError` from the context, and log it with the prefix `what`.
 
-    A `NodeFailedError` and all other exceptions propagate.
+    A `TiltedFrameError` is logged as a warning. A `NodeFailedError` and all other exceptions
+    propagate.
     """
     try:
         yield
     except NodeFailedError:
         raise
+    except TiltedFrameError as error:
+        log.warning(f"{what}: {error}")
     except DROPPED as error:
         log.error(f"{what}: {reason(error)}")

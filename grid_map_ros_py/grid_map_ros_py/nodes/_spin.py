@@ -41,6 +41,7 @@ from ._profile import use_profile
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
 
 _MIGRATION = (
+    ". Parameter files of ROS 1 need another form: "
     "https://github.com/grid-map-py/grid_map_py/blob/main/docs/migration_ros1.md#parameters"
 )
 
@@ -161,9 +162,10 @@ class _Life:
             rclpy.init(args=self._args, signal_handler_options=SignalHandlerOptions.NO)
         except _ARGUMENT_ERRORS as error:
             has_file = "--params-file" in self._args
-            hint = f". Parameter files of ROS 1 need another form: {_MIGRATION}" if has_file else ""
+            hint = f". Write an empty mapping as []{_MIGRATION}" if has_file else ""
             if "Sequence should be of same type" in str(error):
-                hint = f". Name the items of a list of mappings: filter1, filter2, ...{hint}"
+                names = "Name the items of a list of mappings: filter1, filter2, ..."
+                hint = f". {names}{_MIGRATION if has_file else ''}"
             raise NodeFailedError(f"{error}{hint}") from error
         try:
             if isinstance(create_node, type):

@@ -6,6 +6,7 @@ from importlib import import_module
 
 from rclpy.node import Node
 
+from grid_map_core_py._packages import remedy_for
 from grid_map_core_py.errors import required
 from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.nodes import (
@@ -91,8 +92,7 @@ class RerunViewerNode(ConfiguredNode):
             "addresses, `localhost`, the value of `host`, and the machine name (also with `.local`)"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
-        remedy = "pip install 'grid_map_visualization_py[rerun]', or use web_viewer"
-        required("rerun_cli", "rerun_viewer", remedy)
+        required("rerun_cli", "rerun_viewer", f"{remedy_for('rerun')}, or use web_viewer")
         server = Server(host, port, memory_limit=memory_limit, allowed_hosts=names)
         if server.is_public:
             text = f"anyone who can reach {server.page_url} sees the messages, and can add others"

@@ -31,6 +31,7 @@ from grid_map_core_py._arrays import (
     min_of_finites,
     number_of_finites,
 )
+from grid_map_core_py._packages import remedy_for
 from grid_map_core_py.errors import required
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, from_serialized_message
@@ -63,7 +64,7 @@ _CURVES = (
 
 def rerun(module: str = "rerun") -> Any:
     """Import a Rerun module; raise `MissingPackageError` if Rerun is not installed."""
-    return required(module, "Rerun", "pip install 'grid_map_visualization_py[rerun]'")
+    return required(module, "Rerun", remedy_for("rerun"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from grid_map_core_py._arrays import Positions
+from grid_map_core_py._packages import remedy_for
 from grid_map_core_py.errors import required
 
 from .._layers import titled
@@ -485,7 +486,7 @@ def vector_prefixes(layers: Sequence[str]) -> list[str]:
 def _serve(host: str, port: int, names: Container[str]) -> Any:
     """Start a viser server that answers only requests from its own page."""
     viser, websockets = (
-        required(name, "web_viewer", "install viser (pip)")
+        required(name, "web_viewer", remedy_for("viser"))
         for name in ("viser", "websockets.asyncio.server")
     )
     serve: Callable[..., Any] = websockets.serve

@@ -23,6 +23,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from grid_map_core_py import _lazy
 from grid_map_core_py._arrays import max_of_finites, min_of_finites
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.files._formats import (
@@ -34,7 +35,6 @@ from grid_map_core_py.files._shared import (
 from grid_map_core_py.plugins import check
 
 from .._layers import lit_heights, usual_layer
-from ..colors import REMEDY
 
 try:
     from matplotlib import rc_context
@@ -42,11 +42,18 @@ try:
     from matplotlib.figure import Figure
 
     from ._from_above import extent_of
-    from ._plots import RELIEF_SIZE, plot, plot_3d, plot_relief
+    from ._plots import (
+        RELIEF_SIZE,
+        plot as plot,
+        plot_3d as plot_3d,
+        plot_relief as plot_relief,
+    )
 except ImportError as error:
-    raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
+    raise MissingPackageError("matplotlib", "a picture") from error
 
-__all__ = ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
+__all__, __dir__ = _lazy.public_names(
+    ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
+)
 
 _MOST_FRAMES = 50.0
 """Maximum frame rate [1/s]; browsers slow down faster GIF files."""

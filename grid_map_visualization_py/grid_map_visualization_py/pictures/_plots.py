@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 AnyMap: TypeAlias = "GridMap | TiledMap | xarray.Dataset | xarray.DataArray"
 
+_FAR = 1e5
+"""Smallest x [m] whose tick labels are so long that only a few fit."""
+
 RELIEF_SIZE = (1200, 560)
 """Default width and height of relief pictures [pixels]."""
 
@@ -99,7 +102,7 @@ def plot(
     layer = layer or usual_layer(site)
     coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
     heights = lit_heights(site, layer, hillshade)
-    axes = _pyplot().gca() if ax is None else ax
+    axes = _current_axes() if ax is None else ax
     side = block_side(axes, site.size, max_drawn_cells)
     drawn_map = _loaded(site, {layer, heights} - {""}, math.prod(site.size) / side**2)
     # A tiled map may have been thinned out, which changes the block size.
@@ -271,6 +274,15 @@ def _use_plain_ticks(axes: Any) -> None:
     """Write whole coordinates, such as 5399500, at the ticks."""
     with suppress(AttributeError):  # the caller chose other formatters
         axes.ticklabel_format(style="plain", useOffset=False)
+        if np.abs(axes.get_xlim()).max() >= _FAR:
+            axes.locator_params(axis="x", nbins=4)
+
+
+def _current_axes() -> Any:
+    pyplot = _pyplot()
+    if not pyplot.get_fignums():
+        pyplot.figure(layout="constrained")  # with space for large coordinates
+    return pyplot.gca()
 
 
 def _pyplot() -> Any:

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The packages that the suite uses, what each is for, and how to install it."""
+
+import os
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+_DISTRIBUTION = os.environ.get("ROS_DISTRO", "jazzy")
+_WORKSPACE = "build and source the workspace, or pip install it"
+
+
+class Package(NamedTuple):
+    gives: str
+    apt: str = ""
+    """Name of the package on Ubuntu 24.04; "*" stands for the ROS distribution."""
+    pip: str = ""
+
+
+PACKAGES = {
+    "numpy": Package("arrays", "python3-numpy", "numpy"),
+    "scipy": Package("distances, interpolation and paths", "python3-scipy", "scipy"),
+    "cv2": Package("images", "python3-opencv", "opencv-python-headless"),
+    "yaml": Package("parameter files", "python3-yaml", "PyYAML"),
+    "grid_map_core_py": Package("maps and their files"),
+    "lark": Package("expressions of filters", "python3-lark", "lark"),
+    "grid_map_filters_py": Package("filters"),
+    "grid_map_ros_py": Package("bags, octomaps and conversions"),
+    "grid_map_visualization_py": Package("pictures, and displays of RViz"),
+    "grid_map_msgs.msg": Package("topics of maps", "ros-*-grid-map-msgs"),
+    "rclpy": Package("nodes", "ros-*-rclpy"),
+    "sensor_msgs.msg": Package("messages", "ros-*-sensor-msgs"),
+    "mcap": Package("bags in MCAP files", "", "mcap"),
+    "matplotlib": Package("pictures and color maps", "python3-matplotlib", "matplotlib"),
+    "viser": Package("maps in the browser", "", "viser"),
+    "rerun": Package("recordings in Rerun", "", "rerun-sdk"),
+    "rasterio": Package("GeoTIFF files", "python3-rasterio", "rasterio"),
+    "pyproj": Package("latitudes and longitudes", "python3-pyproj", "pyproj"),
+    "xarray": Package("datasets of xarray", "python3-xarray", "xarray"),
+    "dask": Package("maps larger than memory", "python3-dask", "dask[array]"),
+    "distributed": Package("maps on several machines", "python3-distributed", "distributed"),
+    "zarr": Package("Zarr stores", "python3-zarr", "zarr"),
+    "trimesh": Package("PLY, OBJ and STL files", "", "trimesh"),
+    "pypcd4": Package("PCD files", "", "pypcd4"),
+    "numba": Package("faster filters", "python3-numba", "numba"),
+    "argcomplete": Package("completion in the shell", "python3-argcomplete", "argcomplete"),
+    "octomap_msgs.msg": Package("octomaps of topics", "ros-*-octomap-msgs"),
+    "nav2_msgs.msg": Package("costmaps of Nav2", "ros-*-nav2-msgs"),
+    "tf2_ros": Package("poses and clouds in other frames", "ros-*-tf2-ros-py"),
+}
+"""The packages by the module that is imported."""
+
+
+def remedy_for(module: str) -> str:
+    """Return how to install the package of a module, with commands that work on this machine."""
+    top, _, rest = module.partition(".")
+    _, apt, pip = PACKAGES.get(module) or PACKAGES.get(top) or Package("")
+    if rest in ("msg", "srv", "action"):
+        apt = f"ros-*-{top.replace('_', '-')}"
+    if top.startswith("grid_map_"):
+        return _WORKSPACE
+    if apt.startswith("ros-"):
+        return f"apt install {apt.replace('*', _DISTRIBUTION)}, then source ROS 2 and the workspace"
+    pip = pip or top
+    command = f"pip install '{pip}'" if "[" in pip else f"pip install {pip}"
+    if not _is_managed():
+        return f"apt install {apt}, or {command}" if apt else command
+    if apt:
+        return f"apt install {apt}"
+    # Only in a virtual environment does pip install anything (PEP 668).
+    venv = "python3 -m venv --system-site-packages venv"
+    return f"{venv} && venv/bin/{command} (see docs/installation.md)"
+
+
+def _is_managed() -> bool:
+    """Return whether this is the Python of an operating system that refuses `pip install`."""
+    import sysconfig
+
+    marker = Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED")
+    return sys.prefix == sys.base_prefix and marker.exists()
