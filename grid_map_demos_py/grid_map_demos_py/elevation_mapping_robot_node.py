@@ -35,7 +35,7 @@ MAX_RANGE = 20.0
 
 
 class ElevationMappingRobotNode(Demo):
-    """Moves the robot, simulates both sensors and publishes the measurements."""
+    """Node that moves the robot, simulates both sensors and publishes the measurements."""
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_robot")

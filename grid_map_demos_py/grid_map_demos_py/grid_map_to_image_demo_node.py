@@ -48,7 +48,7 @@ def keeps(file: Path, image: Image) -> bool:
 
 
 class GridMapToImageDemoNode(Demo):
-    """Saves a layer of the first received map as an image."""
+    """Node that saves a layer of the first received map as an image."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_to_image_demo")

@@ -25,7 +25,7 @@ from .demo import Demo
 
 
 class ImageToGridmapDemoNode(Demo):
-    """Converts every image to a map."""
+    """Node that converts every image to a map."""
 
     def __init__(self) -> None:
         super().__init__("image_to_gridmap_demo")

@@ -2,8 +2,8 @@
 """Node `grid_map_interpolation_demo`: compares four interpolation methods with the truth.
 
 A world is a surface given by a formula. The demo samples a world on a fine grid (the truth) and on
-a coarse grid (the data), and interpolates the data at the cells of a fine grid. At startup, it
-publishes three latched maps with the heights in the layer `demo`:
+a coarse grid (the data), and interpolates the data at the cell centers of another fine grid. At
+startup, it publishes three latched maps with the heights in the layer `demo`:
 
     ground_truth: the fine samples.
     data_sparse: the coarse samples.
@@ -31,7 +31,7 @@ Numbers = npt.NDArray[np.float64]
 LAYER = "demo"
 
 BORDER = 2
-"""Width of the border left out of the error table [cells]; some methods lack neighbors there."""
+"""Width of the border omitted from the error table [cells]; some methods lack neighbors there."""
 
 HILLS = [  # x, y, variance along x, variance along y, height
     (1.0, -1.0, 1.0, 0.3, -2.0),
@@ -119,7 +119,7 @@ def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
 
 
 class InterpolationDemoNode(Demo):
-    """Publishes a true surface, samples of the surface, and the interpolated samples."""
+    """Node that publishes a true surface, samples of the surface, and the interpolated samples."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_interpolation_demo")

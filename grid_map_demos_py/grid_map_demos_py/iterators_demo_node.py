@@ -88,7 +88,7 @@ def square(grid_map: gm.GridMap, center: Positions) -> gm.Polygon:
 
 
 class IteratorsDemoNode(Demo):
-    """Publishes the map after every step."""
+    """Node that publishes the map after every step."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_iterators_demo")

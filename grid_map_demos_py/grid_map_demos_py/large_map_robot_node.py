@@ -17,7 +17,7 @@ from .large_site import END, way_at
 
 
 class LargeMapRobotNode(Demo):
-    """Publishes the odometry of the robot."""
+    """Node that publishes the odometry of the simulated robot."""
 
     def __init__(self) -> None:
         super().__init__("large_map_robot")

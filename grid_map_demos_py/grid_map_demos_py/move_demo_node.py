@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `move_demo`: moves a map along a spiral, alternating between `move` and `position`.
 
-`move` keeps the data in place in the world, and data that leaves the map is lost. Setting
+`move` keeps the data in place in the world; data outside the new map borders is lost. Setting
 `position` moves the data with the map. The node publishes the map on `grid_map` at 10 Hz.
 """
 
@@ -26,7 +26,7 @@ def place(seconds: float) -> Positions:
 
 
 class MoveDemoNode(Demo):
-    """Moves a map along the spiral and publishes it."""
+    """Node that moves a map along the spiral and publishes it."""
 
     def __init__(self) -> None:
         super().__init__("move_demo")

@@ -33,7 +33,7 @@ REMEDY = "install ros-jazzy-octomap-msgs and source ROS, or name a file by 'octo
 
 
 class OctomapToGridmapDemoNode(Demo):
-    """Converts an octomap from a service or a file to a map."""
+    """Node that converts an octomap from a service or a file to a map."""
 
     def __init__(self) -> None:
         super().__init__("octomap_to_gridmap_demo")

@@ -38,7 +38,7 @@ def blur(grid_map: GridMap, image: Image, size: int) -> None:
 
 
 class OpencvDemoNode(Demo):
-    """Blurs the star and publishes it."""
+    """Node that blurs the star and publishes it."""
 
     def __init__(self) -> None:
         super().__init__("opencv_demo")

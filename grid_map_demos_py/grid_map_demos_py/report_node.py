@@ -121,7 +121,7 @@ COUNTED = {
 
 
 class DemoReportNode(ReportNode):
-    """Collects messages of the filters demo until enough have arrived on every topic."""
+    """Node that collects messages of the filters demo until enough have arrived on all topics."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
@@ -203,7 +203,7 @@ WRONG = 0.1
 
 
 class ElevationMappingReportNode(ReportNode):
-    """Collects maps for some time, then compares the last map with the true terrain."""
+    """Node that collects maps for some time, then compares the last map with the true terrain."""
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_report")
@@ -355,11 +355,11 @@ WINDOW_NODE = "grid_map_window"
 MEMORY = "resident memory [MB]"
 
 THINNED = 64
-"""Side of a cell of the overview map, in cells of the full map."""
+"""Side of a cell of the overview map [cells of the full map]."""
 
 
 class LargeMapReportNode(ReportNode):
-    """Collects windows of a large map for some time, then reports rate, delays and memory."""
+    """Node that collects windows of a large map, then reports their rate, delays and memory."""
 
     def __init__(self) -> None:
         super().__init__("large_map_report")

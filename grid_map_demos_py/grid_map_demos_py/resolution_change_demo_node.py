@@ -29,7 +29,7 @@ def resolution_at(seconds: float) -> float:
 
 
 class ResolutionChangeDemoNode(Demo):
-    """Publishes the star at the current resolution."""
+    """Node that publishes the star at a varying resolution."""
 
     def __init__(self) -> None:
         super().__init__("resolution_change_demo")

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
-Subscribes to maps. The field extends from just below the lowest cell of a map to just above the
-highest cell. The `intensity` of each point is the signed distance to the surface [m]. The
-topic `full_sdf` contains all points, `free_space` the points above the surface, and
-`occupied_space` all other points. A parameter sets the prefix of these topics. Cells without a
-height get the lowest height of the map.
+The field extends from just below the lowest cell of a map to just above the highest cell. The
+`intensity` of each point is the signed distance to the surface [m]. The topic `full_sdf` contains
+all points, `free_space` the points above the surface, and `occupied_space` all other points. The
+parameter `pointcloud_topic` sets the prefix of these topics. Cells without a height get the lowest
+height of the map.
 """
 
 import array
@@ -64,7 +64,7 @@ def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
 
 
 class SdfDemoNode(Demo):
-    """Converts every map to three point clouds."""
+    """Node that converts every map to three point clouds."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_sdf_demo")

@@ -13,7 +13,7 @@ from grid_map_ros_py.nodes import ConfiguredNode, map_qos
 
 
 class SimpleDemoNode(ConfiguredNode):
-    """Fills a map with a moving wave and publishes it."""
+    """Node that fills a map with a moving wave and publishes it."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_simple_demo")

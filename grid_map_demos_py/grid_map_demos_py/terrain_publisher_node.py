@@ -8,7 +8,7 @@ from .terrain import load_terrain
 
 
 class TerrainPublisherNode(Demo):
-    """Publishes a static terrain map, stamped with the current time."""
+    """Node that publishes a static terrain map, stamped with the current time."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_terrain")

@@ -64,7 +64,7 @@ def cells_to_filter(grid_map: GridMap) -> Cells:
 
 
 def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
-    """Set `elevation_filtered`, with weighted means in `cells`, and its absolute `error`."""
+    """Set `elevation_filtered`, with weighted means in `cells`, and `error`, its absolute error."""
     noisy = grid_map["elevation_noisy"]
     grid_map["elevation_filtered"] = noisy
     # OpenCV processes a layer as an image, so no loop over the cells is needed.
@@ -81,7 +81,7 @@ def root_mean_square(values: Layer) -> float:
 
 
 class TutorialDemoNode(Demo):
-    """Publishes the wave with its noisy and filtered layers."""
+    """Node that publishes the wave with its noisy and filtered layers."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_tutorial_demo")

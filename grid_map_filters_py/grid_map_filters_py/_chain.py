@@ -26,17 +26,17 @@ _FEWEST_CELLS = 1000**2
 """Maps with fewer cells are filtered by one thread, because waking other threads takes too long."""
 
 _MOST_THREADS = 1000
-"""Maximum number of threads; all threads are started, even if some get no work."""
+"""Maximum number of threads; a chain starts all its threads, even if some get no work."""
 
 
 class FilterChain:
     """Sequence of filters that run one after the other.
 
     `chain(grid_map)` does not change `grid_map`, and the result shares no data with it. The result
-    keeps the start index of the input, unless the chain contains a `BufferNormalizer` or changes
-    the size. Several threads may call a chain at the same time.
+    has the start index of the input, unless the chain contains a `BufferNormalizer` or changes the
+    size. Several threads may call a chain at the same time.
 
-    Filters get maps with read-only layers: a filter that writes into a layer fails.
+    Filters get maps with read-only layers. A filter that writes into such a layer fails.
 
     Args:
         steps: filters in execution order.
@@ -44,7 +44,8 @@ class FilterChain:
             not depend on the number of threads.
 
     Raises:
-        FilterConfigError: `threads` is not an integer from 1 to 1000.
+        FilterConfigError: `threads` is not an integer from 1 to 1000, or `steps` contains an object
+            that is not a `Step`.
 
     Example:
         >>> chain = FilterChain.from_config([{
@@ -68,7 +69,10 @@ class FilterChain:
 
     @classmethod
     def from_config(cls, config: object, *, threads: int = 1) -> "FilterChain":
-        """Create a chain from the mapping under `filters:`, or a list of {name, type, params}.
+        """Create a chain from its configuration, as stored under `filters:` in a YAML file.
+
+        The configuration is a mapping with the keys `filter1`, `filter2`, ..., or a list. Each item
+        is a mapping with the keys `name`, `type` and `params`.
 
         Raises:
             FilterConfigError: the chain is invalid; the message names filter, type and parameter.
@@ -79,7 +83,7 @@ class FilterChain:
     def from_yaml(
         cls, path: str | Path, name: str = "filters", *, threads: int = 1
     ) -> "FilterChain":
-        """Create a chain from a ROS 2 parameter file, a ROS 1 file, or a plain list of filters.
+        """Create a chain from a ROS 2 or ROS 1 parameter file, or a YAML file with only a list.
 
         Args:
             path: path of the YAML file.
@@ -157,7 +161,7 @@ class FilterChain:
         """Return the filtered layers of a tiled map, computed on demand.
 
         `TiledMap.filter` calls this method. The values equal the result of the chain for the whole
-        map. `threads` has no effect, because tiles are computed in parallel.
+        map, up to rounding. `threads` has no effect, because tiles are computed in parallel.
 
         Args:
             tiled_map: map to filter.
@@ -167,8 +171,8 @@ class FilterChain:
                 fill a longer hole; "leave" does not fill longer holes.
 
         Raises:
-            FilterError: a filter needs the whole map, or the chain fails when tried on a small map
-                of zeros; the message names the filter.
+            FilterError: a filter needs the whole map, or the trial run of the chain on a small map
+                of zeros fails; the message names the filter.
         """
         longest = max(tiled_map.tile) if max_hole is None else max_hole
         options = TileOptions(max_hole=longest, large_holes=large_holes)
@@ -217,7 +221,7 @@ def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _names_in(params: object) -> Iterator[str]:
-    """Yield the names of all values; nested names are joined with dots, as in `min.color`."""
+    """Yield the names of all parameters; nested names are joined with dots, as in `min.color`."""
     for name, value in params.items() if isinstance(params, Mapping) else ():
         inner = [f"{name}.{below}" for below in _names_in(value)]
         yield from inner or [str(name)]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from grid_map_core_py.tiled._source import Window
 
 WHOLE_MAP = math.inf
-"""Reach of filters that may read all cells, and of filters without a `reach` method."""
+"""Reach of a filter whose result may depend on all cells, or that has no `reach` method."""
 
 
 class Filter(Protocol):
@@ -133,7 +133,7 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Context in which `warn` adds the prefix `step`, and appends to `collected` unless None."""
+    """Let `warn` add the prefix `step`, and append warnings to `collected` unless it is None."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield
@@ -153,7 +153,7 @@ def warn(message: str) -> None:
 
 
 def pass_on(texts: Iterable[str], collected: list[str] | None, stacklevel: int = 2) -> None:
-    """Append warnings to `collected`; if it is None, issue the warnings."""
+    """Append warnings to `collected`, or issue them as `FilterWarning` if `collected` is None."""
     if collected is not None:
         collected.extend(texts)
         return
@@ -178,9 +178,10 @@ def check_map(grid_map: object) -> None:
 def in_map_order(call: C) -> C:
     """Decorator for the `__call__` of filters that need maps in map order.
 
-    A map whose start index is not (0, 0) is reordered. The result gets the original start index.
-    Filters that read neighboring cells need the decorator only outside chains, because a chain
-    reorders maps itself. The decorator also lets temporary arrays reuse freed memory.
+    If the start index of the input is not (0, 0), the filter gets a reordered map, and its result
+    gets the original start index. Filters that read neighboring cells need this only outside
+    chains, because chains reorder maps themselves. The decorator also lets temporary arrays reuse
+    freed memory.
     """
 
     @functools.wraps(call)

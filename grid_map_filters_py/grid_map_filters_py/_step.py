@@ -100,7 +100,7 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a writeable view of a layer, or a copy if it is read-only or its memory is taken.
+    """Return a writeable view of a layer, or a copy if it is read-only or its memory is in use.
 
     Args:
         layer: layer returned by a filter, or a layer of the input.

@@ -35,7 +35,7 @@ _CORNER = 3
 """Side length of the small map that is used for a trial run of the chain [cells]."""
 
 _MOST = 1.05
-"""A map is cropped if the ratio of its cells to the requested cells exceeds this number."""
+"""A map is cropped only if it has more than this number of times the requested cells."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from .errors import TiltedFrameError
 from .messages._fields import Matrix
 
 TOLERANCE = 1e-3
-"""Cells touch if they overlap by more than this [cells]."""
+"""Minimum overlap of two cells that touch [cells]; smaller overlaps may be rounding errors."""
 
 WORST_BELOW_UNKNOWN = {"worst": LETHAL, "above_free": FREE}
 """Largest cost that an unknown cell hides, by the value of the parameter `unknown`."""
@@ -86,7 +86,7 @@ def resampled(
         grid_map, layer: the costs.
         transform: pose of the map's frame in the frame `frame_id`.
         frame_id, resolution: frame and cell size [m] of the result.
-        worst_below_unknown: unknown is worse than this cost, and better than the next higher one.
+        worst_below_unknown: unknown ranks above this cost, and below the next higher cost.
     """
     (*shift, yaw), source = transform, grid_map.resolution
     cos, sin = math.cos(yaw), math.sin(yaw)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, GridMapError
+from grid_map_core_py.conversions._costmap import FREE, LETHAL
 from grid_map_ros_py._costs import aligned, check_costs, planar, resampled
 from grid_map_ros_py.nodes._poses import from_xyz_rpy
 
@@ -70,7 +71,7 @@ def test_planar_transform_refuses_tilted_frames() -> None:
 CORNERS = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
-@pytest.mark.parametrize("worst_below_unknown", [252, 0])
+@pytest.mark.parametrize("worst_below_unknown", [LETHAL, FREE])
 @pytest.mark.parametrize(
     ("shape", "resolution", "yaw"),
     [
@@ -116,7 +117,7 @@ def test_target_cells_get_the_worst_cost_they_touch(
 
 @pytest.mark.parametrize("offset", [0.0, 1e-7, 0.05, -0.02])
 def test_origin_becomes_a_multiple_of_the_resolution(offset: float) -> None:
-    """An unknown cell beside a cell of at least 253 hides no obstacle."""
+    """Unknown is worse than all costs, unless it is only worse than a given one."""
     grid_map = costs((6, 4))
     grid_map.position = grid_map.position + (offset, 0)
     values = np.array([3, 254, np.nan, 253, np.nan, 252.0])
@@ -127,7 +128,10 @@ def test_origin_becomes_a_multiple_of_the_resolution(offset: float) -> None:
         return
     lower = (result.position - 0.5 * result.length) / 0.1
     np.testing.assert_allclose(lower, np.rint(lower), atol=1e-9)
-    expected = [3, 254, 254, 253, 253, np.nan, 252]
+    expected = [3, 254, np.nan, np.nan, np.nan, np.nan, 252]
+    np.testing.assert_array_equal(result["cost"], np.tile(expected, (4, 1)).T)
+    result = resampled(grid_map, "cost", (0.0, 0.0, 0.0), "odom", 0.1, FREE)
+    expected = [3, 254, 254, 253, 253, 252, 252]
     np.testing.assert_array_equal(result["cost"], np.tile(expected, (4, 1)).T)
 
 

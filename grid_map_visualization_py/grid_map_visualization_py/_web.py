@@ -48,9 +48,9 @@ def names_of(host: str, allowed_hosts: Sequence[str]) -> set[str]:
 def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) -> bool:
     """Return True if the page may answer a request with these headers.
 
-    The host must be an IP address or one of `names`, which excludes foreign names that resolve to
-    this machine (DNS rebinding). The origin must be the page itself. Requests without an origin,
-    which programs other than browsers send, are allowed.
+    `Host` must be an IP address or one of `names`, which excludes foreign names that resolve to
+    this machine (DNS rebinding). `Origin` must be the page itself. Requests without `Origin`, which
+    programs other than browsers send, are allowed.
     """
     host = headers.get("Host", "").lower()
     origin = headers.get("Origin", f"http://{host}")

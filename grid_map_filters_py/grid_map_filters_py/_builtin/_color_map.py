@@ -21,14 +21,15 @@ _FIRST, _LAST = np.float32(0), np.float32(1)
 class ColorMap(CellFilter, LayerFilter):
     """Color a layer with a linear color ramp between two values.
 
-    Values outside the range are clamped to the nearest end. Non-finite cells get no color.
+    Values outside the ramp get the color of the nearer end. Non-finite cells get no color.
 
     Attributes:
         input_layer: layer with the values.
         min_value: value that gets `min_color`. YAML files may also use `min/value`, or a mapping
             `min` with the keys `value` and `color`.
         max_value: value that gets `max_color`; must exceed `min_value`.
-        min_color, max_color: red, green and blue at `min_value` or `max_value`, clamped to [0, 1].
+        min_color: red, green and blue at `min_value`, clamped to [0, 1].
+        max_color: red, green and blue at `max_value`, clamped to [0, 1].
     """
 
     min_value: float

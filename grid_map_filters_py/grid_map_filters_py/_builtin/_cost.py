@@ -26,8 +26,8 @@ class Cost(CellFilter):
     """Convert a layer such as traversability or slope to Nav2 costs.
 
     With u = (value - free_value) / (lethal_value - free_value), the cost is 0 (free) if u <= 0, 254
-    (lethal) if u >= 1, else 1 + floor(252 u). Cost 253 is left to `InflationFilter`. Values
-    equal to a limit in float32, the precision of the layer, count as equal to it.
+    (lethal) if u >= 1, else 1 + floor(252 u). Only `InflationFilter` assigns cost 253. Limits are
+    rounded to float32, the precision of the layers.
 
     Attributes:
         input_layer: layer to convert; cells that are not finite are unknown.
@@ -80,6 +80,6 @@ class Cost(CellFilter):
 
 
 def _rounded(value: float) -> float:
-    """Round to float32; a value outside its range becomes infinite."""
+    """Round to float32; a value outside the float32 range becomes infinite."""
     with np.errstate(over="ignore"):
         return float(np.float32(value))

@@ -55,12 +55,12 @@ _BEYOND = 32
 class Inpaint(LayerFilter):
     """Fill the non-finite cells of a layer from surrounding cells.
 
-    Uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV. Finite
-    cells keep their values, and a layer without finite cells stays as it is. Missing cells that
-    touch, even if only at corners, form one hole.
+    The filter uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV.
+    Finite cells keep their values. A layer without finite cells is copied, with a warning. Missing
+    cells that touch, even if only at corners, form one hole.
 
     Attributes:
-        radius: radius of the neighborhood used to fill a cell [m]; at least 1, at most 100 cells.
+        radius: radius of the neighborhood used to fill a cell [m]; clamped to 1 to 100 cells.
         enclosed_holes_only: do not fill holes that reach the map border.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
@@ -216,7 +216,7 @@ def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
 
 
 def _near(radius: float) -> int:
-    """Return the largest distance [cells] at which holes affect each other; `radius` in cells."""
+    """Return the largest distance at which holes affect each other; both values are in [cells]."""
     return math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
 
 

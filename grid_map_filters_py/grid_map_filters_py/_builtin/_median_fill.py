@@ -37,11 +37,11 @@ class MedianFill:
         filter_existing_values: also replace finite cells in the mask with the median.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
-        fill_mask_layer: mask of the cells that may change; computed if the layer is missing.
+        fill_mask_layer: layer with the mask of the cells that may change; computed if missing.
         num_erode_dilation_iterations: number of one-cell dilations in the closing, and of the
             erosions that follow.
-        debug: also store the mask before the closing.
-        debug_infill_mask_layer: layer for the debug mask; required with `debug`.
+        debug: also store the computed mask before the closing.
+        debug_infill_mask_layer: layer for that mask; required with `debug`.
     """
 
     input_layer: str

@@ -22,15 +22,15 @@ from ..parts._normals import area_normals, raster_normals
 class Slope:
     """Compute the angle between the surface and the horizontal [rad], in [0, pi / 2].
 
-    The slope is the angle between the surface normal and the z axis, atan(hypot(x, y) / |z|). This
-    equals acos(|z|), but does not lose precision on gentle slopes.
+    For a surface normal (x, y, z), the slope is atan(hypot(x, y) / |z|). This equals acos(|z|), but
+    does not lose precision on gentle slopes.
 
     Attributes:
         input_layer: heights [m].
         input_layers_prefix: common prefix of the normal layers, which end in `x`, `y` and `z`; use
             it instead of `input_layer`.
         output_layer: layer for the result.
-        radius: radius of the disc for the plane fit [m]; 0 uses the four neighbors.
+        radius: radius of the disc for the plane fit [m]; if 0, the four neighbors are used.
     """
 
     input_layer: str | None = None

@@ -25,14 +25,14 @@ class StepHeight(DiscFilter):
 
         min(1, n / critical_cell_number) * h,
 
-    where h is the largest of these differences in the second disc, and n is the number of cells in
-    that disc whose difference exceeds `critical_value`. Steps of only a few cells, which may be
-    noise, thus count less.
+    where h is the largest difference in the second disc, and n is the number of cells in that disc
+    whose difference exceeds `critical_value`. Steps of only a few cells, which may be noise, thus
+    count less.
 
     Attributes:
         input_layer: heights [m].
         second_window_radius: radius of the second disc [m]; requires `critical_value`.
-        critical_value: height difference above which there is a step [m].
+        critical_value: height difference above which a cell counts as part of a step [m].
         critical_cell_number: number of cells above `critical_value` at which a step counts fully.
     """
 

@@ -19,14 +19,14 @@ _RIGHT_ANGLE = 0.5 * math.pi
 
 @dataclass(frozen=True, kw_only=True)
 class Traversability(CellFilter):
-    """Compute the traversability of cells, from 0 (impassable) to 1.
+    """Compute the traversability of cells, from 0 (impassable) to 1 (free).
 
     Each input layer contributes the term 1 - value / critical value, clamped to [0, 1]. The result
     is the weighted mean of the terms (M. Wermelinger et al., "Navigation planning for legged robots
     in challenging terrain", IROS 2016). It is NaN where an input layer is not finite.
 
     Attributes:
-        input_layers: layers with costs such as slope, step height and roughness.
+        input_layers: layers such as slope, step height and roughness, in which 0 is best.
         output_layer: layer for the result.
         critical_values: value of each layer at which its term reaches 0, in the unit of the layer
             (slopes in radians).

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _YAML = (".yaml", ".yml")
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")
-"""Options valid only for processing on tiles, and options valid only for maps in memory."""
+"""Options that are valid only for maps in memory; those in `_ON_TILES`, only for tiled maps."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

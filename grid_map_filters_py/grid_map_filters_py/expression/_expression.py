@@ -186,8 +186,8 @@ class Expression:
             layer: (rows, columns) array with start index (0, 0).
             window_size: odd number of cells along a side.
             edge_handling: treatment of windows that extend beyond the map. `inside`: the result is
-                NaN. `crop`: the window is cropped to the map. `empty`: cells outside are NaN.
-                `mean`: cells outside get the mean of the finite values in the window.
+                NaN. `crop`: the window is cropped to the map. `empty`: cells beyond the map are
+                NaN. `mean`: these cells get the mean of the finite values in the window.
             compute_empty_cells: if False, the result is NaN wherever the input is NaN.
 
         Returns:
@@ -242,7 +242,7 @@ class _PartsOfTile:
             of_tiles: results for each tile, in tile order.
             size: rows and columns of the map.
         """
-        # Only the shape is used.
+        # Only the shape of this array is used.
         whole = np.broadcast_to(np.float32(0), size)
         results = []
         with _faults_as_errors(self.expression.text):

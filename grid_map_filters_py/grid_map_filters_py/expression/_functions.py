@@ -108,7 +108,10 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Return `max` or `min`, which reduces one matrix or combines two matrices elementwise."""
+    """Create the expression function `max` or `min`.
+
+    The function reduces one matrix, or combines two matrices elementwise.
+    """
 
     def reduce(algebra: Matrices, value: Value, second: Value | None = None) -> Value:
         if isinstance(second, float) and second not in (0.0, 1.0):
@@ -178,15 +181,16 @@ def _length(value: Value, argument: int) -> int:
 class Function:
     """A function of the expression language.
 
-    `keeps_nan` and `skips_nan` tell `skips_missing` whether windows at the border can be padded
-    with NaN, which is faster than cropping the windows.
+    `skips_missing` uses `keeps_nan` and `skips_nan` to decide whether windows at the border can be
+    padded with NaN, which is faster than cropping the windows.
 
     Attributes:
         apply: called with a `Matrices` object, followed by `least` to `most` arguments.
-        axis: the optional second argument may be an axis, 0 or 1.
-        elementwise: each element of the result depends only on the same element of the arguments.
-        keeps_nan: elementwise, and the result is NaN wherever an argument is NaN.
-        skips_nan: accepts one argument and ignores its NaN elements.
+        axis: True if the optional second argument may be an axis, 0 or 1.
+        elementwise: True if each element of the result depends only on the same element of each
+            argument.
+        keeps_nan: True if the function is elementwise, and NaN in any argument gives NaN.
+        skips_nan: True if the function has one argument and ignores its NaN elements.
         reduces: number of arguments in calls that reduce the elements or the shape of the first
             argument to a single number; 0 if no call does.
     """
@@ -202,7 +206,7 @@ class Function:
 
 
 def elementwise(function: Callable[..., Any], arity: int = 1, *, keeps_nan: bool) -> Function:
-    """Return a `Function` that applies `function` to each element."""
+    """Create a `Function` that applies `function` to each element."""
 
     def apply(algebra: Matrices, *values: Value) -> Value:
         return algebra.elementwise(function, *values)
@@ -220,7 +224,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Return a `Function` that folds the finite elements, and returns NaN if there are none."""
+    """Create a `Function` that folds the finite elements; its result is NaN if there are none."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)

@@ -115,7 +115,7 @@ class SquaredDeviations(WindowMatrix):
         ]
         too_large = ~np.isfinite(total)
         if too_large.any():
-            # Squares beyond the double-precision range are not finite, and are left out of the sum.
+            # Squares beyond the double-precision range are not finite, so the sum omits them.
             # Only cells with such squares are replaced, so that no result depends on the block.
             for result, exact in zip(results, super().reduce(folds), strict=True):
                 np.copyto(result, exact, where=too_large)

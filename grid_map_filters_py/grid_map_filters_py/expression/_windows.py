@@ -47,7 +47,7 @@ def evaluate_over_windows(
         result.T[border.T] = number(mean_padded_window(layer, border, size))
         return result
     if edge_handling == "inside":
-        # Check the expression with zero windows, so that errors are found even if none fits.
+        # Evaluate the expression for zero windows: this finds errors even if no window fits.
         number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
     result = np.full(layer.shape, np.nan, np.float32, order="F")
     row_spans, column_spans = (_spans(length, size, edge_handling) for length in layer.shape)

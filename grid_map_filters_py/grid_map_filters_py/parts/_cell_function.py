@@ -2,9 +2,9 @@
 """Functions of the values of one cell, applied to all cells of a map.
 
 A function uses only operators and helpers such as `choose` and `clamp`, so that it works for both
-numbers and arrays. If numba is installed, it is compiled to a loop over the cells on first use.
-Otherwise, NumPy evaluates it for one part of the map at a time. The results are bitwise equal, but
-computing them takes several times as long.
+numbers and arrays. If numba is installed, the function is compiled to a loop over the cells on
+first use. Otherwise, NumPy evaluates it part by part, which takes several times as long.
+The results are bitwise equal.
 """
 
 import functools

@@ -49,9 +49,10 @@ def area_normals(layer: Layer, offset: float, radius: float, resolution: float) 
 def raster_normals(layer: Layer, resolution: float) -> Fields:
     """Return the normals computed from slopes between neighboring cells.
 
-    A slope is the central difference between both neighbors of a cell, even if the cell itself is
-    unknown. If one neighbor is unknown, the slope is the one-sided difference between the cell and
-    the other neighbor. Normals are NaN at the layer border, and where a slope cannot be computed.
+    The slope along an axis is the central difference of the two neighbors of a cell, even if the
+    cell itself is unknown. If one neighbor is unknown, the slope is the one-sided difference of the
+    cell and the other neighbor. Normals are NaN at the layer border, and where a slope cannot be
+    computed.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Indices increase towards -x and -y, so the slopes are -dz/dx and -dz/dy.

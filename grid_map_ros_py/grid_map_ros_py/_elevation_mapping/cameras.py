@@ -201,7 +201,7 @@ class CameraImages:
     """Decodes the images of one camera, and converts depth images to points.
 
     Attributes:
-        stride: only every n-th row and column of a depth image is used.
+        stride: only every `stride`-th row and column of a depth image is used.
         camera: the camera; None until a `CameraInfo` arrives.
         topic: function that returns a description of the `CameraInfo` topic, for error texts.
     """

@@ -47,8 +47,8 @@ class ElevationFusion:
         mapper: the mapper, which owns the map.
         follow: whether the map moves with the robot.
         covariance_scale: factor applied to all pose covariances.
-        clears_before_scan: clear the map before each scan.
-        image_fusions: fusion method of each image channel, by name or regular expression.
+        clears_before_scan: whether to clear the map before each scan.
+        image_fusions: fusion methods of image channels, by channel name or regular expression.
         report: last report of the mapper; None before the first scan.
         milliseconds: last duration [ms] of each stage, and moving mean of its durations [ms].
         version: number of changes to the map.
@@ -205,7 +205,7 @@ class ElevationFusion:
         self._note({})
 
     def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
-        """Return the mapper parameters with the stricter limits of mapper and input source."""
+        """Return the mapper parameters; where the limits of the source are stricter, use these."""
         given, own, processor = self.mapper.parameters, source.settings, source.processor
         # Source limits are relative to the robot, but mapper limits are relative to the sensor.
         above, below = processor.above, processor.below

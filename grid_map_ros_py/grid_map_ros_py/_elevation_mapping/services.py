@@ -19,7 +19,7 @@ from .sources import frame_name
 
 
 class MapServices:
-    """Service callbacks; each fills the response, or raises a `GridMapError`."""
+    """Service callbacks of `elevation_mapping`; they fill the response or raise `GridMapError`."""
 
     def __init__(
         self,
@@ -92,7 +92,7 @@ def _part_of(grid_map: GridMap, request: Any) -> Any:
 
 
 def _topic_of(request: Any) -> str:
-    """Return the bag topic of the filtered map; the topic of the raw map also ends in `_raw`."""
+    """Return the bag topic of the filtered map; the raw map's topic has the suffix `_raw`."""
     name = request.topic_name or "elevation_map"
     if "/" in name:
         raise RequestError(f"topic_name: expected a name without slashes, got {name!r}")

@@ -43,24 +43,25 @@ POSITIVE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Parameters of the node, except the parameters of sources and of the mapper.
+    """Parameters of the node `elevation_mapping`, except those of sources and of the mapper.
 
     Attributes:
         map_frame_id: map frame, usually the odometry frame; it must not jump.
         robot_base_frame_id: frame of the robot.
         track_point_frame_id: frame of the point that the map follows (tf only); empty means the
             robot frame.
-        track_point_x, track_point_y, track_point_z: coordinate of this point [m].
+        track_point_x, track_point_y, track_point_z: coordinate of the followed point in its frame
+            [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. Without tf, empty means `/pose`.
-            With tf, only the covariances are used; if empty, poses are taken as exact.
+            With tf, only the covariances are used; if empty, poses are assumed exact.
         pose_type: message type of `robot_pose_with_covariance_topic`.
-        robot_pose_cache_size: number of latest poses to keep.
+        robot_pose_cache_size: maximum number of stored poses.
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
-        position_x, position_y: initial center of the map [m].
+        position_x, position_y: coordinate of the initial map center [m].
         resolution: cell size [m].
-        visibility_cleanup_rate: 0 disables visibility cleanup; otherwise, it runs with every scan.
+        visibility_cleanup_rate: if nonzero, visibility cleanup runs with every scan.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
@@ -182,12 +183,12 @@ def read_fusion(
     if settings.visibility_cleanup_rate == 0:
         parameters["enable_visibility_cleanup"] = False
     build(Parameters, parameters)
-    about = "`covariance_scale` multiplies the pose covariances"
+    about = "`covariance_scale`: factor applied to the pose covariances"
     motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
     scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)
-    about = "fusion of cloud fields, by name or regular expression"
+    about = "fusion methods of cloud fields, by name or regular expression"
     fields = read_parameter_tree(node, "pointcloud_channel_fusions", description=about)
-    about = "fusion of image channels: `color`, `latest` or `exponential`"
+    about = "fusion methods of image channels, by name or regular expression"
     channels = read_parameter_tree(node, "image_channel_fusions", description=about)
     frame, fusions = frame_name(settings.map_frame_id), channel_fusions(fields)
     return ElevationFusion(
@@ -211,7 +212,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
 
 
 def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
-    """For each parameter that is set but has no effect, return its name and the reason as text."""
+    """Return a text for each parameter that is set but has no effect: its name and the reason."""
     given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
     for name in given:
         value = node._parameter_overrides[name].value

@@ -121,7 +121,7 @@ def _stereo(parameters: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class SourceSettings:
-    """Parameters of a source of scans or images.
+    """Parameters of one source of scans or images in `input_sources`.
 
     Attributes:
         type: kind of sensor data on the topic.
@@ -133,7 +133,7 @@ class SourceSettings:
         channels: cloud fields or image channels that become layers.
         min_range: ignore points closer to the sensor than this [m].
         max_range: ignore points farther from the sensor than this [m].
-        stride: use only every n-th row and column of depth images.
+        stride: use only every `stride`-th row and column of depth images.
         sensor_xyz: position of the sensor on the robot [m]; unused with tf.
         sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
         reliability: `best_effort` works with every publisher; `reliable` recovers lost messages,
@@ -188,7 +188,7 @@ class InputSource:
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fusion methods by name pattern; `default` becomes the last pattern, `.*`.
 
-    ROS splits patterns such as `feat_.*` at the dots. Nested parameters are joined again.
+    ROS splits patterns such as `feat_.*` at the dots. This function joins the parts again.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

@@ -36,18 +36,19 @@ from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
 
 PATIENCE, QUEUE = 1.0, 10
-"""Maximum wait for a transform [s]; maximum number of waiting maps and of latched updates."""
+"""Maximum time to wait for a transform [s]; maximum number of waiting maps and latched updates."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CostmapSettings:
-    """Parameters that can be changed while the node runs.
+    """Parameters of the node `costmap` that can be changed while it runs.
 
     Attributes:
         layer: layer with integer costs from 0 to 254; NaN means unknown.
         frame_id: frame of the costmap; empty means the map frame. Another frame needs tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
-        origin_grid: send the largest window whose borders are multiples of this number of cells.
+        origin_grid: send the largest part of the map with borders at multiples of this number of
+            cells.
         unknown: rank of unknown map cells if a costmap cell touches several map cells: `worst`
             (above all costs) or `above_free` (between costs 0 and 1).
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
@@ -70,7 +71,7 @@ class CostmapSettings:
 
 
 class Output:
-    """Publishes latched full grids of type `kind`, and updates of type `update` unless it is None.
+    """Publisher of latched full grids of type `kind`, and of updates of type `update` if not None.
 
     An update expires after `period` [s]. Two full grids follow it, one per period. If a late
     subscriber applies an update to a newer grid, a full grid soon replaces the result.
@@ -120,7 +121,7 @@ class Output:
 
 
 class CostmapNode(ConfiguredNode):
-    """Converts every map to costs in the requested frame, and publishes the changes."""
+    """Node that converts every map to costs in the requested frame, and publishes the changes."""
 
     def __init__(self) -> None:
         super().__init__("costmap")
@@ -129,7 +130,7 @@ class CostmapNode(ConfiguredNode):
         self._map_topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         topic = self.read_topic("costmap_topic", "costmap", "topic of the occupancy grids")
         publishes_raw = self.read("publish_raw", True, "also publish `nav2_msgs/Costmap`")
-        about = "maximum time from an update to a full grid [s]"
+        about = "maximum time from an update to the next full grid [s]"
         period = 0.5 * self.read_number("full_period", 5.0, 0.01, 1e6, about)
         self._next = self._settings = read_fields(self, CostmapSettings, read_only=False)
         update = getattr(self._find("map_msgs", "full grids only"), "OccupancyGridUpdate", None)
@@ -161,7 +162,7 @@ class CostmapNode(ConfiguredNode):
             return None
 
     def _answer(self, _request: Any, response: Any) -> Any:
-        """Fill the answer of the service; before the first map, it has no cells."""
+        """Fill the response of the service; before the first map, its costmap has no cells."""
         if self._outputs[-1].last is None:
             topic = self._subscription.topic_name
             self._log.warning(f"get_costmap: no costs yet, as no map of {topic} has been used")

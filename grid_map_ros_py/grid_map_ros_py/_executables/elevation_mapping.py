@@ -58,7 +58,7 @@ LOG_PERIOD = 5.0
 
 
 class ElevationMappingNode(ConfiguredNode):
-    """Connects sensors, poses, services and topics to an elevation map."""
+    """Node that fuses sensor data into an elevation map, publishes it and offers services."""
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping")

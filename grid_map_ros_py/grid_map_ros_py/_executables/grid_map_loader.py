@@ -10,7 +10,7 @@ from ..nodes import ConfiguredNode, map_qos, read_parameter
 
 
 class GridMapLoaderNode(ConfiguredNode):
-    """Loads the last map of a bag and publishes it on a latched topic."""
+    """Node that loads the last map of a bag and publishes it on a latched topic."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_loader")

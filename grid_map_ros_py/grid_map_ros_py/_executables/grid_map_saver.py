@@ -19,7 +19,7 @@ LOG_PERIOD = 10.0
 
 
 class GridMapSaverNode(ConfiguredNode):
-    """Saves the first received map, or every received map, to a bag."""
+    """Node that saves the first received map, or every received map, to a bag."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_saver")
@@ -30,7 +30,7 @@ class GridMapSaverNode(ConfiguredNode):
         self._topic = bag_topic or self.resolve_topic_name(topic)
         about = "keep running and save every map, each replacing the previous one"
         self._continuous = self.read("continuous", False, about)
-        about = "file format of the bag: `mcap`, or `sqlite3` for `loadFromBag` in C++"
+        about = "file format of the bag: `mcap`, or `sqlite3`, which C++ `loadFromBag` can read"
         self._storage = self.read("storage", "mcap", about)
         about = "compression of the bag: `none`; for `mcap` also `lz4` or `zstd`"
         self._compression = self.read("compression", "none", about)

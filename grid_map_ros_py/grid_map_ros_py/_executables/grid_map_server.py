@@ -40,7 +40,7 @@ from ..nodes._topics import offer_service
 
 
 class GridMapServerNode(ConfiguredNode):
-    """Connects services and topics to a map."""
+    """Node that stores one map, publishes it and offers it through services."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_server")

@@ -37,14 +37,14 @@ from ..nodes._spin import steady_timer
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
 
 SILENCE = 3.0
-"""Time after startup at which the node warns if it has not received a pose [s]."""
+"""Time after startup from which the node warns if it has not received a pose [s]."""
 
 PATIENCE = 20.0
 """Maximum time to write the last map when the node ends [s]."""
 
 
 class GridMapWindowNode(ConfiguredNode):
-    """Publishes a window of a tiled map, centered on the latest position of the robot."""
+    """Node that publishes a window of a tiled map, centered on the latest robot position."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_window")

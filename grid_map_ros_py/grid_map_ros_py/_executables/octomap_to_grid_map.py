@@ -20,7 +20,7 @@ NAME = "octomap_to_grid_map"
 
 
 class OctomapToGridMapNode(ConfiguredNode):
-    """Converts each octomap from a topic or a service to a grid map, and publishes it."""
+    """Node that converts each octomap from a topic or a service to a map, and publishes it."""
 
     def __init__(self) -> None:
         super().__init__(NAME)
@@ -39,7 +39,7 @@ class OctomapToGridMapNode(ConfiguredNode):
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
         """Read the lower (`min`) or upper (`max`) bounds of x, y and z; NaN means no bound."""
-        about = f"ignore voxels with a {beyond} {{}} [m]; `.nan` means no bound"
+        about = f"ignore voxels with {beyond} {{}} [m]; `.nan` means no bound"
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
     def _listen(self) -> str:

@@ -38,7 +38,7 @@ from ..nodes._spin import steady_timer
 
 @dataclass(frozen=True, kw_only=True)
 class RollingSettings:
-    """Parameters of the node.
+    """Parameters of the node `point_cloud_to_grid_map`.
 
     Attributes:
         input_topic: topic of the clouds.
@@ -115,7 +115,7 @@ class RollingSettings:
 
 
 class PointCloudToGridMapNode(ConfiguredNode):
-    """Subscribes to clouds and poses, and publishes the fused map."""
+    """Node that subscribes to clouds and poses, and publishes the fused map."""
 
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")

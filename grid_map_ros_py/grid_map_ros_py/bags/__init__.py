@@ -2,8 +2,8 @@
 """Read and write maps in rosbag2 bags (MCAP and sqlite3) without ROS.
 
 New bags are folders with `metadata.yaml` and one storage file, as written by `ros2 bag record` in
-ROS 2 Jazzy. Readers accept bags of both formats, split or not, and single storage files. All
-functions raise `BagError` if a bag cannot be read or written, and `MissingPackageError` if the
+ROS 2 Jazzy. Readers accept bags in both formats, including split bags, and single storage files.
+All functions raise `BagError` if a bag cannot be read or written, and `MissingPackageError` if the
 package `mcap` is needed but not installed.
 """
 

@@ -82,8 +82,8 @@ class BagWriter:
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
         in_place: delete an existing bag first, and write directly to `path`. Use this for long
-            MCAP recordings: the bag can be completed even if the disk is full, and `recover=True`
-            can read it after a crash.
+            MCAP recordings: the bag can be completed even if the disk is full, and readers with
+            `recover=True` can read it after a crash.
     """
 
     def __init__(
@@ -306,7 +306,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """Recorded message in CDR, with its recording time [ns]; errors identify it by `place`."""
+    """Recorded message in CDR, with its recording time [ns]; `place` identifies it in errors."""
 
     topic: str
     type: str
@@ -494,5 +494,5 @@ def _open(path: Path, *, recover: bool) -> _Storage:
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return layer names as a tuple, so that they can be used again for each map."""
+    """Return layer names as a tuple, which, unlike an iterator, can be reused for each map."""
     return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)

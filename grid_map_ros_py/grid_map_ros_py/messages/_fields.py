@@ -188,7 +188,7 @@ def as_float32(field: str, value: float) -> float:
 def as_written(value: float) -> float:
     """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1.
 
-    Values outside the float32 range become 0 or infinity. Received messages never contain any.
+    Values outside the float32 range, which received messages never contain, become 0 or infinity.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))
@@ -205,7 +205,7 @@ def from_pose(message: Any) -> Matrix:
             `PoseWithCovarianceStamped` or `Odometry`.
 
     Raises:
-        MessageError: a coordinate is not finite, or the norm of the quaternion is not 1.
+        MessageError: a coordinate is not finite, or the quaternion norm differs from 1 by over 1 %.
     """
     kind = "geometry_msgs/Pose, or one with a pose"
     return _from(message, "pose", kind, "position", "orientation")

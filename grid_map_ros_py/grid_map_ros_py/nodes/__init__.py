@@ -11,7 +11,7 @@ The following node receives maps from all reliable publishers and publishes scal
     class Scaler(Node):
         def __init__(self):
             super().__init__("scaler")
-            self.factor = read_parameter(self, "factor", float, 1.0, description="of the heights")
+            self.factor = read_parameter(self, "factor", float, 1.0, description="height scale")
             self.publisher = self.create_publisher(GridMapMessage, "scaled_map", map_qos())
             self.subscription = MapSubscription(self, "grid_map", self.on_map)
 

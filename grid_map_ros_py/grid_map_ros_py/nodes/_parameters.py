@@ -260,6 +260,6 @@ def _files(arguments: Sequence[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield the name and the sections of each parameter file on a command line."""
     for option, file in pairwise(arguments):
         if option == "--params-file":
-            # ROS has read the file, but its parser may accept files that this one rejects.
+            # ROS has read the file, but its parser accepts some files that `load_yaml` rejects.
             with suppress(GridMapError):
                 yield file, dict(node_sections(load_yaml(file) or {}))

@@ -308,7 +308,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """Sensor; `heard` is the time of its last message [s], or infinity once reported as silent."""
+    """Sensor whose last message arrived at `heard` [s]; infinity once it is reported as silent."""
 
     name: str
     topic: str

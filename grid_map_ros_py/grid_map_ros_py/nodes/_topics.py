@@ -139,7 +139,7 @@ class LatchedSubscription:
         offers = [one.qos_profile for one in node.get_publishers_info_by_topic(self.topic_name)]
         for kind in self._can_give_up:
             policy, weaker = kind.name.lower(), WEAKER[kind]
-            # Publishers warn of stricter subscriptions.
+            # A stricter subscription would make the publishers log a warning.
             if offers and all(getattr(offer, policy) == weaker for offer in offers):
                 setattr(self._qos, policy, weaker)
         self._log = LogThrottle(node.get_logger())
@@ -307,7 +307,7 @@ class MapPublisher(LazyPublisher):
 def offer_service(
     node: Node, kind: type, name: str, action: Callable[[Any, Any], None], log: LogThrottle
 ) -> None:
-    """Create the service `~/name`.
+    """Create the service `~/name`, and log the errors of its requests.
 
     Args:
         node: the node.

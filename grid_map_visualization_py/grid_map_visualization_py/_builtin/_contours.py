@@ -26,13 +26,13 @@ _contourpy = partial(
 class ContoursVisualization(LineMarker):
     """Draw contour lines of a layer, interpolated between cell centers.
 
-    A line crosses the square between four cell centers only if at least three are finite.
+    A line crosses the square between four cell centers only if at least three cells are finite.
 
     Attributes:
         layer: layer to draw, usually heights [m].
         interval: spacing of the contour values; lines are drawn at its multiples.
         levels: contour values, in any order; used instead of `interval`.
-        flat: draw all lines at height zero; useful for layers that do not contain heights.
+        flat: draw all lines at height zero; useful for layers without heights.
 
     Raises:
         ConfigError: the interval is not positive, or a level is not finite.

@@ -21,8 +21,8 @@ class OccupancyGridVisualization:
 
     Attributes:
         layer: layer to show.
-        data_min: value of free cells.
-        data_max: value of occupied cells; it may be less than `data_min`.
+        data_min: layer value that becomes 0 (free).
+        data_max: layer value that becomes 100 (occupied); may be less than `data_min`.
 
     Raises:
         ConfigError: the two bounds are equal or not finite.

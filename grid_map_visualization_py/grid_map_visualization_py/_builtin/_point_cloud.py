@@ -17,7 +17,7 @@ class PointCloudVisualization:
     """Draw cells as points at the heights in a layer.
 
     Attributes:
-        layer: layer with the heights [m]; cells without a finite height are left out.
+        layer: layer with the heights [m]; cells without a finite height are omitted.
         flat: draw the cells at height zero, even those without a height.
     """
 

@@ -26,7 +26,7 @@ from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(ConfiguredNode):
-    """Visualizes maps on demand: publishes only outputs that have subscribers.
+    """Node that converts maps to visualizations, and publishes only those with subscribers.
 
     The node subscribes to maps while any output has subscribers. In this time, it keeps the last
     map, so that late-joining subscribers of an output receive a message immediately.
@@ -43,7 +43,7 @@ class GridMapVisualizationNode(ConfiguredNode):
         self._qos = map_qos(transient_local=latched)
         self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
-        about = "rate of an extra check for subscribers [Hz], in case a DDS event is lost"
+        about = "rate of additional checks for subscribers [Hz], in case a DDS event is lost"
         rate = self.read_positive("activity_check_rate", 2.0, about)
         self._log = LogThrottle(self.get_logger())
         self._outputs = self._read_outputs()
@@ -63,7 +63,7 @@ class GridMapVisualizationNode(ConfiguredNode):
         about = "names of the visualizations; each publishes on a topic of the same name"
         names = read_parameter(self, parameter, list[str], description=about)
         check(len(set(names)) == len(names), parameter, "every name once", names)
-        about = "log a misconfigured visualization and continue with the others instead of ending"
+        about = "if true, log misconfigured visualizations and skip them; if false, the node exits"
         skip_invalid = self.read("skip_invalid", False, about)
         about = "`type` and `params` of the visualization `NAME`"
         outputs = []

@@ -31,7 +31,7 @@ PERIOD = 0.5
 
 
 class RerunViewerNode(ConfiguredNode):
-    """Forwards the requested topics to Rerun; by default, all topics of supported types."""
+    """Node that forwards topics to Rerun: those requested, or all topics of supported types."""
 
     def __init__(self) -> None:
         super().__init__("rerun_viewer")
@@ -50,7 +50,7 @@ class RerunViewerNode(ConfiguredNode):
             "If empty, the surface is colored by height"
         )
         color_layer = self.read("color_layer", "", about)
-        about = "Matplotlib color map of `color_layer`; other layers use the default"
+        about = "Matplotlib color map of `color_layer`; other layers use the default color map"
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
         about = "factor that scales heights in the 3-D view"
         exaggeration = self.read_positive("exaggeration", 1.0, about)
@@ -85,11 +85,11 @@ class RerunViewerNode(ConfiguredNode):
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
         host = self.read("host", "127.0.0.1", about)
         port = self.read_number("port", 9876, 0, 65535, "port of the page; 0 means any free port")
-        about = "memory for the messages on the timeline, such as `512MB` or `10%`"
+        about = "maximum memory for the messages on the timeline, such as `512MB` or `10%`"
         memory_limit = self.read("memory_limit", "512MB", about)
         about = (
-            "additional host names under which browsers may open the page. Always allowed: IP "
-            "addresses, `localhost`, the value of `host`, and the machine name (also with `.local`)"
+            "additional host names under which browsers may open the page, besides IP addresses, "
+            "`localhost`, `host`, and the machine name (also with `.local`)"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         required("rerun_cli", "rerun_viewer", f"{remedy_for('rerun')}, or use web_viewer")

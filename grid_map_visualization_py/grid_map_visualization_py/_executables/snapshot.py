@@ -28,7 +28,7 @@ from .._commands.plot import add_style, check_style, draw
 
 
 class SnapshotNode(Node):
-    """Waits for a map (the last published map if the topic is latched), draws it, and exits.
+    """Node that waits for a map (on a latched topic, the last published map) and draws it.
 
     Args:
         options: command-line options, as returned by `parsed`.

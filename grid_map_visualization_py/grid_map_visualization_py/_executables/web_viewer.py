@@ -37,11 +37,11 @@ LOOK_PERIOD = 1.0
 
 
 class WebViewerNode(ConfiguredNode):
-    """Subscribes to the map topic that the user selects on the page, and shows its maps there."""
+    """Node that shows the maps of one topic on a web page, where the user selects the topic."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        about = "initial map topic; any other can be selected on the page"
+        about = "initial map topic; other topics can be selected on the page"
         topic = self.resolve_topic_name(self.read_topic("grid_map_topic", "/grid_map", about))
         about = "maximum number of cells; larger maps are thinned out. 0 means no limit"
         max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
@@ -69,8 +69,8 @@ class WebViewerNode(ConfiguredNode):
         color_layer = self.read("color_layer", "", about)
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, "initial Matplotlib color map")
         about = (
-            "additional host names under which browsers may open the page. Always allowed: IP "
-            "addresses, `localhost`, the value of `host`, and the machine name (also with `.local`)"
+            "additional host names under which browsers may open the page, besides IP addresses, "
+            "`localhost`, `host`, and the machine name (also with `.local`)"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         self._page = Page(host, port, height_layer, color_layer, color_map, names, topic)

@@ -84,7 +84,7 @@ class View:
         return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
     def loses(self, other: "View") -> bool:
-        """Return True if the map of `other` is out of view, or 3 times as large or small."""
+        """Return True if the map of `other` is out of view, or over 3 times larger or smaller."""
         # Heights are ignored, because outliers would make the camera jump.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / 3 < other.reach / self.reach < 3

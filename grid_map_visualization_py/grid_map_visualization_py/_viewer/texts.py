@@ -79,7 +79,7 @@ def _time(seconds: float) -> str:
 def legend(coloring: Coloring, bounds: tuple[float, float], title: str) -> str:
     """Return a color bar (HTML) in the colors of the lit surface, with a title and the bounds.
 
-    Bounds that are NaN are left out.
+    Bounds that are NaN are omitted.
     """
     # The browser interpolates between 16 colors.
     colors = replace(coloring, lower=0.0, upper=1.0)(np.linspace(0, 1, 16, dtype=np.float32))
