@@ -7,9 +7,10 @@
 - `PlaneParameters`: thresholds; reads `parameters.yaml` of convex_plane_decomposition.
 """
 
+from .. import _lazy
 from ._convex import convex_inside as convex_inside
 from ._extraction import extract_planes as extract_planes
 from ._parameters import PlaneParameters as PlaneParameters
 from ._regions import PlanarRegion as PlanarRegion, PlanarRegions as PlanarRegions
 
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__, __dir__ = _lazy.public_names(dir())
