@@ -20,7 +20,7 @@ build:  ## Build the packages that have changed, with colcon
 	@tools/workspace build
 
 # The demo stays on this computer unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise.
-demo: build  ## Publish and filter a terrain, write pictures to demo_output/ (VIEW=1: show it in the browser until Ctrl-C, with images and curves; DEMO=elevation_mapping, DEMO=large_map, DEMO=path_planner: another demo)
+demo: build  ## Publish and filter a terrain, write pictures to demo_output/ (VIEW=1: show it in the browser until Ctrl-C, with images and curves; DEMO=elevation_mapping, DEMO=large_map, DEMO=path_planner, DEMO=planar_regions: another demo)
 	@ROS_AUTOMATIC_DISCOVERY_RANGE=$${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST} \
 	    tools/run grid_map_demos_py $(or $(DEMO),filters)_demo $(if $(filter-out 0,$(VIEW)),--view,--report demo_output)
 

@@ -26,6 +26,7 @@ NODES = (
     "octomap_to_gridmap_demo",
     "opencv_demo",
     "path_planner_robot",
+    "planar_regions_robot",
     "resolution_change_demo",
     "sdf_demo",
     "simple_demo",
@@ -54,6 +55,8 @@ if {"develop", "install"} & set(sys.argv):
         f"large_map_demo = {PACKAGE}.launcher:large_map_demo",
         f"path_planner_demo = {PACKAGE}.launcher:path_planner_demo",
         f"path_planner_report = {PACKAGE}.report_node:PathPlannerReportNode.main",
+        f"planar_regions_demo = {PACKAGE}.launcher:planar_regions_demo",
+        f"planar_regions_report = {PACKAGE}.report_node:PlanarRegionsReportNode.main",
         f"large_map_report = {PACKAGE}.report_node:LargeMapReportNode.main",
         *(
             # Such as move_demo = grid_map_demos_py.move_demo_node:MoveDemoNode.main

@@ -19,6 +19,7 @@ NODES = (
     "grid_map_window",
     "octomap_to_grid_map",
     "path_planner",
+    "planar_regions",
     "point_cloud_to_grid_map",
 )
 URL = "https://github.com/grid-map-py/grid_map_py"

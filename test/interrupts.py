@@ -83,6 +83,7 @@ ARGUMENTS = {
     "large_map_report": "-p output_directory:={folder} -p duration:=1000.0",
     "path_planner": "-p cost_layer:=''",
     "path_planner_report": "-p output_directory:={folder} -p timeout:=1000.0",
+    "planar_regions_report": "-p output_directory:={folder} -p timeout:=1000.0",
     "grid_map_server": "-p directory:={folder} -p input_topic:=/grid_map -p output_topic:=/served",
     # The contours of noise take long, and it has no normals.
     "grid_map_visualization": f"--params-file {OUTPUTS} -p grid_map_visualizations:="

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversions and nodes with the optional messages of nav2 and OctoMap, which are built here."""
+"""Conversions and nodes with optional messages, such as those of Nav2, which are built here."""
 
 import gzip
 import json
@@ -29,6 +29,17 @@ OCTOMAPS = ROOT / "grid_map_ros_py" / "test" / "data" / "octomaps.json.gz"
 OCTOMAP = json.loads(gzip.decompress(OCTOMAPS.read_bytes()))["cases"][0]
 
 INTERFACES = {
+    "convex_plane_decomposition_msgs": {
+        "msg/Point2d.msg": "float32 x\nfloat32 y\n",
+        "msg/Polygon2d.msg": "Point2d[] points\n",
+        "msg/PolygonWithHoles2d.msg": "Polygon2d outer_boundary\nPolygon2d[] holes\n",
+        "msg/BoundingBox2d.msg": ("float32 min_x\nfloat32 min_y\nfloat32 max_x\nfloat32 max_y\n"),
+        "msg/PlanarRegion.msg": (
+            "geometry_msgs/Pose plane_parameters\nBoundingBox2d bbox2d\n"
+            "PolygonWithHoles2d boundary\nPolygonWithHoles2d[] insets\n"
+        ),
+        "msg/PlanarTerrain.msg": ("PlanarRegion[] planar_regions\ngrid_map_msgs/GridMap gridmap\n"),
+    },
     "map_msgs": {
         "msg/OccupancyGridUpdate.msg": (
             "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data\n"
@@ -78,13 +89,13 @@ TYPE_HASHES = {
 CMAKE = """
 cmake_minimum_required(VERSION 3.8)
 project({name})
-foreach(package ament_cmake action_msgs builtin_interfaces geometry_msgs nav_msgs std_msgs
-        rosidl_cmake rosidl_generator_c rosidl_typesupport_c
+foreach(package ament_cmake action_msgs builtin_interfaces geometry_msgs grid_map_msgs
+        nav_msgs std_msgs rosidl_cmake rosidl_generator_c rosidl_typesupport_c
         rosidl_typesupport_fastrtps_c rosidl_generator_py)
   find_package(${{package}} REQUIRED)
 endforeach()
 rosidl_generate_interfaces({name} {files}
-  DEPENDENCIES action_msgs builtin_interfaces geometry_msgs nav_msgs std_msgs)
+  DEPENDENCIES action_msgs builtin_interfaces geometry_msgs grid_map_msgs nav_msgs std_msgs)
 ament_package()
 """
 
@@ -98,6 +109,7 @@ MANIFEST = """
   <depend>action_msgs</depend>
   <depend>builtin_interfaces</depend>
   <depend>geometry_msgs</depend>
+  <depend>grid_map_msgs</depend>
   <depend>nav_msgs</depend>
   <depend>std_msgs</depend>
   <member_of_group>rosidl_interface_packages</member_of_group>
@@ -233,8 +245,8 @@ def test_messages_have_the_type_hashes_of_jazzy(with_messages, name):
     assert found == TYPE_HASHES[name]
 
 
-@pytest.mark.parametrize("file", ["costmaps.py", "plans.py"])
-def test_nodes_work_with_messages_of_nav2(with_messages, tmp_path, file):
+@pytest.mark.parametrize("file", ["costmaps.py", "plans.py", "terrains.py"])
+def test_nodes_work_with_optional_messages(with_messages, tmp_path, file):
     (tmp_path / "tf2_ros.py").write_text(TF2)
     path = os.pathsep.join([str(tmp_path), with_messages["PYTHONPATH"]])
     environ = {**with_messages, "PYTHONPATH": path}

@@ -33,6 +33,7 @@ ROSDEP_KEYS = {
     "numpy": "python3-numpy",
     "pytest": "python3-pytest",
     "scipy": "python3-scipy",
+    "shapely": "python3-shapely",
     "tf2_ros": "tf2_ros_py",
     "websockets": "viser",
     "yaml": "python3-yaml",

@@ -66,6 +66,7 @@ ADDED_TO_ROS = (
     "rioxarray",
     "rosbags",
     "ruff",
+    "shapely",
     "trimesh",
     "types-PyYAML",
     "viser",

@@ -17,11 +17,13 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from std_msgs.msg import Header
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import change_resolution, from_image, to_image
 from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.map import GridGeometry
+from grid_map_core_py.planes import PlaneParameters, extract_planes
 from grid_map_core_py.simulation import scan
 from grid_map_demos_py import (
     elevation_mapping_robot_node as mapping_robot,
@@ -36,12 +38,14 @@ from grid_map_demos_py import (
     report_node as report,
     robot_course as robot,
     sdf_demo_node as sdf,
+    steps_course as steps,
     tutorial_demo_node as tutorial,
 )
 from grid_map_demos_py.parts import HEIGHT, star_map
 from grid_map_demos_py.robot_course import RobotCourse, load_course
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py import load_octomap
+from grid_map_ros_py._planes import to_markers
 from grid_map_ros_py._planning import Planner, PlannerSettings
 from grid_map_visualization_py.pictures import plot
 
@@ -146,6 +150,24 @@ def path_planner_demo() -> Figure:
             break
     truth = ground.get_submap((4.5, 3.0), (11.0, 10.0))
     return report.draw_walk(truth, planner.grid_map, plans, np.array(walk))
+
+
+def planar_regions_demo() -> Figure:
+    """Draw the planar regions of the course after the camera has passed."""
+    course, random = steps.make_course(), np.random.default_rng(1)
+    mapper = ElevationMapper(GridGeometry((12.0, 4.0), 0.04))
+    for step, x in enumerate(np.linspace(0.0, steps.END, 50)):
+        pose = steps.pose_at(x)
+        options = {"sensor": steps.NOISE, "max_range": steps.MAX_RANGE}
+        points = scan(course, steps.BEAMS, pose, random=random, **options)
+        given = {"timestamp": step * 2 * 10**8, "position": pose[:2, 3], "sensor": steps.NOISE}
+        mapper.update(points, pose, **given)
+    text = (CONFIG / "planar_regions_demo_regions.yaml").read_text(encoding="utf-8")
+    given = yaml.safe_load(text)["planar_regions"]["ros__parameters"]
+    sections = {name: value for name, value in given.items() if isinstance(value, dict)}
+    parameters = PlaneParameters.from_mapping(sections)
+    regions = extract_planes(mapper.grid_map, given["height_layer"], parameters)
+    return report.draw_regions(mapper.grid_map, to_markers(regions, Header()))
 
 
 def large_map_demo() -> Figure:
@@ -295,6 +317,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "octomap_to_gridmap_demo": octomap_to_gridmap_demo,
     "opencv_demo": opencv_demo,
     "path_planner_demo": path_planner_demo,
+    "planar_regions_demo": planar_regions_demo,
     "resolution_change_demo": resolution_change_demo,
     "sdf_demo": sdf_demo,
     "tutorial_demo": tutorial_demo,

@@ -250,6 +250,7 @@ PICTURES: dict[str, Picture] = {
         values("normal_x", (-1, 1), "coolwarm"), rgb("result")
     ),
     "gridMapFilters/NormalVectorsFilter": Picture(after=values("result_x", (-1, 1), "coolwarm")),
+    "gridMapFilters/PlanarRegionsFilter": Picture(FILLED, values("result", colors="tab20")),
     "gridMapFilters/RoughnessFilter": Picture(after=values("result", (0, 0.08), unit="m")),
     "gridMapFilters/SetBasicLayersFilter": Picture(valid_cells, valid_cells),
     "gridMapFilters/SlidingWindowMathExpressionFilter": Picture(

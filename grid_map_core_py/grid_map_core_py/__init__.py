@@ -11,8 +11,9 @@
 - Statistics of finite values: `mean_of_finites` and similar functions.
 - Errors: all derive from `GridMapError`.
 
-The modules `map`, `regions`, `conversions`, `files`, `elevation`, `planning`, `simulation`,
-`tiled`, `plugins`, `limits`, `errors` and `testing` provide further names and are imported lazily.
+The modules `map`, `regions`, `conversions`, `files`, `elevation`, `planning`, `planes`,
+`simulation`, `tiled`, `plugins`, `limits`, `errors` and `testing` provide further names and are
+imported lazily.
 """
 
 from typing import TYPE_CHECKING
@@ -78,6 +79,8 @@ _OFFERED = {
     ".map": "BufferRegion GridGeometry GridMap Interpolation SignedDistanceField",
     ".regions": "Polygon cells_to_mask circle_cells ellipse_cells line_cells line_cells_between "
     "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
-} | dict.fromkeys((".elevation", ".limits", ".planning", ".plugins", ".simulation", ".testing"), "")
+} | dict.fromkeys(
+    (".elevation", ".limits", ".planes", ".planning", ".plugins", ".simulation", ".testing"), ""
+)
 # Programs such as `grid-map --help` start without NumPy, SciPy and OpenCV.
 __all__, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Demos that start several nodes without launch files, and stop all of them at the end.
 
-    filters_demo, elevation_mapping_demo, large_map_demo, path_planner_demo [--report DIRECTORY]
-        [--view [PORT]]
+    filters_demo, elevation_mapping_demo, large_map_demo, path_planner_demo, planar_regions_demo
+        [--report DIRECTORY] [--view [PORT]]
 
 Each node runs in its own process. A demo runs until it is interrupted or a node ends. With
 `--report`, another process collects the messages of the nodes, writes pictures to the directory,
@@ -138,6 +138,18 @@ path_planner_demo = NodesDemo(
 )
 
 
+planar_regions_demo = NodesDemo(
+    "planar_regions_demo",
+    "Demo of the planar regions of stairs, a ramp and stepping stones that a camera sees.",
+    "planar_regions",
+    {
+        "grid_map_ros_py._executables.planar_regions": "planar_regions_demo_regions.yaml",
+        "grid_map_ros_py._executables.elevation_mapping": "planar_regions_demo_mapping.yaml",
+        "grid_map_demos_py.planar_regions_robot_node": "planar_regions_demo.yaml",
+    },
+)
+
+
 def large_map_demo(arguments: Sequence[str] | None = None) -> int:
     """Write a large map to a temporary folder, and run a demo that publishes windows of it."""
     from .large_site import GEOMETRY, make_site
@@ -244,5 +256,6 @@ if __name__ == "__main__":
         "elevation_mapping_demo": elevation_mapping_demo,
         "large_map_demo": large_map_demo,
         "path_planner_demo": path_planner_demo,
+        "planar_regions_demo": planar_regions_demo,
     }
     raise SystemExit(demos[sys.argv[1]](sys.argv[2:]))

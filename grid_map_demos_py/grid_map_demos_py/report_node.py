@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Nodes that collect the messages of a demo, write pictures, print tables, and exit.
 
-    python3 -m grid_map_demos_py.report_node filters | elevation_mapping | large_map | path_planner
+    python3 -m grid_map_demos_py.report_node \
+        filters | elevation_mapping | large_map | path_planner | planar_regions
 
 The exit code is 0 only if messages arrived on all topics in time.
 """
@@ -18,10 +19,13 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Path2d
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from sensor_msgs.msg import PointCloud2
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridGeometry, GridMap, Interpolation
 from grid_map_core_py.errors import GridMapError
@@ -30,7 +34,7 @@ from grid_map_core_py.files._shared import (
 )
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py import ReceivedMap, from_stamp
 from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.nodes import (
     MapSubscription,
@@ -43,6 +47,7 @@ from .demo import Demo
 from .large_site import GEOMETRY, LAYER
 from .parts import to_text
 from .robot_course import ARRIVED, GOAL, START, Matrix
+from .steps_course import END, PLANES
 
 DIAGNOSTICS = "/diagnostics"
 
@@ -515,11 +520,108 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
     return figure
 
 
+# --- planar regions demo --------------------------------------------------------------------------
+
+PLANAR = "/planar_map"
+MARKERS = "/planar_regions"
+
+
+class PlanarRegionsReportNode(ReportNode):
+    """Waits until the camera has seen the whole course, then compares regions with the terrain."""
+
+    def __init__(self) -> None:
+        super().__init__("planar_regions_report")
+        self._truth: GridMap | None = None
+        self._markers: MarkerArray | None = None
+        self._regions: ReceivedMap | None = None
+        self._is_there = False
+        self._maps = [
+            MapSubscription(self, TRUTH, self._on_truth),
+            MapSubscription(self, PLANAR, self._on_map),
+        ]
+        self.create_subscription(MarkerArray, MARKERS, self._on_markers, map_qos())
+        self.create_subscription(Odometry, "/odom", self._on_odometry, 10)
+        self.give_up_after(self.read_positive("timeout", 90.0, "maximum time to wait [s]"))
+
+    def silent_topics(self) -> list[str]:
+        got = {TRUTH: self._truth, MARKERS: self._markers, "/odom at the end": self._is_there}
+        return [topic for topic, value in got.items() if not value] or [PLANAR]
+
+    def _on_truth(self, received: ReceivedMap) -> None:
+        self._truth = received.decode()
+
+    def _on_map(self, received: ReceivedMap) -> None:
+        self._regions = received
+        self._report()
+
+    def _on_markers(self, message: MarkerArray) -> None:
+        self._markers = message
+        self._report()
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._is_there |= message.pose.pose.position.x >= END
+
+    def _report(self) -> None:
+        """Report as soon as the map and the markers are of the same time."""
+        markers, received = self._markers, self._regions
+        if self._truth is None or markers is None or received is None or not self._is_there:
+            return
+        if from_stamp(markers.markers[0].header.stamp) != received.timestamp:
+            return
+        regions = received.decode(["elevation", "plane_id", "plane_elevation"])
+        rows = found_planes(regions, self._truth)
+        rows["regions in all"] = str(len(np.unique(regions["plane_id"])) - 1)
+        self.finish({"Planes": rows}, {"planar_regions": draw_regions(regions, markers)})
+
+
+def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
+    """Return table rows with the number of planes that have a region, and the height errors."""
+    rows, known = {}, set[float]()
+    for name, centers in PLANES.items():
+        places = np.array(centers)
+        ids = np.asarray(regions.at_position("plane_id", places))
+        heights = np.asarray(regions.at_position("plane_elevation", places, Interpolation.LINEAR))
+        true = np.asarray(truth.at_position("elevation", places, Interpolation.LINEAR))
+        own = {*ids[ids > 0].tolist()} - known
+        known |= own
+        errors = 1e3 * np.abs(heights - true)[ids > 0]
+        worst = f", heights within {errors.max():.1f} mm" if len(errors) else ""
+        rows[name] = f"{len(own)} of {len(ids)}{worst}"
+    return rows
+
+
+def draw_regions(grid_map: GridMap, message: MarkerArray) -> Figure:
+    """Draw the heights of a map, and the markers of its regions on them."""
+    figure = Figure((8.0, 6.4), layout="constrained")
+    upper, lower = figure.subplots(2, 1)
+    for ax, title in ((upper, "mapped heights"), (lower, "planar regions")):
+        heights: dict[str, Any] = {"color_map": "gray", "hillshade": "elevation"}
+        plot(grid_map, "elevation", ax, color_bar=False, scale_bar=False, **heights)
+        ax.set_title(title, fontsize=9)
+        ax.set(xlabel="", ylabel="", xlim=(0.4, 8.2), ylim=(-1.6, 1.6))
+        ax.tick_params(labelsize=7)
+    for marker in message.markers:
+        points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
+        color = marker.color.r, marker.color.g, marker.color.b, marker.color.a
+        if marker.type == Marker.TRIANGLE_LIST:
+            # A single path: separate triangles would overlap along their edges.
+            closed = points.reshape(-1, 3, 2)[:, [0, 1, 2, 0]]
+            codes = np.tile(
+                [Path2d.MOVETO, Path2d.LINETO, Path2d.LINETO, Path2d.CLOSEPOLY], len(closed)
+            )
+            path = Path2d(closed.reshape(-1, 2), codes)
+            lower.add_patch(PathPatch(path, facecolor=color, linewidth=0.0))
+        elif marker.type == Marker.LINE_LIST:
+            lower.add_collection(LineCollection([*points.reshape(-1, 2, 2)], colors=[color]))
+    return figure
+
+
 REPORTS = {
     "filters": DemoReportNode,
     "elevation_mapping": ElevationMappingReportNode,
     "large_map": LargeMapReportNode,
     "path_planner": PathPlannerReportNode,
+    "planar_regions": PlanarRegionsReportNode,
 }
 
 if __name__ == "__main__":

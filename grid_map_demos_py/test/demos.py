@@ -15,7 +15,7 @@ import yaml
 from geometry_msgs.msg import PolygonStamped
 from nav_msgs.msg import GridCells, OccupancyGrid, Path as PathMessage
 from sensor_msgs.msg import Image, PointCloud2
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -41,6 +41,7 @@ MESSAGES = {
     "rviz_default_plugins/Image": Image,
     "rviz_default_plugins/Map": OccupancyGrid,
     "rviz_default_plugins/Marker": Marker,
+    "rviz_default_plugins/MarkerArray": MarkerArray,
     "rviz_default_plugins/Path": PathMessage,
     "rviz_default_plugins/PointCloud2": PointCloud2,
     "rviz_default_plugins/Polygon": PolygonStamped,

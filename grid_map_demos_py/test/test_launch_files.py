@@ -15,6 +15,7 @@ from demos import LAUNCH_FILES, MESSAGES, PACKAGE, launched_nodes, rviz, rviz_di
 from geometry_msgs.msg import PolygonStamped
 from nav_msgs.msg import Path as PathMessage
 from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
 
 from grid_map_visualization_py import create
 
@@ -22,6 +23,7 @@ OWN_TOPICS = {
     "image_to_gridmap_demo": {"/image": Image},
     "iterators_demo": {"/polygon": PolygonStamped},
     "path_planner_demo": {"/plan": PathMessage},
+    "planar_regions_demo": {"/planar_regions": MarkerArray},
     "sdf_demo": {
         f"/grid_map_sdf_demo/signed_distance_field/{name}": PointCloud2
         for name in ("full_sdf", "free_space", "occupied_space")
@@ -128,7 +130,8 @@ def test_rviz_displays_match_the_types_of_all_outputs(demo):
     displays = rviz_displays(demo)
     shown = {topic: MESSAGES[display["Class"]] for topic, display in displays.items()}
     assert shown == visualized(demo) | OWN_TOPICS.get(demo, {})
-    frame = "odom" if demo in ("elevation_mapping_demo", "path_planner_demo") else "map"
+    robots = "elevation_mapping_demo", "path_planner_demo", "planar_regions_demo"
+    frame = "odom" if demo in robots else "map"
     assert rviz(demo)["Visualization Manager"]["Global Options"]["Fixed Frame"] == frame
     for display in displays.values():
         # The last map arrives, even if nothing new is published.

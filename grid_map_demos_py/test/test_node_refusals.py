@@ -44,6 +44,11 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("timeout:=0.0", "parameter 'timeout': expected a positive"),
         ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
     ],
+    "planar_regions_robot": [("rate:=0.0", "parameter 'rate': expected a positive")],
+    "planar_regions_report": [
+        ("timeout:=0.0", "parameter 'timeout': expected a positive"),
+        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
+    ],
     "image_publisher": [
         ("image_path:=/nope.png", "/nope.png: cannot be read: No such file"),
     ],

@@ -123,6 +123,7 @@ OF_THEIR_LAYERS = [
     ("NormalVectors", NORMALS | {"normal_vector_positive_axis": "z", "radius": 0.3}),
     ("NormalVectors", NORMALS | {"normal_vector_positive_axis": "x", "algorithm": "raster"}),
     ("SlidingWindowMathExpression", ONTO_ITSELF | MEAN),
+    ("PlanarRegions", TO_OUT),
     ("Threshold", {"layer": "elevation", "upper_threshold": 1.0, "set_to": 1.0}),
     ("Inpaint", ONTO_ITSELF | {"radius": 0.3}),
 ]

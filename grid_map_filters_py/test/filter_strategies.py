@@ -128,6 +128,9 @@ PARAMETERS = {
         algorithm=st.sampled_from(["area", "raster"]),
         radius=LENGTH,
     ),
+    "PlanarRegions": layer_to_layer(
+        kernel_size=st.sampled_from([3, 5]), marginSize=st.integers(0, 1)
+    ),
     "Roughness": DISC,
     "SetBasicLayers": parameters(layers=st.lists(LAYER, unique=True)),
     "SlidingWindowMathExpression": parameters(

@@ -76,6 +76,11 @@ REFUSED = {
         ({"pose_source": "none"}, "expected one of auto, tf, odometry,"),
         *([] if has_tf() else [({"pose_source": "tf"}, "'tf' needs the package 'tf2_ros'")]),
     ],
+    "planar_regions": [
+        ({"grid_map_topic": "a b"}, "'grid_map_topic': expected the name of a topic, got 'a b'"),
+        ({"contour_extraction.marginSize": -1}, "contour_extraction: parameter 'marginSize': exp"),
+        ({"height_layer": 3}, "parameter 'height_layer': expected a string"),
+    ],
     "point_cloud_to_grid_map": [
         ({"pose_source": "gps"}, "'pose_source': expected one of 'auto', 'tf', 'od"),
         ({"pose_source": "none"}, "'robot_centric': expected false without poses"),

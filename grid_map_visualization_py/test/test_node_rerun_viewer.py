@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
-from std_msgs.msg import String
+from std_msgs.msg import ColorRGBA, String
 from test_node_web_viewer import CHROMIUM, FLAGS, decoded, share, url_of
 from test_rerun_server import rerun, sockets_of
+from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import to_message
@@ -327,6 +328,61 @@ def test_browser_shows_maps_beside_a_frozen_one(peer):
                 wait_for(tabs[0], flat, VIRIDIS[:1], 0.05)
         for browser in browsers:
             browser.close()
+
+
+def triangle(number: int, x: float, **color: float) -> Marker:
+    """Return a marker above a map, near `x`."""
+    marker = Marker(id=number, ns="regions", type=Marker.TRIANGLE_LIST)
+    marker.header.frame_id = "odom"
+    marker.header.stamp.sec = 5
+    corners = (x - 0.12, 1.85), (x + 0.12, 1.85), (x, 2.2)
+    marker.points = [Point(x=a, y=b, z=0.05) for a, b in corners]
+    marker.color = ColorRGBA(**color, a=1.0)
+    return marker
+
+
+@pytest.mark.needs("playwright")
+def test_regions_replace_those_of_the_last_message(peer):
+    playwright = pytest.importorskip("playwright.sync_api")
+    red, green, blue = (255, 0, 0), (0, 255, 0), (0, 0, 255)
+    ground = slope()
+    ground["elevation"] = 0.0
+    with (
+        viewer(topics="[/planar_regions,/grid_map]") as node,
+        playwright.sync_playwright() as driver,
+    ):
+        options = {"executable_path": CHROMIUM, "args": FLAGS, "timeout": 1e3 * PATIENCE}
+        browser = driver.chromium.launch(**options)
+        tab = browser.new_page(viewport={"width": 800, "height": 600})
+        tab.set_default_timeout(1e3 * PATIENCE)
+        tab.goto(f"{url_of(node)}/?renderer=webgl")
+
+        def wait_for(shown: list[Any], hidden: list[Any]) -> None:
+            def holds() -> bool:
+                picture = decoded(tab.screenshot(timeout=1e3 * PATIENCE))
+                is_there = [bright(picture, color) > 0.002 for color in (*shown, *hidden)]
+                return is_there == [True] * len(shown) + [False] * len(hidden)
+
+            step = lambda: tab.wait_for_timeout(500)  # noqa: E731
+            wait_until(holds, f"{shown} without {hidden}", step=step, timeout=PATIENCE)
+
+        def publish(*markers: Marker) -> None:
+            # All messages have the same time.
+            first = Marker(action=Marker.DELETEALL, header=triangle(0, 0.0).header)
+            peer.publish("/planar_regions", MarkerArray(markers=[first, *markers]))
+
+        peer.publish("/grid_map", to_message(ground))
+        publish(triangle(1, 0.95, r=1.0), triangle(2, 1.25, g=1.0))
+        wait_for([red, green], [blue])
+        publish(triangle(2, 1.25, g=1.0), triangle(3, 0.95, b=1.0))
+        wait_for([green, blue], [red])
+        browser.close()
+
+
+def bright(picture: np.ndarray, color: tuple[int, int, int]) -> float:
+    """Return the share of pixels in which exactly these channels are bright."""
+    channels = np.where(np.array(color) > 0, picture > 130, picture < 90)
+    return float(channels.all(axis=-1).mean())
 
 
 def memory_of(process: Process) -> int:

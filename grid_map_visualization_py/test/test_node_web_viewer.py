@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Path as PathMessage
-from std_msgs.msg import Header
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -405,6 +406,44 @@ def test_path_is_drawn_on_the_surface_of_its_frame(page, node, peer):
         "dropped a message of /plan: header.frame_id: expected 'odom', that of the map, got 'map'"
     )
     assert text in node.text
+
+
+def triangle(x: float, *colors: tuple[float, float, float], number: int = 1) -> Marker:
+    """Return a marker that covers a quarter of the map, near `x`."""
+    marker = Marker(header=Header(frame_id="odom"), id=number, type=Marker.TRIANGLE_LIST)
+    corners = (-0.4, 1.2), (0.4, 1.2), (0.0, 2.8)
+    marker.points = [Point(x=x + dx, y=y, z=0.5) for dx, y in corners]
+    marker.colors = [ColorRGBA(r=r, g=g, b=b, a=1.0) for r, g, b in colors for _ in range(3)]
+    marker.color.a = marker.color.b = 1.0
+    return marker
+
+
+def test_markers_are_drawn_until_they_are_deleted(page, node, peer):
+    red, blue = on_screen(np.array([(255, 0, 0), (0, 0, 255)], np.uint8)).tolist()
+
+    def shows(color: list[int]) -> bool:
+        return bool(share(page.picture(), tuple(color)) > 0.02)
+
+    def publish(*markers: Marker) -> None:
+        peer.publish("/planar_regions", MarkerArray(markers=markers))
+
+    publish(triangle(0.6, (1.0, 0.0, 0.0)), triangle(1.4, number=2))
+    page.wait_for(lambda: shows(red) and shows(blue), "two triangles")
+    publish(Marker(action=Marker.DELETE, id=1))
+    page.wait_for(lambda: not shows(red), "no red triangle")
+    assert shows(blue)
+    publish(Marker(action=Marker.DELETEALL), triangle(0.6, (1.0, 0.0, 0.0)))
+    page.wait_for(lambda: shows(red) and not shows(blue), "only the red triangle")
+    publish(Marker(type=Marker.CUBE))
+    text = "dropped a message of /planar_regions: markers[0].type: expected 4 (line strip), 5 "
+    wait_until(lambda: text in node.text, "the shape")
+    assert shows(red)
+    other = triangle(0.6, (1.0, 0.0, 0.0))
+    other.header.frame_id = "map"
+    publish(Marker(action=Marker.DELETEALL), other)
+    page.wait_for(lambda: not shows(red), "no triangle")
+    text = "markers.header.frame_id: expected 'odom', that of the map, got 'map'"
+    wait_until(lambda: text in node.text, "the frame")
 
 
 def test_axes_and_frames_are_switched_in_all_browsers(page, beside):

@@ -11,7 +11,10 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Point
 from hypothesis import given, strategies as st
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
@@ -20,13 +23,16 @@ from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
 from grid_map_visualization_py._viewer.axes import axes_around
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
+from grid_map_visualization_py._viewer.markers import Markers
 from grid_map_visualization_py._viewer.page import LARGEST_MESSAGE, Page, vector_prefixes
 from grid_map_visualization_py._viewer.scene import (
+    EMPTY,
     View,
     ViewSettings,
     hit,
     make_scene,
     on_surface,
+    raised,
 )
 from grid_map_visualization_py._viewer.texts import legend, readout, status
 from grid_map_visualization_py._viewer.viewer import Viewer, rate_of
@@ -196,6 +202,77 @@ def test_path_lies_just_above_the_drawn_surface(hill):
     flat = on_surface(hill, ViewSettings(height_layer="elevation", flat=True), points)
     np.testing.assert_allclose(flat[:, 2], 0.02)
     assert (points[:, 2] == 9.0).all()
+
+
+def marker(kind: int, count: int, *, number: int = 0, **fields: object) -> Marker:
+    """Return a marker at (1, 2, 3), turned by 90 degrees, with points along its x axis."""
+    message = Marker(header=Header(frame_id="odom"), id=number, type=kind, **fields)
+    place, turn = message.pose.position, message.pose.orientation
+    place.x, place.y, place.z, turn.z, turn.w = 1.0, 2.0, 3.0, 0.5**0.5, 0.5**0.5
+    message.points = [Point(x=float(index)) for index in range(count)]
+    message.color = ColorRGBA(r=1.0, g=0.2, b=0.0, a=0.4)
+    return message
+
+
+def test_markers_become_lines_and_triangles_in_their_frame():
+    markers = Markers()
+    strip, pairs, faces = (marker(kind, 5 + kind, number=kind) for kind in (4, 5, 11))
+    faces.colors = [ColorRGBA(r=index / 255.0, a=1.0 - index / 51) for index in range(16)]
+    markers.receive(MarkerArray(markers=[strip, pairs, faces]))
+    assert markers.frames == {"odom"}
+    drawing = markers.drawing("odom")
+    # Incomplete pairs and triangles are left out.
+    y = [[k, k + 1] for k in range(8)] + [[k, k + 1] for k in range(0, 10, 2)]
+    np.testing.assert_allclose(drawing.lines[..., 1], np.add(y, 2.0))
+    np.testing.assert_allclose(drawing.lines[..., ::2], np.broadcast_to([1.0, 3.0], (13, 2, 2)))
+    assert (drawing.line_colors == (255, 51, 0)).all()
+    np.testing.assert_allclose(drawing.triangles[..., 1], np.arange(15).reshape(5, 3) + 2.0)
+    np.testing.assert_array_equal(drawing.triangle_colors[..., 0], np.arange(15).reshape(5, 3))
+    assert drawing.opacity == pytest.approx(1.0 - 15 / 51, abs=0.01)
+    assert all(map(np.array_equal, markers.drawing("map"), EMPTY))
+
+
+def test_markers_are_replaced_and_deleted_by_namespace_and_id():
+    markers = Markers()
+    first = [marker(4, 2, number=1, ns="a"), marker(4, 3, number=1, ns="b"), marker(4, 4, number=2)]
+    markers.receive(MarkerArray(markers=first))
+    assert len(markers.drawing("odom").lines) == 6
+    gone = Marker(action=Marker.DELETE, ns="b", id=1)
+    markers.receive(MarkerArray(markers=[marker(4, 11, number=1, ns="a"), gone]))
+    assert len(markers.drawing("odom").lines) == 13
+    markers.receive(MarkerArray(markers=[Marker(action=Marker.DELETEALL), first[0]]))
+    assert len(markers.drawing("odom").lines) == 1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"type": 1}, "markers[1].type: expected 4 (line strip), 5 (line list) or 11 (triangle"),
+        ({"colors": [ColorRGBA()] * 2}, "markers[1].colors: expected no color, or one for each of"),
+        ({"points": [Point(y=np.inf)]}, "markers[1].points[0]: expected finite coordinates"),
+    ],
+)
+def test_wrong_marker_is_named_and_changes_nothing(wrong, text):
+    markers, message = Markers(), marker(4, 3)
+    markers.receive(MarkerArray(markers=[message]))
+    bad = marker(4, 3)
+    for name, value in wrong.items():
+        setattr(bad, name, value)
+    with pytest.raises(MessageError, match=re.escape(text)):
+        markers.receive(MarkerArray(markers=[Marker(action=Marker.DELETEALL), bad]))
+    assert len(markers.drawing("odom").lines) == 2
+
+
+def test_drawings_lie_just_above_their_heights_or_the_flat_surface(hill):
+    markers = Markers()
+    markers.receive(MarkerArray(markers=[marker(4, 2), marker(11, 3, number=1)]))
+    drawing = markers.drawing("odom")
+    for flat, height in ((False, 3.02), (True, 0.02)):
+        settings = ViewSettings(height_layer="elevation", flat=flat)
+        found = raised(drawing, hill, settings)
+        for before, after in ((drawing.lines, found.lines), (drawing.triangles, found.triangles)):
+            np.testing.assert_array_equal(before[..., :2], after[..., :2])
+            np.testing.assert_allclose(after[..., 2], height)
 
 
 def test_the_legend_has_the_values_of_the_colors(hill):

@@ -33,6 +33,7 @@ from ._median_fill import MedianFill as MedianFill
 from ._min_in_radius import MinInRadius as MinInRadius
 from ._normal_color_map import NormalColorMap as NormalColorMap
 from ._normal_vectors import NormalVectors as NormalVectors
+from ._planar_regions import PlanarRegions as PlanarRegions
 from ._roughness import Roughness as Roughness
 from ._set_basic_layers import SetBasicLayers as SetBasicLayers
 from ._sliding_window_math_expression import (

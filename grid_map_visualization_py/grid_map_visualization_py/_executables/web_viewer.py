@@ -6,6 +6,7 @@ import time
 import numpy as np
 from nav_msgs.msg import Path
 from rclpy.node import Node
+from visualization_msgs.msg import MarkerArray
 
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_ros_py import ReceivedMap
@@ -28,6 +29,9 @@ from ..surface import check_max_drawn_cells
 
 MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
+DEPTH = 10
+"""Queue length of paths and markers; a marker usually adds to earlier markers."""
+
 LOOK_PERIOD = 1.0
 """Time between two searches for map topics [s]."""
 
@@ -49,6 +53,11 @@ class WebViewerNode(ConfiguredNode):
             raise MissingPackageError("tf2_ros", "robot_frame", remedy)
         about = "topic of a path in the map frame, drawn on the surface; empty means none"
         path_topic = self.read("path_topic", "/plan", about)
+        about = (
+            "topic of markers in the map frame, such as planar regions; lines and triangles are "
+            "drawn. Empty means none"
+        )
+        marker_topic = self.read("marker_topic", "/planar_regions", about)
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
         host = self.read("host", "127.0.0.1", about)
         port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 means any free port")
@@ -75,11 +84,14 @@ class WebViewerNode(ConfiguredNode):
         self._poses = TfPoses(self, self._robot_frame) if self._robot_frame else None
         self._next_look = 0.0
         self._subscribe(topic)
-        if path_topic:
-            check_topic(self, "path_topic", path_topic)
-            self._paths = LatchedSubscription(
-                self, Path, path_topic, self._receive_path, is_counted=False
+        self._drawings = [
+            LatchedSubscription(self, kind, given, receive, depth=DEPTH, is_counted=False)
+            for name, given, kind, receive in (
+                ("path_topic", path_topic, Path, self._receive_path),
+                ("marker_topic", marker_topic, MarkerArray, self._viewer.receive_markers),
             )
+            if given and check_topic(self, name, given)
+        ]
         steady_timer(self, period, self._update)
 
     def _subscribe(self, topic: str) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
-from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,6 +12,8 @@ import numpy.typing as npt
 
 from grid_map_ros_py import MessageError, from_pose, from_stamp, read_points
 from grid_map_ros_py.messages import from_transform
+
+from .._marker_shapes import of_points, orientation_of, points_of, pose_of, rgba_of
 
 Origin: TypeAlias = npt.NDArray[np.float64]
 
@@ -30,6 +31,7 @@ class Placed:
         archetypes: function that returns the archetypes, with positions relative to a given
             origin (3,) in `frame` [m]. It raises `MessageError` if the message is invalid.
         is_global: True if the path starts at the root, not at the topic.
+        kept: if not None, all earlier paths of the topic except these are cleared instead.
     """
 
     time: int
@@ -37,6 +39,7 @@ class Placed:
     frame: str | None
     archetypes: Callable[[Origin], list[Any]]
     is_global: bool = False
+    kept: frozenset[tuple[str, ...]] | None = None
 
 
 class Shape(IntEnum):
@@ -143,35 +146,37 @@ def _occupancy_grid(rr: Any, message: Any, _: int) -> Iterator[Placed]:
 
 
 def _markers(rr: Any, message: Any, _: int) -> Iterator[Placed]:
-    for marker in message.markers if hasattr(message, "markers") else [message]:
-        time, path = from_stamp(marker.header.stamp), (marker.ns or "markers", str(marker.id))
+    markers = message.markers if hasattr(message, "markers") else [message]
+    paths = [(marker.ns or "markers", str(marker.id)) for marker in markers]
+    for index, (marker, path) in enumerate(zip(markers, paths, strict=True)):
+        time = from_stamp(marker.header.stamp)
         if marker.action == 0:
             yield Placed(time, path, marker.header.frame_id, partial(_marker, rr, marker))
+        elif marker.action == 2:
+            yield Placed(time, path, None, _always(rr.Clear(recursive=True)))
         else:
-            gone = path if marker.action == 2 else ()
-            yield Placed(time, gone, None, _always(rr.Clear(recursive=True)))
+            # In Rerun, a deletion would also hide markers that follow at the same time.
+            yield Placed(time, (), None, lambda _: [], kept=frozenset(paths[index + 1 :]))
 
 
 def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
-    q = marker.pose.orientation
-    xyzw = [q.x, q.y, q.z, q.w] if any((q.x, q.y, q.z, q.w)) else [0.0, 0.0, 0.0, 1.0]
-    # As in RViz, a quaternion of zeros means no rotation.
-    turn = SimpleNamespace(**dict(zip("xyzw", xyzw, strict=True)))
-    matrix = from_pose(SimpleNamespace(position=marker.pose.position, orientation=turn))
+    matrix, q = pose_of(marker), orientation_of(marker)
     center = matrix[:3, 3] - origin
-    points = np.array([(p.x, p.y, p.z) for p in marker.points], float).reshape(-1, 3)
-    points = points @ matrix[:3, :3].T + center
+    points = points_of(marker, matrix) - origin
     scale = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
-    colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
-    rgba = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
+    rgba = rgba_of(marker)
     start, vector = center, matrix[:3, 0] * scale[0]
     if len(points) == 2:
         start, vector = points[0], points[1] - points[0]
     wide = {"radii": scale[0] / 2}
     solid = {"colors": rgba, "fill_mode": "solid"}
-    posed = {"centers": [center], "quaternions": [rr.Quaternion(xyzw=xyzw)], **solid}
+    posed = {
+        "centers": [center],
+        "quaternions": [rr.Quaternion(xyzw=[q.x, q.y, q.z, q.w])],
+        **solid,
+    }
     # Triangle lists have one color, one color per triangle, or one color per corner.
-    of_corners = np.repeat(rgba, -(-len(points) // len(rgba)), axis=0)[: len(points)]
+    of_corners = of_points(rgba, len(points))
     pairs = points[: len(points) // 2 * 2].reshape(-1, 2, 3)
     halves = np.tile(scale / 2, (len(points), 1))
     shapes: dict[int, Callable[[], Any]] = {

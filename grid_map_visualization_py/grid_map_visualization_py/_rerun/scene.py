@@ -40,7 +40,7 @@ from grid_map_ros_py.messages import view
 from .._layers import titled
 from ..colors import DEFAULT_COLOR_MAP, Coloring, is_empty
 from ..surface import Mesh, Surface, check_max_drawn_cells
-from ._messages import POSES, SHOWN
+from ._messages import POSES, SHOWN, Placed
 
 GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
@@ -136,6 +136,8 @@ class Scene:
         self._maps: dict[str, list[str]] = {}
         self._present: dict[str, set[str]] = {}
         self._messages: dict[str, str] = {}
+        # Archetypes that have been logged with a frame, by topic and by path below it.
+        self._drawn: dict[str, dict[tuple[str, ...], list[Any]]] = {}
         self._has_milliseconds = False
         self._origins: dict[str, npt.NDArray[np.float64]] = {}
         self._first: tuple[npt.NDArray[np.float64], float] | None = None
@@ -199,23 +201,34 @@ class Scene:
         message = view(data, kind.replace("/msg/", "/"))
         parts = _parts(topic)
         self._messages.setdefault("/".join(parts), kind)
-        is_static = topic.endswith("tf_static")
         problem: MessageError | None = None
         for item in SHOWN[kind](self._rr, message, self._style.max_drawn_cells):
             self._set_times(item.time, log_time)
-            path = [*([] if item.is_global else parts), *item.path]
             try:
-                if item.frame is None:
-                    self._log(path, *item.archetypes(np.zeros(3)), static=is_static)
-                    self._has_milliseconds |= path[0] == "milliseconds"
-                else:
-                    frame, origin = self._place(item.frame)
-                    self._log(path, self._rr.CoordinateFrame(frame), *item.archetypes(origin))
+                self._log_item(topic, item)
             except MessageError as error:
                 problem = problem or error
         if problem is not None:
             raise problem
         return True
+
+    def _log_item(self, topic: str, item: Placed) -> None:
+        """Log the archetypes of a part of a message, or clear earlier parts."""
+        path, none = [*([] if item.is_global else _parts(topic)), *item.path], np.zeros(3)
+        drawn = self._drawn.setdefault(topic, {})
+        if item.kept is not None:
+            for gone in sorted(drawn.keys() - item.kept):
+                # `Clear` would also clear the frame, which Rerun reports as an error.
+                empty = [kind.from_fields(clear_unset=True) for kind in drawn.pop(gone)]
+                self._log([*path, *gone], *empty)
+        elif item.frame is None:
+            self._log(path, *item.archetypes(none), static=topic.endswith("tf_static"))
+            self._has_milliseconds |= path[0] == "milliseconds"
+        else:
+            frame, origin = self._place(item.frame)
+            archetypes = item.archetypes(origin)
+            self._log(path, self._rr.CoordinateFrame(frame), *archetypes)
+            drawn[item.path] = [type(one) for one in archetypes]
 
     def layout(self) -> Any:
         """Return the viewer layout (`rrb.Blueprint`) for all data logged so far."""

@@ -24,8 +24,10 @@ from grid_map_core_py.errors import required
 from .._layers import titled
 from .._web import PageError, is_allowed, is_loopback, listen, names_of, url_of
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
+from ..surface import Mesh
 from .axes import axes_around
-from .scene import SurfaceScene, View, ViewSettings
+from .glb import to_glb
+from .scene import EMPTY, Drawing, SurfaceScene, View, ViewSettings
 from .texts import as_note, legend
 
 LARGEST_MESSAGE = 16_000_000
@@ -48,6 +50,8 @@ NO_TOPIC = "(no topic)"
 NO_VECTORS = "(none)"
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
 PATH_COLOR = MARKER_COLOR
+LINE_WIDTH = 4.0
+"""Width of the lines of drawings [pixels]."""
 
 AXES_COLOR = (128, 128, 128)
 """Gray, visible on white and on black backgrounds."""
@@ -96,8 +100,8 @@ class Page:
         self._drawn_axes: object = None
         # Scene node, label and size of each coordinate frame.
         self._frames: dict[str, tuple[Any, Any]] = {}
-        self._path: Any = None
-        self._drawn_path = np.empty((0, 3))
+        # Drawing and scene node, by name.
+        self._drawings: dict[str, tuple[Drawing, Any]] = {}
         self._shown: list[Any] = []
         # Scene parts of each map, by name of the map node.
         self._parts: dict[str, list[Any]] = {}
@@ -227,21 +231,33 @@ class Page:
             node.position = self._lifted(pose[:3, 3])
             node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
 
-    def draw_path(self, points: Positions) -> None:
-        """Draw a line through points (N, 3) [m] in the map frame; fewer than two remove it."""
-        lifted = self._lifted(points)
-        if np.array_equal(lifted, self._drawn_path):
+    def draw(self, name: str, drawing: Drawing) -> None:
+        """Draw lines and triangles in the map frame; they replace the drawing of that name."""
+        lines, triangles = self._lifted(drawing.lines), self._lifted(drawing.triangles)
+        drawing = drawing._replace(lines=lines, triangles=triangles)
+        before, node = self._drawings.get(name, (EMPTY, None))
+        pairs: Any = zip(before, drawing, strict=True)
+        if all(np.array_equal(old, new) for old, new in pairs):
             return
-        self._drawn_path = lifted
-        if self._path is not None:
-            self._path.remove()
-            self._path = None
-        if len(lifted) > 1:
-            add, start = self._server.scene, lifted[0]
-            self._path = add.add_frame("/path", show_axes=False, position=start)
-            lines = np.stack([lifted[:-1], lifted[1:]], axis=1) - start
-            style: Any = {"thickness": 4.0, "thickness_units": "screen"}
-            add.add_line_segments("/path/line", lines.astype(np.float32), PATH_COLOR, **style)
+        if node is not None:
+            node.remove()
+        self._drawings[name] = drawing, None
+        starts = np.concatenate([lines[:1, 0], triangles[:1, 0]])
+        if not len(starts):
+            return
+        add, start = self._server.scene, starts[0]
+        node = add.add_frame(f"/{name}", show_axes=False, position=start)
+        self._drawings[name] = drawing, node
+        if len(lines):
+            points, style = (lines - start).astype(np.float32), {"thickness": LINE_WIDTH}
+            options: Any = {**style, "thickness_units": "screen"}
+            add.add_line_segments(f"/{name}/lines", points, drawing.line_colors, **options)
+        if len(triangles):
+            vertices = (triangles - start).astype(np.float32).reshape(-1, 3)
+            faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
+            mesh = Mesh(start, vertices, faces, drawing.triangle_colors.reshape(-1, 3))
+            glb = to_glb(mesh, shaded=False, opacity=drawing.opacity)
+            add.add_glb(f"/{name}/triangles", glb, **SHADOWLESS)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
         """Return and clear the ray (start, direction) of the last click; None if there was none."""

@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -10,11 +11,14 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap, Interpolation
 from grid_map_core_py._arrays import Positions, Size
 
-from ..colors import Coloring, is_empty
+from ..colors import Coloring, Colors, is_empty
 from ..surface import Mesh, Surface
 from .glb import to_glb
 
 Points = npt.NDArray[np.float32]
+
+GAP = 0.2
+"""Height of drawings above the surface [cells], at which they remain visible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,8 +168,7 @@ def on_surface(grid_map: GridMap, settings: ViewSettings, points: Positions) -> 
     Points where the surface is unknown keep their heights.
     """
     result = np.array(points, np.float64)
-    # Lines slightly above the surface remain visible.
-    gap = 0.2 * grid_map.resolution
+    gap = GAP * grid_map.resolution
     inside = np.flatnonzero(grid_map.is_inside(result[:, :2]))
     if settings.flat:
         result[:, 2] = gap
@@ -175,6 +178,46 @@ def on_surface(grid_map: GridMap, settings: ViewSettings, points: Positions) -> 
         known = np.isfinite(heights)
         result[inside[known], 2] = heights[known] + gap
     return result
+
+
+class Drawing(NamedTuple):
+    """Lines and triangles on top of the maps, in their frame.
+
+    Attributes:
+        lines: (N, 2, 3) start and end of each line [m].
+        line_colors: (N, 2, 3) uint8 red, green, blue of the ends.
+        triangles: (M, 3, 3) corners [m].
+        triangle_colors: (M, 3, 3) uint8 red, green, blue of the corners.
+        opacity: opacity of the triangles, from 0 to 1.
+    """
+
+    lines: Positions
+    line_colors: Colors
+    triangles: Positions
+    triangle_colors: Colors
+    opacity: float = 1.0
+
+
+EMPTY = Drawing(
+    np.empty((0, 2, 3)),
+    np.empty((0, 2, 3), np.uint8),
+    np.empty((0, 3, 3)),
+    np.empty((0, 3, 3), np.uint8),
+)
+
+
+def drawn_path(points: Positions, color: tuple[int, int, int]) -> Drawing:
+    """Return a line through points (N, 3) [m]."""
+    lines = np.stack([points[:-1], points[1:]], axis=1)
+    return EMPTY._replace(lines=lines, line_colors=np.full(lines.shape, color, np.uint8))
+
+
+def raised(drawing: Drawing, grid_map: GridMap, settings: ViewSettings) -> Drawing:
+    """Raise a drawing slightly, so that it is visible; flatten it if the surface is flat."""
+    gap = np.array([0.0, 0.0, GAP * grid_map.resolution])
+    flat = np.array([1.0, 1.0, 0.0 if settings.flat else 1.0])
+    lines, triangles = drawing.lines * flat + gap, drawing.triangles * flat + gap
+    return drawing._replace(lines=lines, triangles=triangles)
 
 
 def _vectors(surface: Surface, mesh: Mesh, settings: ViewSettings) -> Points:

@@ -4,6 +4,7 @@
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,17 @@ from grid_map_core_py._arrays import Positions
 from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import DROPPED, reason
 
-from .page import Page
-from .scene import SurfaceScene, ViewSettings, hit, make_scene, on_surface
+from .markers import Markers
+from .page import PATH_COLOR, Page
+from .scene import (
+    SurfaceScene,
+    ViewSettings,
+    drawn_path,
+    hit,
+    make_scene,
+    on_surface,
+    raised,
+)
 from .texts import as_note, readout, status
 
 RATE_WINDOW = 3.0
@@ -50,6 +60,7 @@ class Viewer:
         self._selected: Positions | None = None
         self._problem = self._refusal = ""
         self._path, self._path_frame = np.empty((0, 3)), ""
+        self._markers = Markers()
 
     @property
     def frame_id(self) -> str:
@@ -87,8 +98,21 @@ class Viewer:
             MessageError: the shown map is in another frame. The page shows no path.
         """
         self._path, self._path_frame = points, frame_id
-        if self._drawn and len(points) and frame_id != self.frame_id:
-            raise MessageError("header.frame_id", f"{self.frame_id!r}, that of the map", frame_id)
+        self._check_frames("header.frame_id", {frame_id} if len(points) else set())
+
+    def receive_markers(self, message: Any) -> None:
+        """Accept a `visualization_msgs/MarkerArray` to draw on maps in the same frame.
+
+        Raises:
+            MessageError: the shape of a marker is not supported, or the shown map is in another
+                frame. The page shows no markers of other frames.
+        """
+        self._markers.receive(message)
+        self._check_frames("markers.header.frame_id", self._markers.frames)
+
+    def _check_frames(self, field: str, frames: set[str]) -> None:
+        if self._drawn and (others := frames - {self.frame_id}):
+            raise MessageError(field, f"{self.frame_id!r}, that of the map", min(others))
 
     def update(self) -> str:
         """Update the page; return an error message, or an empty text if there is no error.
@@ -121,14 +145,18 @@ class Viewer:
                 paused = {"is_paused": page.is_paused}
                 page.tell(status(grid_map, scene.size, *heard, self._clock(), **paused))
                 page.draw_frame("origin", grid_map.frame_id, np.eye(4))
-                self._draw_path(grid_map)
+                self._draw(grid_map)
         return self._problem
 
-    def _draw_path(self, grid_map: GridMap) -> None:
-        settings, points = self._settings, np.empty((0, 3))
-        if settings is not None and self._path_frame == grid_map.frame_id:
-            points = on_surface(grid_map, settings, self._path)
-        self._page.draw_path(points)
+    def _draw(self, grid_map: GridMap) -> None:
+        """Draw the path and the markers that are in the frame of the map."""
+        if (settings := self._settings) is None:
+            return
+        points = self._path if self._path_frame == grid_map.frame_id else self._path[:0]
+        path = drawn_path(on_surface(grid_map, settings, points), PATH_COLOR)
+        self._page.draw("path", path)
+        markers = self._markers.drawing(grid_map.frame_id)
+        self._page.draw("markers", raised(markers, grid_map, settings))
 
     def _draw_if_due(self) -> None:
         received = self._shown if self._page.is_paused and self._shown else self._latest

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parameters of `extract_planes`, with the names and sections of convex_plane_decomposition."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from .._parameters import build, check
+from ..errors import ConfigError, hint
+from ..files._shared import load_yaml
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preprocessing:
+    """Median filter that removes outliers before planes are searched.
+
+    Attributes:
+        resolution: no effect; planes are extracted at the resolution of the map.
+        kernelSize: width of the median filter [cells], 3 or 5.
+        numberOfRepeats: number of times the filter is applied; 0 disables it.
+        increasing: no effect.
+    """
+
+    resolution: float = 0.04
+    kernelSize: int = 3  # noqa: N815
+    numberOfRepeats: int = 1  # noqa: N815
+    increasing: bool = False
+
+    def __post_init__(self) -> None:
+        check(self.kernelSize in (3, 5), "kernelSize", "3 or 5 [cells]", self.kernelSize)
+        count = self.numberOfRepeats
+        check(count >= 0, "numberOfRepeats", "no negative number", count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingWindow:
+    """Thresholds for the plane around each cell and for whole regions.
+
+    Attributes:
+        kernel_size: width of the window around each cell [cells], odd and at least 3.
+        planarity_opening_filter: steps of a morphological opening of the planar cells [cells].
+        plane_inclination_threshold_degrees: largest inclination of a region.
+        local_plane_inclination_threshold_degrees: largest inclination of the window around a cell.
+        plane_patch_error_threshold: largest root-mean-square deviation from the plane of a window
+            [m].
+        min_number_points_per_label: smallest number of cells of a region.
+        connectivity: no effect; cells are connected through their four sides.
+        include_ransac_refinement: no effect; the refinement always runs.
+        global_plane_fit_distance_error_threshold: largest distance of a cell from the plane of its
+            region [m], along z.
+        global_plane_fit_angle_error_threshold_degrees: largest angle between the planes of a window
+            and of its region.
+    """
+
+    kernel_size: int = 3
+    planarity_opening_filter: int = 0
+    plane_inclination_threshold_degrees: float = 30.0
+    local_plane_inclination_threshold_degrees: float = 35.0
+    plane_patch_error_threshold: float = 0.02
+    min_number_points_per_label: int = 4
+    connectivity: int = 4
+    include_ransac_refinement: bool = True
+    global_plane_fit_distance_error_threshold: float = 0.025
+    global_plane_fit_angle_error_threshold_degrees: float = 25.0
+
+    def __post_init__(self) -> None:
+        size = self.kernel_size
+        check(size >= 3 and size % 2 == 1, "kernel_size", "an odd number from 3 on [cells]", size)
+        for name in ("planarity_opening_filter", "min_number_points_per_label"):
+            check(getattr(self, name) >= 0, name, "no negative number", getattr(self, name))
+        for name, value in vars(self).items():
+            if name.endswith("_degrees"):
+                check(0 < value < 90, name, "an angle between 0 and 90 [degrees]", value)
+            elif name.endswith("error_threshold"):
+                check(0 < value < math.inf, name, "a positive length [m]", value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RansacRefinement:
+    """Parameters of upstream's RANSAC, without effect: the thresholds of regions apply."""
+
+    probability: float = 0.01
+    min_points: int = 4
+    epsilon: float = 0.025
+    cluster_epsilon: float = 0.08
+    normal_threshold: float = 25.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContourExtraction:
+    """Safety margin of the regions.
+
+    Attributes:
+        marginSize: number of border cells that regions lose [cells]. Outlines run through the
+            centers of the remaining border cells.
+    """
+
+    marginSize: int = 0  # noqa: N815
+
+    def __post_init__(self) -> None:
+        check(self.marginSize >= 0, "marginSize", "no negative number [cells]", self.marginSize)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Postprocessing:
+    """Parameters of the map that upstream publishes for its controller, without effect."""
+
+    extracted_planes_height_offset: float = 0.0
+    nonplanar_height_offset: float = 0.02
+    nonplanar_horizontal_offset: int = 1
+    smoothing_dilation_size: float = 0.2
+    smoothing_box_kernel_size: float = 0.1
+    smoothing_gauss_kernel_size: float = 0.05
+
+
+SECTIONS = {
+    "preprocessing": Preprocessing,
+    "sliding_window_plane_extractor": SlidingWindow,
+    "ransac_plane_refinement": RansacRefinement,
+    "contour_extraction": ContourExtraction,
+    "postprocessing": Postprocessing,
+}
+"""Class of each section of the YAML file."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PlaneParameters:
+    """Parameters of `extract_planes`, in the sections of upstream's `parameters.yaml`.
+
+    A section is an instance of its class, or a mapping of parameter names to values. Missing
+    sections and parameters keep their defaults, which are those of upstream, except that
+    `marginSize` is counted in cells and is 0.
+
+    Raises:
+        ConfigError: a parameter is unknown, or has a wrong type or value.
+
+    Example:
+        >>> PlaneParameters(contour_extraction={"marginSize": 1}).contour_extraction.marginSize
+        1
+    """
+
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+    sliding_window_plane_extractor: SlidingWindow = field(default_factory=SlidingWindow)
+    ransac_plane_refinement: RansacRefinement = field(default_factory=RansacRefinement)
+    contour_extraction: ContourExtraction = field(default_factory=ContourExtraction)
+    postprocessing: Postprocessing = field(default_factory=Postprocessing)
+
+    def __post_init__(self) -> None:
+        for section in fields(self):
+            name, value = section.name, getattr(self, section.name)
+            if not isinstance(value, SECTIONS[name]):
+                object.__setattr__(self, name, _section(name, value))
+
+    def __repr__(self) -> str:
+        changed = (f"{n}={v!r}" for n, v in vars(self).items() if v != SECTIONS[n]())
+        return f"PlaneParameters({', '.join(changed)})"
+
+    @classmethod
+    def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
+        """Create parameters from nested mappings, as read from upstream's `parameters.yaml`."""
+        check(isinstance(sections, Mapping), "parameters", "sections of parameters", sections)
+        for name in sections:
+            if name not in SECTIONS:
+                text = f"unknown section {name!r}; known: {', '.join(SECTIONS)}"
+                raise ConfigError(text + hint(name, SECTIONS))
+        return cls(**sections)
+
+    @classmethod
+    def from_yaml(cls, path: str | Path) -> PlaneParameters:
+        """Read parameters from a YAML file with the sections of upstream's `parameters.yaml`."""
+        content = load_yaml(path)
+        try:
+            return cls.from_mapping({} if content is None else content)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from error
+
+
+def _section(name: str, value: object) -> object:
+    if value is None:  # a section whose lines are all comments
+        return SECTIONS[name]()
+    check(isinstance(value, Mapping), name, "a mapping of parameter names to values", value)
+    try:
+        return build(SECTIONS[name], value)  # type: ignore[arg-type]
+    except ConfigError as error:
+        raise ConfigError(f"{name}: {error}") from error

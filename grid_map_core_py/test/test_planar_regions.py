@@ -1,0 +1,368 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tests of `PlanarRegions`: queries, convex polygons inside a region, and lasting ids."""
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from plane_scenes import RESOLUTION, Rubble, outline_of, polygon, ramp, sampled, stairs
+
+from grid_map_core_py import GeometryError, GridMap, GridMapError
+from grid_map_core_py.planes import PlanarRegions, convex_inside, extract_planes
+
+
+@pytest.fixture(scope="module")
+def rubble():
+    grid_map, _ = sampled(Rubble(1, 3.2, 8), (90, 71), 1, outliers=0.03)
+    return extract_planes(grid_map)
+
+
+@pytest.fixture(scope="module")
+def positions(rubble):
+    """Random positions on and around the map, vertices, and middles of edges."""
+    random = np.random.default_rng(0)
+    region = max(rubble, key=lambda region: region.area)
+    middles = 0.5 * (region.outer + np.roll(region.outer, -1, axis=0))
+    return np.concatenate(
+        [random.uniform(-2.2, 2.2, (300, 2)), region.outer, middles, *region.holes]
+    )
+
+
+def test_regions_are_sequence_in_order_of_ids(rubble):
+    assert isinstance(rubble, PlanarRegions)
+    assert [region.id for region in rubble] == list(range(1, len(rubble) + 1))
+    assert rubble[-1].id == len(rubble)
+    assert [region.id for region in rubble[1:3]] == [2, 3]
+    assert {region.frame for region in rubble} == {"map"}
+    assert repr(rubble).startswith(f"PlanarRegions({len(rubble)} regions in 'map'")
+    with pytest.raises(IndexError):
+        rubble[len(rubble)]
+    for array in (rubble.labels, rubble[0].outer, rubble[0].normal):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+
+
+# Queries
+
+
+@pytest.mark.needs("shapely")
+def test_at_equals_shapely(rubble, positions):
+    from shapely import Point
+
+    found = 0
+    polygons = [(region.id, polygon(region)) for region in rubble]
+    for position in positions:
+        containing = [
+            number for number, shape in polygons if shape.distance(Point(position)) < 1e-9
+        ]
+        region = rubble.at(position)
+        assert ([region.id] if region else []) == containing
+        found += bool(containing)
+    assert 100 < found < len(positions)
+
+
+@pytest.mark.needs("shapely")
+@pytest.mark.parametrize("limit", [0.0, 0.1, np.inf])
+def test_nearest_equals_shapely(rubble, positions, limit):
+    from shapely import Point
+
+    for position in positions:
+        gaps = {region.id: polygon(region).distance(Point(position)) for region in rubble}
+        region = rubble.nearest(position, limit)
+        if min(gaps.values()) > limit + 1e-9:
+            assert region is None
+        else:
+            assert gaps[region.id] <= min(gaps.values()) + 1e-9
+
+
+@pytest.mark.needs("shapely")
+def test_project_equals_shapely(rubble, positions):
+    from shapely import Point, shortest_line
+
+    random = np.random.default_rng(1)
+    points = random.uniform(-0.3, 0.6, (len(positions), 3))
+    # Small offsets: on the grid, several vertices of a region may be equally near.
+    points[:, :2] = positions + 1e-5 * random.standard_normal(positions.shape)
+    projected = rubble.project(points)
+    for point, found in zip(points, projected, strict=True):
+        candidates = []
+        for region in rubble:
+            x, y = shortest_line(polygon(region), Point(point[:2])).coords[0]
+            z = (region.offset - region.normal[:2] @ (x, y)) / region.normal[2]
+            candidates.append((x, y, z))
+        gaps = np.linalg.norm(np.array(candidates) - point, axis=1)
+        np.testing.assert_allclose(found, candidates[gaps.argmin()], atol=1e-9)
+        assert rubble.at(found[:2]) is not None
+
+
+def test_project_keeps_rows_of_unknown_points(rubble):
+    points = np.array([[0, 0, 0], [np.nan, 0, 0], [0, np.inf, 0]])
+    projected = rubble.project(points)
+    assert np.isfinite(projected[0]).all()
+    assert np.isnan(projected[1:]).all()
+    assert rubble.project(np.empty((0, 3))).shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda regions: regions.at((0, np.nan)), "position: expected two finite numbers"),
+        (lambda regions: regions.nearest((0, 0), -1), "max_distance: expected a distance"),
+        (lambda regions: regions.nearest((0, 0), np.nan), "max_distance: expected a distance"),
+        (lambda regions: regions.project((0, 0, 0)), r"points: expected shape \(N, 3\)"),
+        (lambda regions: convex_inside(regions[0], (9, 9)), "position: expected a position inside"),
+        (
+            lambda regions: convex_inside(regions[0], regions[0].outer[0]),
+            "expected a position inside",
+        ),
+        (lambda regions: convex_inside(regions[0], (0, 0), 2), "vertices: expected an integer"),
+    ],
+)
+def test_wrong_arguments_are_refused(rubble, call, message):
+    with pytest.raises(GeometryError, match=message):
+        call(rubble)
+
+
+# Convex polygons
+
+
+def region_of(mask):
+    """Return the region whose outline runs through the border cells of a mask."""
+    grid_map = GridMap.from_array(np.where(mask, 0.0, np.nan), RESOLUTION)
+    (region,) = extract_planes(grid_map)
+    return region
+
+
+def assert_convex_inside(region, position, corners, most=16):
+    from shapely import Point, Polygon
+
+    inside = Polygon(corners)
+    assert 3 <= len(corners) <= most
+    assert inside.is_valid
+    assert inside.exterior.is_ccw
+    assert inside.convex_hull.area - inside.area < 1e-12
+    assert polygon(region).covers(inside)
+    assert inside.contains(Point(position))
+    return inside.area
+
+
+def positions_inside(region, count, seed):
+    from shapely import Point
+
+    random, shape, found = np.random.default_rng(seed), polygon(region).buffer(-0.002), []
+    while len(found) < count:
+        position = random.uniform(region.outer.min(axis=0), region.outer.max(axis=0))
+        if shape.contains(Point(position)):
+            found.append(position)
+    return found
+
+
+def best_hull(region, position, seed):
+    """Return the area of a large convex polygon, found by many random searches.
+
+    Each adds vertices of the outline and other positions one by one, in random order, as long as
+    the convex hull stays inside the region.
+    """
+    from shapely import MultiPoint, Point, prepare
+
+    random, shape = np.random.default_rng(seed), polygon(region).buffer(1e-9)
+    prepare(shape)
+    points = np.concatenate([region.outer, *region.holes, positions_inside(region, 30, seed)])
+    best = 0.0
+    for _ in range(12):
+        angle, stretch = random.uniform(0, np.pi), np.exp(random.uniform(-2, 2))
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        distances = np.hypot(*((points - position) @ turn.T * (1, stretch)).T)
+        hull = Point(position)
+        for number in np.argsort(random.choice([-1, 1]) * distances):
+            larger = hull.union(MultiPoint([points[number]])).convex_hull
+            hull = larger if shape.covers(larger) else hull
+        best = max(best, hull.area)
+    return best
+
+
+@pytest.mark.needs("shapely")
+@pytest.mark.parametrize("seed", range(3))
+def test_convex_polygon_has_most_of_best_area(seed):
+    grid_map, _ = sampled(Rubble(seed, 1.6, 5), (36, 33), seed)
+    for region in extract_planes(grid_map):
+        for position in positions_inside(region, 2, seed):
+            corners = convex_inside(region, position)
+            area = assert_convex_inside(region, position, corners)
+            assert area >= 0.7 * best_hull(region, position, seed)
+
+
+@pytest.mark.needs("shapely")
+def test_convex_polygon_of_convex_region_is_region():
+    region = region_of(np.ones((9, 14)))
+    for position in positions_inside(region, 5, 0):
+        area = assert_convex_inside(region, position, convex_inside(region, position))
+        assert np.isclose(area, region.area, rtol=1e-6)
+
+
+@pytest.mark.needs("shapely")
+def test_convex_polygon_in_corridor_around_hole():
+    mask = np.ones((30, 40))
+    mask[8:22, 8:32] = 0
+    region = region_of(mask)
+    for position in positions_inside(region, 10, 0):
+        area = assert_convex_inside(region, position, convex_inside(region, position))
+        # The straight corridors are 7 cells wide.
+        assert area >= 0.99 * 29 * 7 * RESOLUTION**2
+
+
+@pytest.mark.needs("shapely")
+def test_number_of_corners_is_limited(rubble):
+    region = max(rubble, key=lambda region: region.area)
+    for position in positions_inside(region, 5, 3):
+        areas = []
+        for most in (3, 4, 6, 16):
+            corners = convex_inside(region, position, most)
+            areas.append(assert_convex_inside(region, position, corners, most))
+        assert areas[-1] > areas[0] > 0
+
+
+# Ids
+
+
+def moved_terrain(surface, center, seed):
+    """Return a map of a surface around a center, in whole cells."""
+    position = np.asarray(center) * RESOLUTION
+    shifted = lambda x, y: surface(x + position[0], y + position[1])  # noqa: E731
+    grid_map, _ = sampled(shifted, (60, 50), seed, share=1)
+    result = GridMap.from_array(np.zeros(grid_map.size), RESOLUTION, position)
+    result["elevation"] = grid_map["elevation"]
+    return result
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ids_stay_while_map_moves(seed):
+    random, center = np.random.default_rng(seed), np.zeros(2, int)
+    surface, previous, before, used = stairs(0.17, 0.1), None, {}, set()
+    for frame in range(50):
+        grid_map = moved_terrain(surface, center, frame)
+        previous = extract_planes(grid_map, previous=previous)
+        here = {int((region.center[0] - 0.1) // 0.3): region.id for region in previous}
+        assert len(set(here.values())) == len(previous) >= 7
+        for tread, number in here.items():
+            # A tread that has left the map returns with a new id.
+            assert number == before[tread] if tread in before else number not in used
+        before = here
+        used.update(here.values())
+        center += random.integers(1, 31, 2) * random.choice([-1, 1], 2)
+
+
+def test_ids_stay_with_moved_buffer():
+    grid_map = moved_terrain(stairs(0.17, 0.1), (0, 0), 1)
+    first = extract_planes(grid_map)
+    grid_map.move((0.4, -0.24))
+    second = extract_planes(grid_map, previous=first)
+    centers = {region.id: region.center for region in first}
+    kept = [region for region in second if region.id in centers]
+    assert len(kept) >= 6
+    assert all(abs(region.center[0] - centers[region.id][0]) < 0.2 for region in kept)
+
+
+def floors(wall):
+    """Return a map of a floor, divided by a wall of some rows if `wall` is a slice."""
+    heights = np.zeros((50, 20))
+    heights[wall] = 0.5
+    return GridMap.from_array(heights, RESOLUTION)
+
+
+def test_larger_part_keeps_id_when_regions_part_and_join():
+    whole = extract_planes(floors(slice(0)))
+    parted = extract_planes(floors(slice(30, 31)), previous=whole)
+    large, small = sorted(parted, key=lambda region: -region.area)
+    assert (large.id, small.id) == (1, 2)
+    joined = extract_planes(floors(slice(0)), previous=parted)
+    assert [region.id for region in joined] == [1]
+    again = extract_planes(floors(slice(10, 11)), previous=joined)
+    assert sorted(region.id for region in again) == [1, 3]
+    assert max(again, key=lambda region: region.area).id == 1
+
+
+def test_frames_without_regions_do_not_free_ids():
+    regions = extract_planes(floors(slice(30, 31)))
+    assert [region.id for region in regions] == [1, 2]
+    unknown = GridMap.from_array(np.full((50, 20), np.nan), RESOLUTION)
+    nothing = extract_planes(unknown, previous=extract_planes(unknown, previous=regions))
+    assert len(nothing) == 0
+    assert [region.id for region in extract_planes(floors(slice(0)), previous=nothing)] == [3]
+
+
+def test_maps_without_overlap_share_no_ids():
+    first = extract_planes(floors(slice(0)))
+    for position in ((2.0, 0.0), (0.0, -40.0), (1e12, 0.0)):
+        away = floors(slice(0))
+        away.position = position
+        assert [region.id for region in extract_planes(away, previous=first)] == [2]
+
+
+def test_previous_regions_may_have_other_size():
+    first = extract_planes(floors(slice(30, 31)))
+    part = floors(slice(30, 31)).get_block(slice(24, 50), slice(3, 20))
+    upper, lower = extract_planes(part, previous=first)
+    assert (upper.id, lower.id) == (1, 2)
+    assert upper.center[0] > lower.center[0]
+    np.testing.assert_allclose(lower.outer.min(axis=0)[0], first[1].outer.min(axis=0)[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda part: setattr(part, "frame_id", "odom"), "in the frame 'odom', got 'map'"),
+        (None, r"with a resolution of 0\.1 m, got 0\.04 m"),
+    ],
+)
+def test_previous_regions_of_other_frame_or_resolution_are_refused(change, message):
+    first = extract_planes(floors(slice(0)))
+    grid_map = floors(slice(0)) if change else GridMap.from_array(np.zeros((20, 20)), 0.1)
+    if change:
+        change(grid_map)
+    with pytest.raises(GridMapError, match=f"previous: expected regions {message}"):
+        extract_planes(grid_map, previous=first)
+
+
+@given(st.data())
+def test_ids_follow_largest_share(data):
+    sizes = [data.draw(st.sets(st.integers(4, 44))) for _ in range(2)]
+    old, new = (extract_planes(floors(sorted(rows))) for rows in sizes)
+    following = extract_planes(floors(sorted(sizes[1])), previous=old)
+    assert len(following) == len(new)
+    shares = {
+        (a.id, b.id): int(((old.labels == a.id) & (following.labels == b.id)).sum())
+        for a in old
+        for b in following
+    }
+    for a in old:
+        best = max((shares[a.id, b.id] for b in following), default=0)
+        keeper = [b for b in following if b.id == a.id]
+        # A region keeps an old id only if it has the largest share of it ...
+        assert all(shares[a.id, b.id] == best > 0 for b in keeper)
+        # ... and an id ends only if its keeper took another one with a larger share.
+        if best and not keeper:
+            takers = [b for b in following if shares[a.id, b.id] == best]
+            assert any(shares.get((b.id, b.id), 0) >= best for b in takers)
+    fresh = [b.id for b in following if b.id > len(old)]
+    assert sorted(fresh) == list(range(len(old) + 1, len(old) + 1 + len(fresh)))
+
+
+@pytest.mark.needs("shapely")
+def test_outline_oracle_finds_differences(rubble):
+    """The oracle of the outline tests must see a single missing cell."""
+    region = max(rubble, key=lambda region: region.area)
+    labels = rubble.labels.copy()
+    row, column = np.argwhere(labels == region.id)[40]
+    labels[row, column] = 0
+    changed = outline_of(labels, rubble.geometry, region.id)
+    assert polygon(region).symmetric_difference(changed).area > 0.2 * RESOLUTION**2
+
+
+def test_ramp_height_follows_plane():
+    grid_map, _ = sampled(ramp(20, 0.7), (30, 20), 2, noise=0.0)
+    regions = extract_planes(grid_map)
+    x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), grid_map["elevation"].ravel() + 0.3])
+    projected = regions.project(points)
+    np.testing.assert_allclose(projected[:, :2], points[:, :2], atol=1e-12)
+    np.testing.assert_allclose(projected[:, 2], points[:, 2] - 0.3, atol=1e-6)

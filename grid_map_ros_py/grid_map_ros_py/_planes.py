@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Messages of planar regions: markers, polygons, and `PlanarTerrain` for controllers."""
+
+import colorsys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Point32, PolygonStamped
+from numpy.typing import NDArray
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from grid_map_core_py._arrays import Positions
+
+from .messages import to_pose
+
+if TYPE_CHECKING:
+    from grid_map_core_py.planes import PlanarRegion, PlanarRegions
+
+OPACITY = 0.6
+"""Opacity of the filled regions."""
+
+GOLDEN = 0.5 * (5**0.5 - 1)
+"""Step of the hue from an id to the next, which keeps the hues of any few ids apart."""
+
+CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+"""Row and column of the corners of a square, counter-clockwise in the map."""
+
+
+# --- geometry -------------------------------------------------------------------------------------
+
+
+def on_plane(region: "PlanarRegion", points: Positions) -> Positions:
+    """Return points (..., 2) x, y [m] as points (..., 3) on the plane of a region."""
+    normal, center = region.normal, region.center
+    z = center[2] - (points - center[:2]) @ normal[:2] / normal[2]
+    return np.concatenate([points, z[..., None]], axis=-1)
+
+
+def plane_frame(region: "PlanarRegion") -> Positions:
+    """Return the pose (4, 4) of a plane: origin at the center, z along the normal.
+
+    The x axis has no component along y of the map, as in `convex_plane_decomposition`.
+    """
+    y_axis = np.cross(region.normal, (1.0, 0.0, 0.0))
+    y_axis /= np.linalg.norm(y_axis)
+    matrix = np.eye(4)
+    axes = np.cross(y_axis, region.normal), y_axis, region.normal, region.center
+    matrix[:3] = np.stack(axes, axis=1)
+    return matrix
+
+
+def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Divide the polygons of labeled cells into triangles between cell centers.
+
+    A block of 2 x 2 cells is filled if all four have one label, and half filled if three have.
+    These are the polygons of `PlanarRegions`. Filled blocks are merged to rectangles.
+
+    Args:
+        labels: (rows, cols) labels in map order; 0 for none.
+
+    Returns:
+        corners: (T, 3, 2) row and column of the corners, counter-clockwise in the map.
+        owners: (T,) label of each triangle.
+    """
+    rows, cols = np.maximum(np.subtract(labels.shape, 1), 0)
+    block = np.stack([labels[r : r + rows, c : c + cols] for r, c in CORNERS])
+    is_full = (block == block[0]).all(axis=0)
+    found, owners = _rectangles(np.where(is_full, block[0], 0))
+    corners = [found]
+    for missing in range(4):
+        kept = np.delete(np.arange(4), missing)
+        label = block[kept[0]]
+        half = (block[kept] == label).all(axis=0) & ~is_full & (label > 0)
+        corners.append(np.argwhere(half)[:, None] + CORNERS[kept])
+        owners = np.append(owners, label[half])
+    return np.concatenate(corners), owners
+
+
+def _rectangles(blocks: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Divide equal blocks (rows, cols) into rectangles of two triangles; 0 means no block."""
+    beside = np.pad(blocks, ((0, 0), (1, 1)))
+    is_block = blocks > 0
+    rows, firsts = np.nonzero(is_block & (blocks != beside[:, :-2]))
+    _, lasts = np.nonzero(is_block & (blocks != beside[:, 2:]))
+    # Equal runs of blocks in successive rows are merged.
+    order = np.lexsort((rows, lasts, firsts, blocks[rows, firsts]))
+    row, first, last = rows[order], firsts[order], lasts[order]
+    label = blocks[row, first]
+    same = np.stack([label, first, last, row - np.arange(len(row))])
+    starts = np.flatnonzero(np.append(True, (np.diff(same) != 0).any(axis=0))[: len(row)])
+    sizes = np.diff(np.append(starts, len(row)))
+    sides = np.stack([sizes, (last - first)[starts] + 1], axis=1)
+    corners = np.stack([row, first], axis=1)[starts, None] + CORNERS * sides[:, None]
+    halves = corners[:, [(0, 1, 2), (0, 2, 3)]].reshape(-1, 3, 2)
+    return halves, np.repeat(label[starts], 2)
+
+
+# --- messages -------------------------------------------------------------------------------------
+
+
+def to_markers(regions: "PlanarRegions", header: Header) -> MarkerArray:
+    """Return the filled regions and their outlines; all earlier markers of the topic are deleted.
+
+    The namespaces are `regions` and `outlines`. The id of a marker is that of its region, and
+    determines the color.
+    """
+    corners, owners = triangles(regions.labels)
+    x, y = regions.geometry.axes_in_map_order()
+    points = np.stack([x[corners[..., 0]], y[corners[..., 1]]], axis=-1)
+    markers = [Marker(header=header, action=Marker.DELETEALL)]
+    for region in regions:
+        red, green, blue = colorsys.hsv_to_rgb(region.id * GOLDEN % 1.0, 0.8, 0.9)
+        fill = Marker(header=header, ns="regions", id=region.id, type=Marker.TRIANGLE_LIST)
+        fill.scale.x = fill.scale.y = fill.scale.z = 1.0
+        fill.points = _points(on_plane(region, points[owners == region.id]))
+        fill.color = ColorRGBA(r=red, g=green, b=blue, a=OPACITY)
+        line = Marker(header=header, ns="outlines", id=region.id, type=Marker.LINE_LIST)
+        line.scale.x = 0.25 * regions.geometry.resolution
+        loops = (region.outer, *region.holes)
+        edges = [np.stack([loop, np.roll(loop, -1, axis=0)], axis=1) for loop in loops]
+        line.points = _points(on_plane(region, np.concatenate(edges)))
+        line.color = ColorRGBA(r=0.6 * red, g=0.6 * green, b=0.6 * blue, a=1.0)
+        markers += [fill, line]
+    return MarkerArray(markers=markers)
+
+
+def _points(points: Positions) -> list[Point]:
+    return [Point(x=x, y=y, z=z) for x, y, z in points.reshape(-1, 3).tolist()]
+
+
+def to_polygons(regions: "PlanarRegions", header: Header) -> list[PolygonStamped]:
+    """Return the outer polygon of each region, in the order of the ids."""
+    messages = [PolygonStamped(header=header) for _ in regions]
+    for region, message in zip(regions, messages, strict=True):
+        points = on_plane(region, region.outer).tolist()
+        message.polygon.points = [Point32(x=x, y=y, z=z) for x, y, z in points]
+    return messages
+
+
+def to_terrain(regions: "PlanarRegions", gridmap: Any, package: Any) -> Any:
+    """Return a `convex_plane_decomposition_msgs/PlanarTerrain`.
+
+    The polygons are in the frames of their planes. As they are already smaller than the planar
+    ground, the only inset of a region is its boundary.
+
+    Args:
+        regions: the regions.
+        gridmap: message of the map.
+        package: the module `convex_plane_decomposition_msgs.msg`.
+    """
+
+    def polygon(points: Positions) -> Any:
+        return package.Polygon2d(points=[package.Point2d(x=x, y=y) for x, y in points.tolist()])
+
+    terrain = package.PlanarTerrain(gridmap=gridmap)
+    for region in regions:
+        pose = plane_frame(region)
+        outer, *holes = (
+            (on_plane(region, loop) - region.center) @ pose[:3, :2]
+            for loop in (region.outer, *region.holes)
+        )
+        boundary = package.PolygonWithHoles2d(outer_boundary=polygon(outer))
+        boundary.holes = [polygon(hole) for hole in holes]
+        low, high = outer.min(axis=0).tolist(), outer.max(axis=0).tolist()
+        box = package.BoundingBox2d(min_x=low[0], min_y=low[1], max_x=high[0], max_y=high[1])
+        message = package.PlanarRegion(plane_parameters=to_pose(pose), bbox2d=box)
+        message.boundary, message.insets = boundary, [boundary]
+        terrain.planar_regions.append(message)
+    return terrain

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `planar_regions` over DDS; test/terrains.py has the test with `PlanarTerrain`."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PolygonStamped
+from planes import points_of, regions_of, steps
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
+from test_node_costmap import set_parameters, wait_for_level
+from visualization_msgs.msg import Marker, MarkerArray
+
+from conftest import arguments
+from grid_map_core_py import GridMap
+from grid_map_core_py.planes import PlanarRegions, PlaneParameters, extract_planes
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, to_message
+from grid_map_ros_py._planes import to_markers
+from grid_map_ros_py.testing import Peer, Process, peer, running_node
+
+MODULE = "grid_map_ros_py._executables.planar_regions"
+
+UPSTREAM = """
+preprocessing: {resolution: 0.04, kernelSize: 3, numberOfRepeats: 2}
+sliding_window_plane_extractor:
+  kernel_size: 3
+  planarity_opening_filter: 0
+  plane_inclination_threshold_degrees: 10.0
+  local_plane_inclination_threshold_degrees: 35.0
+  plane_patch_error_threshold: 0.02
+  min_number_points_per_label: 4
+  connectivity: 4
+  include_ransac_refinement: true
+  global_plane_fit_distance_error_threshold: 0.025
+  global_plane_fit_angle_error_threshold_degrees: 25.0
+ransac_plane_refinement: {probability: 0.001, min_points: 4, epsilon: 0.025,
+  cluster_epsilon: 0.041, normal_threshold: 25.0}
+contour_extraction: {marginSize: 1}
+postprocessing: {extracted_planes_height_offset: 0.0, nonplanar_height_offset: 0.02,
+  nonplanar_horizontal_offset: 1, smoothing_dilation_size: 0.2, smoothing_box_kernel_size: 0.1,
+  smoothing_gauss_kernel_size: 0.05}
+"""
+"""Parameters with upstream's names and sections; the ramp is too steep."""
+
+PARAMETERS = PlaneParameters.from_mapping(yaml.safe_load(UPSTREAM))
+
+
+@contextmanager
+def extractor(*words: str, **parameters: object) -> Iterator[tuple[Process, Peer]]:
+    given = *arguments(**parameters), *words
+    with peer() as other, running_node(MODULE, *given) as node:
+        other.listen("/planar_regions", MarkerArray)
+        other.listen("/planar_map", GridMapMessage)
+        other.listen("/diagnostics", DiagnosticArray, 10)
+        yield node, other
+
+
+def send(other: Peer, grid_map: GridMap) -> tuple[MarkerArray, GridMap]:
+    """Publish a map; return its markers and the map with the layers of the regions."""
+    other.publish("/grid_map", to_message(grid_map))
+    # A new subscriber may get the last messages twice.
+    stamp = to_message(grid_map).header.stamp
+
+    def last(topic: str) -> object:
+        return other.received[topic][-1] if other.received[topic] else None
+
+    def have_come() -> bool:
+        markers, result = last("/planar_regions"), last("/planar_map")
+        is_here = markers is not None and markers.markers[0].header.stamp == stamp
+        return is_here and result is not None and result.header.stamp == stamp
+
+    other.wait_until(have_come, "the markers and the map")
+    return last("/planar_regions"), from_message(last("/planar_map"))
+
+
+def wait_for_ids(other: Peer, count: int) -> None:
+    markers = other.received["/planar_regions"]
+    other.wait_until(lambda: len(ids_of(markers[-1])) == count, f"{count} regions")
+
+
+def expected_markers(grid_map: GridMap, regions: PlanarRegions) -> MarkerArray:
+    markers = to_markers(regions, to_message(grid_map).header)
+    # Colors are float32 in messages.
+    return deserialize_message(serialize_message(markers), MarkerArray)
+
+
+def ids_of(markers: MarkerArray) -> set[int]:
+    return {marker.id for marker in markers.markers if marker.action == Marker.ADD}
+
+
+def test_map_gets_layers_and_ids_last_while_it_moves() -> None:
+    maps = [steps(), steps(0.2), steps(0.2, higher=False), steps(-0.08)]
+    ids = []
+    with extractor() as (_, other):
+        for count, grid_map in enumerate(maps, start=1):
+            grid_map.timestamp = count
+            regions = regions_of(*maps[:count])
+            markers, result = send(other, grid_map)
+            assert markers == expected_markers(grid_map, regions)
+            assert_maps_equal(
+                result, grid_map.with_start_index((0, 0)).with_layers(regions.layers())
+            )
+            ids.append(ids_of(markers))
+            assert ids[-1] == {region.id for region in regions}
+        # The higher tread vanishes and returns with another id.
+        assert ids[0] == ids[1] == {1, 2, 3}
+        assert ids[2] == {1, 3}
+        assert ids[3] == {1, 3, 4}
+        status = wait_for_level(other, DiagnosticStatus.OK)
+        values = {value.key: value.value for value in status.values}
+        assert values["regions"] == str(len(regions))
+        assert float(values["ms of the last map"]) > 0
+
+
+def test_polygons_come_while_subscribed_one_per_region() -> None:
+    regions = regions_of(steps())
+    with extractor() as (_, other):
+        send(other, steps())
+        # The subscriber comes after the map.
+        other.listen("/planar_polygons", PolygonStamped, QoSProfile(depth=100))
+        other.expect("/planar_polygons", len(regions))
+        polygons = other.received["/planar_polygons"]
+        for region, polygon in zip(regions, polygons, strict=True):
+            assert polygon.header == to_message(steps()).header
+            corners = points_of(polygon.polygon.points)[:, :2]
+            np.testing.assert_allclose(corners, region.outer, atol=1e-6)
+
+
+def test_yaml_of_upstream_sets_the_parameters(tmp_path) -> None:
+    file = tmp_path / "parameters.yaml"
+    content = {"planar_regions": {"ros__parameters": yaml.safe_load(UPSTREAM)}}
+    file.write_text(yaml.safe_dump(content))
+    with extractor("--params-file", str(file)) as (node, other):
+        markers, _ = send(other, steps())
+        assert markers == expected_markers(steps(), extract_planes(steps(), parameters=PARAMETERS))
+        assert len(ids_of(markers)) == 2
+        assert "unknown parameters" not in node.text
+
+
+def test_parameters_apply_to_the_latched_map_at_once() -> None:
+    with extractor() as (_, other):
+        send(other, steps().with_layers({"other": np.zeros((50, 41))}))
+        name = "sliding_window_plane_extractor.plane_inclination_threshold_degrees"
+        assert set_parameters(other, node="planar_regions", **{name: 10}) == []
+        wait_for_ids(other, 2)
+        assert set_parameters(other, node="planar_regions", height_layer="other") == []
+        wait_for_ids(other, 1)
+        wrong = {
+            name: ("steep", f"{name.partition('.')[0]}: parameter 'plane_inclination_threshold"),
+            "contour_extraction.marginSize": (-1, "contour_extraction: parameter 'marginSize'"),
+            "preprocessing.kernelSize": (4, "preprocessing: parameter 'kernelSize': expected 3 or"),
+            "height_layer": (3, "parameter 'height_layer': expected a string"),
+        }
+        values = {key: value for key, (value, _) in wrong.items()}
+        reasons = set_parameters(other, node="planar_regions", **values)
+        for reason, (_, text) in zip(reasons, wrong.values(), strict=True):
+            assert reason.startswith(text)
+        assert set_parameters(other, node="planar_regions", height_layer="elevation") == []
+        wait_for_ids(other, 2)
+
+
+def test_unusable_map_is_named_and_the_next_is_used() -> None:
+    wrong = steps().with_layers({"height": np.zeros((50, 41))}).without_layers(["elevation"])
+    text = "no layer 'elevation'; available: color, height. Set the parameter height_layer"
+    with extractor() as (node, other):
+        for _ in range(3):
+            other.publish("/grid_map", to_message(wrong))
+        line = f"dropped a message of /grid_map: {text}"
+        other.wait_until(lambda: line in node.text, line)
+        values = wait_for_level(other, DiagnosticStatus.ERROR).values
+        assert text in [value.value for value in values if value.key == "last error"]
+        markers, _ = send(other, steps())
+        assert markers == expected_markers(steps(), regions_of(steps()))
+        wait_for_level(other, DiagnosticStatus.OK)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (
+            {"elevation": np.nan},
+            "no planar regions on /grid_map: layer 'elevation' has 0 known cells",
+        ),
+        (
+            {"elevation": np.indices((50, 41)).sum(axis=0) % 2},
+            "no planar regions on /grid_map: layer 'elevation' has 2050 known cells. Check the thr",
+        ),
+    ],
+)
+def test_map_without_regions_removes_them_and_warns(change, text: str) -> None:
+    empty, later = steps(), steps()
+    empty.timestamp, later.timestamp = 1, 2
+    for layer, values in change.items():
+        empty[layer] = values
+    with extractor() as (node, other):
+        send(other, steps())
+        markers, result = send(other, empty)
+        assert [marker.action for marker in markers.markers] == [Marker.DELETEALL]
+        assert not result["plane_id"].any()
+        assert np.isnan(result["plane_elevation"]).all()
+        status = wait_for_level(other, DiagnosticStatus.WARN)
+        assert text in status.message
+        other.wait_until(lambda: text in node.text, text)
+        # No id is used again.
+        markers, _ = send(other, later)
+        assert min(ids_of(markers)) > 3
+        wait_for_level(other, DiagnosticStatus.OK)
+
+
+def test_new_frame_or_no_frame_is_named() -> None:
+    with extractor() as (node, other):
+        send(other, steps())
+        other_frame, no_frame = steps(frame_id="map"), steps(frame_id="")
+        other_frame.timestamp, no_frame.timestamp = 1, 2
+        markers, _ = send(other, other_frame)
+        assert ids_of(markers) == {1, 2, 3}
+        text = "the map has changed from 'odom', 0.04 m to 'map', 0.04 m: ids start again at 1"
+        other.wait_until(lambda: text in node.text, text)
+        send(other, no_frame)
+        text = "no frame on /grid_map: viewers cannot show the regions. Set header.frame_id"
+        other.wait_until(lambda: text in node.text, text)
+        assert text in wait_for_level(other, DiagnosticStatus.WARN).message
+
+
+def test_missing_message_package_is_named_once() -> None:
+    with extractor() as (node, other):
+        send(other, steps())
+        text = (
+            "planar_terrain needs the package 'convex_plane_decomposition_msgs', which is not "
+            "installed: build its ROS 2 port in your workspace. Without it, the node publishes no"
+        )
+        assert node.text.count(text) == 1
