@@ -592,10 +592,10 @@ def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
 
 def draw_regions(grid_map: GridMap, message: MarkerArray) -> Figure:
     """Draw the heights of a map, and the markers of its regions on them."""
-    figure = Figure((8.0, 6.4), layout="constrained")
+    figure = Figure((6.4, 5.0), layout="constrained")
     upper, lower = figure.subplots(2, 1)
     for ax, title in ((upper, "mapped heights"), (lower, "planar regions")):
-        heights: dict[str, Any] = {"color_map": "gray", "hillshade": "elevation"}
+        heights: dict[str, Any] = {"color_map": "gray", "hillshade": False}
         plot(grid_map, "elevation", ax, color_bar=False, scale_bar=False, **heights)
         ax.set_title(title, fontsize=9)
         ax.set(xlabel="", ylabel="", xlim=(0.4, 8.2), ylim=(-1.6, 1.6))

@@ -108,12 +108,17 @@ def to_markers(regions: "PlanarRegions", header: Header) -> MarkerArray:
     corners, owners = triangles(regions.labels)
     x, y = regions.geometry.axes_in_map_order()
     points = np.stack([x[corners[..., 0]], y[corners[..., 1]]], axis=-1)
+    order = np.argsort(owners, kind="stable")
+    ends = np.cumsum(np.unique(owners, return_counts=True)[1])[:-1]
+    # Every region has triangles, and regions are in the order of their ids. Without regions,
+    # `split` returns one empty part.
+    fills = np.split(points[order], ends)
     markers = [Marker(header=header, action=Marker.DELETEALL)]
-    for region in regions:
+    for region, filled in zip(regions, fills, strict=False):
         red, green, blue = colorsys.hsv_to_rgb(region.id * GOLDEN % 1.0, 0.8, 0.9)
         fill = Marker(header=header, ns="regions", id=region.id, type=Marker.TRIANGLE_LIST)
         fill.scale.x = fill.scale.y = fill.scale.z = 1.0
-        fill.points = _points(on_plane(region, points[owners == region.id]))
+        fill.points = _points(on_plane(region, filled))
         fill.color = ColorRGBA(r=red, g=green, b=blue, a=OPACITY)
         line = Marker(header=header, ns="outlines", id=region.id, type=Marker.LINE_LIST)
         line.scale.x = 0.25 * regions.geometry.resolution
