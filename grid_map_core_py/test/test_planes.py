@@ -23,12 +23,7 @@ from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 # The values of upstream's parameters.yaml.
 UPSTREAM = """
-preprocessing:
-  resolution: 0.04
-  kernelSize: 3
-  numberOfRepeats: 1
-  increasing: False
-
+preprocessing: {resolution: 0.04, kernelSize: 3, numberOfRepeats: 1, increasing: False}
 sliding_window_plane_extractor:
   kernel_size: 3
   planarity_opening_filter: 0
@@ -40,17 +35,9 @@ sliding_window_plane_extractor:
   include_ransac_refinement: true
   global_plane_fit_distance_error_threshold: 0.025
   global_plane_fit_angle_error_threshold_degrees: 25.0
-
 ransac_plane_refinement:
-  probability: 0.01
-  min_points: 4
-  epsilon: 0.025
-  cluster_epsilon: 0.08
-  normal_threshold: 25.0
-
-contour_extraction:
-  marginSize: 1
-
+  {probability: 0.01, min_points: 4, epsilon: 0.025, cluster_epsilon: 0.08, normal_threshold: 25.0}
+contour_extraction: {marginSize: 1}
 postprocessing:
   extracted_planes_height_offset: 0.0
   nonplanar_height_offset: 0.02
@@ -162,27 +149,6 @@ def test_pit_in_floor_is_one_hole(seed):
     assert (hole.min(axis=0) <= lower).all()
     assert (hole.max(axis=0) >= upper).all()
     assert region.area < region.cells * RESOLUTION**2
-
-
-def test_ramp_on_floor_is_two_regions():
-    surface = lambda x, y: np.maximum(0.35 * x, 0) + 0 * y  # noqa: E731
-    for seed in range(5):
-        upper, lower = sorted(regions_of(surface, (80, 30), seed), key=lambda r: -r.center[2])
-        assert degrees_between(lower.normal, (0, 0, 1)) < 1
-        assert abs(degrees_between(upper.normal, (0, 0, 1)) - np.degrees(np.arctan(0.35))) < 1
-        assert lower.area + upper.area > 0.9 * 79 * 29 * RESOLUTION**2
-
-
-def test_low_steps_merge_until_distance_threshold_is_lowered():
-    surface = stairs(0.03, 0.0, tread=0.4)
-    merged = regions_of(surface, (40, 30), 1, noise=0.001)
-    strict = {
-        "global_plane_fit_distance_error_threshold": 0.006,
-        "plane_patch_error_threshold": 0.004,
-    }
-    parameters = PlaneParameters.from_mapping({"sliding_window_plane_extractor": strict})
-    separate = regions_of(surface, (40, 30), 1, parameters, noise=0.001)
-    assert len(merged) < 4 <= len(separate)
 
 
 # Outlines
@@ -437,15 +403,31 @@ def test_wrong_arguments_are_refused():
         extract_planes(grid_map, parameters={})
 
 
-@pytest.mark.parametrize("section", ["median", "opening", "kernel", "least"])
-def test_parameters_take_effect(section):
+WINDOWS = "sliding_window_plane_extractor"
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "value"),
+    [
+        ("preprocessing", "numberOfRepeats", 0),
+        (WINDOWS, "planarity_opening_filter", 2),
+        (WINDOWS, "kernel_size", 5),
+        (WINDOWS, "min_number_points_per_label", 100),
+        (WINDOWS, "plane_patch_error_threshold", 0.005),
+        (WINDOWS, "global_plane_fit_distance_error_threshold", 0.006),
+        (WINDOWS, "global_plane_fit_angle_error_threshold_degrees", 5.0),
+        (WINDOWS, "local_plane_inclination_threshold_degrees", 5.0),
+    ],
+)
+def test_stricter_parameters_find_fewer_cells(section, name, value):
     grid_map, _ = sampled(Rubble(3), (60, 47), 5, outliers=0.05)
-    parameters = {
-        "median": {"preprocessing": {"numberOfRepeats": 0}},
-        "opening": {"sliding_window_plane_extractor": {"planarity_opening_filter": 2}},
-        "kernel": {"sliding_window_plane_extractor": {"kernel_size": 5}},
-        "least": {"sliding_window_plane_extractor": {"min_number_points_per_label": 100}},
-    }[section]
-    regions = extract_planes(grid_map, parameters=PlaneParameters.from_mapping(parameters))
-    cells = (regions.labels > 0).sum()
+    parameters = PlaneParameters.from_mapping({section: {name: value}})
+    cells = (extract_planes(grid_map, parameters=parameters).labels > 0).sum()
     assert 0 < cells < (extract_planes(grid_map).labels > 0).sum()
+
+
+def test_steep_regions_are_removed():
+    parameters = {WINDOWS: {"plane_inclination_threshold_degrees": 20.0}}
+    parameters = PlaneParameters.from_mapping(parameters)
+    assert len(regions_of(ramp(19, 0), (20, 20), 1, parameters)) == 1
+    assert len(regions_of(ramp(21, 0), (20, 20), 1, parameters)) == 0

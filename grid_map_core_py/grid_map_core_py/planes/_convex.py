@@ -14,10 +14,9 @@ from ..map._axis import BORDER_TOLERANCE
 from ..regions._polygon import Polygon
 from ._regions import PlanarRegion, crossed, to_edges
 
-_ASPECTS = (3.0, 9.0)  # ratios of the axes of the first ellipses that are no circles
-_ANGLES = 12  # directions of the first ellipses
-_GROWN = 4  # largest polygons that are grown again from their own shape
-_REPEATS = 3  # times that a polygon is grown again
+_ANGLES = 24  # directions of the centers of the first circles
+_GROWN = 3  # largest polygons that are grown again from their own shape
+_REPEATS = 2  # times that a polygon is grown again
 _SECTORS = 720  # directions in which hidden edges are searched
 _SHRUNK = 1.0 - 1e-9  # keeps rounded corners inside the region
 
@@ -28,7 +27,8 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
     The polygon is grown with ellipses, as in IRIS (Deits and Tedrake, "Computing large convex
     regions of obstacle-free space through semidefinite programming", 2015): the edges of the region
     are cut off one by one, the nearest first, where the distance is measured in the metric of an
-    ellipse. The largest polygons are grown again with their own ellipses of inertia.
+    ellipse. The first ellipses are circles at and around the position. The largest polygons are
+    grown again with their own ellipses of inertia.
 
     Args:
         region: the region; its holes are avoided.
@@ -52,11 +52,12 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
         expected = f"a position inside region {region.id}"
         raise GeometryError(f"position: expected {expected}, got {tuple(origin.tolist())}")
     edges = edges[:, _visible(edges)]
-    best = sorted(_grown(edges, *_first_ellipses(edges)), key=_area)[-_GROWN:]
+    circles = np.broadcast_to(np.eye(2), (_ANGLES, 2, 2))
+    best = sorted(_grown(edges, circles, _half_way(edges)), key=_area)[-_GROWN:]
     for _ in range(_REPEATS):
-        metrics, centers = zip(*map(_ellipse, best), strict=True)
-        again = _grown(edges, np.stack(metrics), np.stack(centers))
-        best = [max(pair, key=_area) for pair in zip(best, again, strict=True)]
+        metrics, centers = map(np.stack, zip(*map(_ellipse, best), strict=True))
+        pairs = zip(best, _grown(edges, metrics, centers), strict=True)
+        best = [max(pair, key=_area) for pair in pairs]
     return origin + _SHRUNK * max((_reduced(corners, vertices) for corners in best), key=_area)
 
 
@@ -82,27 +83,17 @@ def _visible(edges: Positions) -> Mask:
     return np.bincount(owners, near[owners] <= hidden_from[sectors % _SECTORS]) > 0
 
 
-def _first_ellipses(edges: Positions) -> tuple[Positions, Positions]:
-    """Return linear maps (S, 2, 2) that turn ellipses into circles, and their centers (S, 2).
-
-    In each direction, a circle and an ellipse are half-way to the next edge. The other ellipses are
-    around the origin.
-    """
+def _half_way(edges: Positions) -> Positions:
+    """Return the points (S, 2) half-way from the origin to the next edge in several directions."""
     angles = np.arange(_ANGLES) * (2 * math.pi / _ANGLES)
     ahead = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    # An edge on both sides of a direction crosses it at 1 / (largest of these numbers).
-    start, end = edges[:2], edges[2:]
-    sides, ends = aside @ start, aside @ end
+    # An edge with its ends on both sides of a direction crosses it at 1 / inverse.
+    start, end = aside @ edges[:2], aside @ edges[2:]
+    across = (end - start) * ((start > 0) != (end > 0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = (ends - sides) / (ends * (ahead @ start) - sides * (ahead @ end))
-    inverse[~((sides > 0) != (ends > 0))] = 0.0
-    half_way = 0.5 * ahead / inverse.max(axis=1, keepdims=True)
-    wide, narrow = (np.stack([ahead, aspect * aside], axis=1) for aspect in _ASPECTS)
-    circles = np.broadcast_to(np.eye(2), wide.shape)
-    half = _ANGLES // 2  # the opposite direction is the same ellipse
-    metrics = np.concatenate([circles, wide, wide[:half], narrow[half:]])
-    return metrics, np.concatenate([half_way, half_way, 0.0 * half_way])
+        inverse = across / (end * (ahead @ edges[:2]) - start * (ahead @ edges[2:]))
+    return np.asarray(0.5 * ahead / np.nanmax(inverse, axis=1, keepdims=True))
 
 
 def _grown(edges: Positions, metrics: Positions, centers: Positions) -> list[Positions]:
@@ -114,7 +105,8 @@ def _grown(edges: Positions, metrics: Positions, centers: Positions) -> list[Pos
         centers: (S, 2) centers of the ellipses; no edge is between them and the origin.
     """
     start, end = metrics @ edges[:2], metrics @ edges[2:]
-    normals, distances = _separations(start, end, metrics @ centers[..., None])
+    ways, distances = _separations(start, end, metrics @ centers[..., None])
+    normals = ways / distances[:, None]
     levels = np.minimum((normals * start).sum(axis=1), (normals * end).sum(axis=1))
     is_line = np.zeros(distances.shape, np.bool_)
     while (left := np.flatnonzero(distances.min(axis=1) < np.inf)).size:
@@ -129,26 +121,20 @@ def _grown(edges: Positions, metrics: Positions, centers: Positions) -> list[Pos
     return [_polygon(line[:, chosen].T) for line, chosen in zip(lines, is_line, strict=True)]
 
 
-def _separations(start: Positions, end: Positions, centers: Positions) -> tuple[Positions, Positions]:
-    """Return unit vectors (S, 2, E) from the cores to edges (S, 2, E), and distances (S, E).
+def _separations(start: Positions, end: Positions, core: Positions) -> tuple[Positions, Positions]:
+    """Return the vectors (S, 2, E) from the cores to edges, each the shortest, and their lengths.
 
-    A core is the segment from the origin to one of the centers (S, 2, 1).
+    A core is the segment from the origin to a point (S, 2, 1).
     """
-    x, y = centers.transpose(1, 0, 2) + 1e-150
-    edges, cores = (*start.transpose(1, 0, 2), *end.transpose(1, 0, 2)), (0.0, 0.0, x, y)
+    (x0, y0), (x1, y1), (x, y) = (np.moveaxis(ends, 1, 0) for ends in (start, end, core + 1e-150))
     # The nearest points of two segments include an end of one of them.
-    best = np.stack(to_edges(edges, 0.0, 0.0), axis=1)
-    squares = (best**2).sum(axis=1)
-    for ahead in (
-        to_edges(edges, x, y),
-        np.negative(to_edges(cores, edges[0], edges[1])),
-        np.negative(to_edges(cores, edges[2], edges[3])),
-    ):
-        square = ahead[0] ** 2 + ahead[1] ** 2
-        best = np.where((square < squares)[:, None], np.stack(ahead, axis=1), best)
-        squares = np.minimum(square, squares)
-    distances = np.sqrt(squares)
-    return best / distances[:, None], distances
+    ways = [to_edges((x0, y0, x1, y1), *end) for end in ((0.0, 0.0), (x, y))]
+    ways += [to_edges((0.0, 0.0, -x, -y), *end) for end in ((-x0, -y0), (-x1, -y1))]
+    vectors = np.array(ways)
+    lengths = np.hypot(vectors[:, 0], vectors[:, 1])
+    nearest = lengths.argmin(axis=0)[None, None]
+    best = np.take_along_axis(vectors, nearest, axis=0)[0]
+    return best.transpose(1, 0, 2), lengths.min(axis=0)
 
 
 def _polygon(lines: Positions) -> Positions:

@@ -86,14 +86,14 @@ def outlines(
         resolution: side of a cell [m].
     """
     contours: list[Image] = []
-    holes: list[bool] = []
+    is_hole = [np.zeros(0, np.bool_)]
     for mask in masks(np.where(labels > 0, rounds, np.uint8(0))):
         traced, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
         contours += [contour[::-1, 0] for contour in traced]  # pixels: row, column of the map
-        holes += (tree[0, :, 3] >= 0).tolist()
+        is_hole.append(tree[0, :, 3] >= 0)
     corners = np.array([contour[0] for contour in contours], np.int64).reshape(-1, 2)
     owners = labels[corners[:, 1], corners[:, 0]]
-    order = np.lexsort((holes, owners))
+    order = np.lexsort((np.concatenate(is_hole), owners))
     pixels = np.concatenate([np.empty((0, 2), np.int32), *(contours[i] for i in order)])
     starts = np.cumsum([0] + [len(contours[i]) for i in order])
     after = np.arange(1, len(pixels) + 1)

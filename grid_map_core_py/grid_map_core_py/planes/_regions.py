@@ -185,10 +185,10 @@ class PlanarRegions(Sequence[PlanarRegion]):
                 break
             edges = self._outlines.edges[:, slice(*self._first_edges[number : number + 2])]
             if np.logical_xor.reduce(crossed(edges, *position)):
-                return self[number]
+                return self[int(number)]
             distance = np.hypot(*to_edges(edges, *position)).min()
             if distance <= nearest:
-                best, nearest = number, distance
+                best, nearest = int(number), distance
         return None if best is None else self[best]
 
     @cached_property
@@ -225,13 +225,12 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return np.asarray(centers[..., 2] - ahead / normals[..., 2])
 
 
-def to_edges(edges: Positions, x: Any, y: Any) -> tuple[Positions, Positions]:
+def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any]:
     """Return the vector from each position to the nearest point of each edge."""
     start_x, start_y, end_x, end_y = edges
     step_x, step_y = end_x - start_x, end_y - start_y
     to_x, to_y = start_x - x, start_y - y
-    share = (to_x * step_x + to_y * step_y) / -(step_x**2 + step_y**2)
-    np.clip(share, 0.0, 1.0, out=share)
+    share = np.clip((to_x * step_x + to_y * step_y) / -(step_x**2 + step_y**2), 0.0, 1.0)
     return to_x + share * step_x, to_y + share * step_y
 
 

@@ -67,7 +67,7 @@ def fit_planes(
         # Collinear cells define no plane.
         scale = normal[:, 0, 0] * normal[:, 1, 1] * normal[:, 2, 2]
         normal[~(np.linalg.det(normal) > 1e-9 * scale)] = np.nan
-    covariances = np.linalg.inv(normal)
+    covariances: Any = np.linalg.inv(normal)
     solved = (covariances @ right)[..., 0]
     centers[:, 2] += solved[:, 0]
     return Planes(centers, solved[:, 1:]), covariances
@@ -106,7 +106,7 @@ class Splitter:
             is_split = is_large & ~is_flat
             cells = cells.take(np.flatnonzero(is_split[groups]))
             groups = (np.cumsum(is_split) - 1)[groups[is_split[groups]]]
-            near = self._largest_planes(cells, groups, np.count_nonzero(is_split))
+            near = self._largest_planes(cells, groups, int(is_split.sum()))
             rounds.reshape(-1)[cells.places[near]] = number
             has_plane = np.bincount(groups, near) > 0
             cells = cells.take(np.flatnonzero(~near & has_plane[groups]))

@@ -43,7 +43,8 @@ class Cells(NamedTuple):
 
     def take(self, chosen: NDArray[Any]) -> Cells:
         """Return the cells at indices (M,)."""
-        return Cells(*(values.take(chosen, axis=-1) for values in self))
+        parts: Any = self
+        return Cells(*(values.take(chosen, axis=-1) for values in parts))
 
 
 def planar_cells(
