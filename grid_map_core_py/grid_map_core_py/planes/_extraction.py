@@ -91,17 +91,19 @@ def _fitted(
     """Return the plane of each label, by name of the attribute, and which planes are determined."""
     groups = labels.reshape(-1).take(cells.places) - 1
     chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
-    cells, groups = cells.take(chosen), groups.take(chosen)
+    points, groups = cells.points.take(chosen, axis=1), groups.take(chosen)
     weights, is_weighted = np.ones(chosen.size), np.zeros(count, np.bool_)
     if variances is not None:
-        given = np.ascontiguousarray(variances.T).reshape(-1)[cells.places].astype(np.float64)
+        given = (
+            np.ascontiguousarray(variances.T).reshape(-1)[cells.places[chosen]].astype(np.float64)
+        )
         is_usable = np.isfinite(given) & (given > 0)
         is_weighted = np.bincount(groups, ~is_usable, count) == 0
         is_used = is_weighted[groups]
         weights[is_used] /= given[is_used]
-    fit, covariances = fit_planes(groups, count, cells, weights)
+    fit, covariances = fit_planes(groups, count, points, weights)
     counts = np.bincount(groups, minlength=count)
-    squares = np.bincount(groups, (cells.z - fit.at(groups, cells)) ** 2, count)
+    squares = np.bincount(groups, (points[2] - fit.at(groups, points)) ** 2, count)
     is_fitted = (counts >= _LEAST_FITTED) & np.isfinite(squares)
     scales = np.where(is_weighted, 1.0, squares / np.maximum(counts - 3, 1))
     normals = np.column_stack([-fit.slopes, np.ones(count)])

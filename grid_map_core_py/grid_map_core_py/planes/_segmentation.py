@@ -21,7 +21,6 @@ _DROPPED = 0.02  # share of cells off the plane that a component may lose withou
 _HYPOTHESES = 24  # local planes tried per component and round
 _SCORED = 200  # cells per component that judge the hypotheses
 _REFITS = 3  # a local plane is only precise nearby; each fit to its cells extends its reach
-_PIECE = 0.25  # pieces of a plane smaller than this share of the largest piece are split off again
 
 
 class Planes(NamedTuple):
@@ -30,47 +29,47 @@ class Planes(NamedTuple):
     centers: Numbers
     slopes: Numbers
 
-    def at(self, groups: Groups, cells: Cells) -> Numbers:
-        """Return the heights (N,) of the planes of `groups` (N,) at the cells."""
+    def at(self, groups: Groups, points: Numbers) -> Numbers:
+        """Return the heights (N,) of the planes of `groups` (N,) at points (3, N)."""
         a, b = self.slopes.T
         offsets = self.centers[:, 2] - (self.slopes * self.centers[:, :2]).sum(axis=1)
-        return np.asarray(a[groups] * cells.x + b[groups] * cells.y + offsets[groups])
+        return np.asarray(a[groups] * points[0] + b[groups] * points[1] + offsets[groups])
 
 
 def fit_planes(
-    groups: Groups, count: int, cells: Cells, weights: Numbers | None = None
+    groups: Groups, count: int, points: Numbers, weights: Numbers | None = None
 ) -> tuple[Planes, Numbers]:
-    """Fit a plane to the exact cells of each group: weighted least squares, all groups at once.
+    """Fit a plane to each group of points: weighted least squares, all groups at once.
 
     Args:
-        groups: (N,) group of each cell, 0 to `count` - 1; -1 for none.
+        groups: (N,) group of each point, 0 to `count` - 1.
+        points: (3, N) x, y, z.
         weights: (N,) positive weights; None means 1.
 
     Returns:
         planes: the planes, with centers at the mean positions; NaN if they are not unique.
         covariances: (count, 3, 3) of height at the center and slopes, for weights 1 / variance.
     """
-    chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
-    groups, cells = groups.take(chosen), cells.take(chosen)
-    weights = np.ones(chosen.size) if weights is None else weights.take(chosen)
-    normal, right = np.empty((count, 3, 3)), np.empty((count, 3, 1))
+
+    def sums(values: Numbers) -> Any:
+        return np.bincount(groups, values, count)
+
     with np.errstate(invalid="ignore", divide="ignore"):
-        sums = [np.bincount(groups, values, count) for values in (cells.x, cells.y, cells.z)]
-        centers = np.stack(sums, axis=1) / np.bincount(groups, minlength=count)[:, None]
-        x, y, z = np.stack([cells.x, cells.y, cells.z]) - centers.T.take(groups, axis=1)
-        weighted = weights, weights * x, weights * y
-        for i, column in enumerate(weighted):
-            right[:, i, 0] = np.bincount(groups, column * z, count)
-            normal[:, i, 0] = normal[:, 0, i] = np.bincount(groups, column, count)
-        for i, j, values in ((1, 1, x), (1, 2, y), (2, 2, y)):
-            normal[:, i, j] = normal[:, j, i] = np.bincount(groups, weighted[i] * values, count)
+        centers = np.array([sums(values) for values in points]) / np.bincount(groups, None, count)
+        x, y, z = points - centers.take(groups, axis=1)
+        w = np.ones(groups.size) if weights is None else weights
+        wx, wy = w * x, w * y
+        right = np.array([sums(w * z), sums(wx * z), sums(wy * z)])
+        sx, sy, sxy = sums(wx), sums(wy), sums(wx * y)
+        rows = [[sums(w), sx, sy], [sx, sums(wx * x), sxy], [sy, sxy, sums(wy * y)]]
+        normal = np.moveaxis(np.array(rows, np.float64), -1, 0)
         # Collinear cells define no plane.
-        scale = normal[:, 0, 0] * normal[:, 1, 1] * normal[:, 2, 2]
+        scale = normal.diagonal(axis1=1, axis2=2).prod(axis=1)
         normal[~(np.linalg.det(normal) > 1e-9 * scale)] = np.nan
     covariances: Any = np.linalg.inv(normal)
-    solved = (covariances @ right)[..., 0]
-    centers[:, 2] += solved[:, 0]
-    return Planes(centers, solved[:, 1:]), covariances
+    solved = (covariances @ right.T[..., None])[..., 0]
+    centers[2] += solved[:, 0]
+    return Planes(centers.T, solved[:, 1:]), covariances
 
 
 class Splitter:
@@ -98,7 +97,7 @@ class Splitter:
             if not cells.places.size:
                 break
             groups, count = self._components(cells.places)
-            near = self._near(cells, groups, fit_planes(groups, count, cells)[0])
+            near = self._near(cells, groups, self._fit(cells, groups, count, True))
             sizes = np.bincount(groups, minlength=count)
             is_large = sizes >= self.least
             is_flat = np.bincount(groups, near, count) >= (1 - _DROPPED) * sizes
@@ -119,14 +118,16 @@ class Splitter:
         planes = self._best_hypotheses(cells, groups, count)
         for _ in range(_REFITS):
             inliers = self._inliers(cells, groups, planes)
-            planes, _ = fit_planes(np.where(inliers, groups, -1), count, cells)
+            planes = self._fit(cells, groups, count, inliers)
         near = self._near(cells, groups, planes)
-        pieces, number = self._components(cells.places[near])
-        sizes = np.bincount(pieces, minlength=number)
-        largest = np.zeros(count, np.int64)
-        np.maximum.at(largest, groups[near], sizes[pieces])
-        near[near] = sizes[pieces] >= np.maximum(_PIECE * largest[groups[near]], self.least)
+        pieces, _ = self._components(cells.places[near])
+        near[near] = np.bincount(pieces)[pieces] >= self.least
         return near
+
+    @staticmethod
+    def _fit(cells: Cells, groups: Groups, count: int, mask: Mask | bool) -> Planes:
+        chosen = np.flatnonzero(cells.is_exact & mask)
+        return fit_planes(groups.take(chosen), count, cells.points.take(chosen, axis=1))[0]
 
     def _best_hypotheses(self, cells: Cells, groups: Groups, count: int) -> Planes:
         """Return the local plane with the most inliers of each component."""
@@ -135,8 +136,7 @@ class Splitter:
         sample = np.flatnonzero(random * np.bincount(groups)[groups] < _SCORED)
         sample = sample[np.lexsort((random[sample], groups[sample]))]
         judges, groups = cells.take(sample), groups[sample]
-        centers = np.stack([judges.x, judges.y, judges.z], axis=1)
-        local = Planes(centers, judges.slopes.T)
+        local = Planes(judges.points.T, judges.slopes.T)
         first, drawn = np.searchsorted(groups, np.arange(count)), np.bincount(groups)
         best, votes = first.copy(), np.zeros(count)
         for number in range(min(_HYPOTHESES, int(drawn.max()))):
@@ -166,7 +166,9 @@ class Splitter:
         return touched & self._close(cells, groups, planes)
 
     def _close(self, cells: Cells, groups: Groups, planes: Planes) -> Mask:
-        return np.asarray(np.abs(cells.z - planes.at(groups, cells)) <= self.distance)
+        return np.asarray(
+            np.abs(cells.points[2] - planes.at(groups, cells.points)) <= self.distance
+        )
 
     def _components(self, places: NDArray[np.int64]) -> tuple[Groups, int]:
         """Return the number of the component of each place, and the number of components."""

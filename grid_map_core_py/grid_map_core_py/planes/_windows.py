@@ -25,19 +25,17 @@ _SIMILAR = 2  # neighbors at the height of a cell that make it a corner instead 
 
 
 class Cells(NamedTuple):
-    """Planar cells as arrays (N,), with heights and positions relative to cell (0, 0) [m].
+    """Planar cells as arrays (..., N), with positions relative to cell (0, 0) [m].
 
     Attributes:
-        places: indices into the flat image.
-        x, y, z: positions; heights of outliers are filtered.
+        places: (N,) indices into the flat image.
+        points: (3, N) positions x, y, z; heights of outliers are filtered.
         slopes: (2, N) dz/dx and dz/dy of the plane of the window.
-        is_exact: cells that are no outliers; only these are fitted.
+        is_exact: (N,) cells that are no outliers; only these are fitted.
     """
 
     places: NDArray[np.int64]
-    x: Numbers
-    y: Numbers
-    z: Numbers
+    points: Numbers
     slopes: Numbers
     is_exact: Mask
 
@@ -75,9 +73,11 @@ def planar_cells(
         steps: Any = {"kernel": CROSS, "iterations": limits.planarity_opening_filter}
         planar = cv2.morphologyEx(planar.view(np.uint8), cv2.MORPH_OPEN, **steps).view(np.bool_)
     places = np.flatnonzero(planar)
-    y, x = -resolution * np.stack(np.divmod(places, heights.shape[1]))
-    z = np.where(outliers, smooth, heights)[planar].astype(np.float64)
-    return Cells(places, x, y, z, slopes[:, planar], ~outliers[planar]), planar
+    columns, rows = np.divmod(places, heights.shape[1])
+    points = np.empty((3, places.size))
+    points[0], points[1] = -resolution * rows, -resolution * columns
+    points[2] = np.where(outliers, smooth, heights)[planar]
+    return Cells(places, points, slopes[:, planar], ~outliers[planar]), planar
 
 
 def _outliers(raw: Image, smooth: Image, threshold: float) -> Mask:
