@@ -9,7 +9,6 @@ from plane_scenes import (
     RESOLUTION,
     Rubble,
     Stones,
-    cells_of,
     outline_of,
     polygon,
     ramp,
@@ -170,8 +169,6 @@ def assert_consistent(regions):
         assert np.isclose(region.area, expected.area, rtol=1e-9)
         assert LinearRing(region.outer).is_ccw
         assert not any(LinearRing(hole).is_ccw for hole in region.holes)
-        cells = cells_of(regions.labels, regions.geometry, region.id)
-        assert cells.buffer(1e-9 * regions.geometry.resolution).covers(found)
 
 
 @pytest.mark.needs("shapely")
@@ -208,15 +205,6 @@ def test_outlines_fit_labels_of_any_terrain(grid_map, margin):
     assert_consistent(regions)
     known = np.isfinite(grid_map.unwrapped("elevation"))
     assert known[regions.labels > 0].all()
-
-
-def test_margin_shrinks_regions():
-    areas = []
-    for margin in range(4):
-        parameters = PlaneParameters.from_mapping({"contour_extraction": {"marginSize": margin}})
-        (region,) = regions_of(ramp(10, 0), (30, 20), 1, parameters)
-        areas.append(region.area / RESOLUTION**2)
-    np.testing.assert_allclose(areas, [29 * 19, 27 * 17, 25 * 15, 23 * 13])
 
 
 # Planes
@@ -326,14 +314,7 @@ def test_holes_and_infinities_change_nearby_cells_only():
     assert len(region.holes) == 3
 
 
-def test_start_index_has_no_influence():
-    grid_map, _ = sampled(Rubble(4), (60, 47), 4, outliers=0.03)
-    expected = extract_planes(grid_map)
-    for start in ((1, 0), (0, 46), (31, 20)):
-        assert_same(extract_planes(moved_in_buffer(grid_map, start)), expected)
-
-
-def test_same_input_yields_same_bits_and_stays_unchanged():
+def test_same_input_with_any_start_index_yields_same_bits():
     grid_map, _ = sampled(Rubble(5), (60, 47), 5, outliers=0.05)
     before = grid_map.copy()
     first = extract_planes(grid_map)
@@ -343,6 +324,8 @@ def test_same_input_yields_same_bits_and_stays_unchanged():
     finally:
         cv2.setNumThreads(-1)
     assert grid_map == before
+    for start in ((1, 0), (0, 46), (31, 20)):
+        assert_same(extract_planes(moved_in_buffer(grid_map, start)), first)
 
 
 def test_layers_describe_regions():
@@ -380,11 +363,6 @@ def test_yaml_of_upstream_loads_unmodified(tmp_path):
         ("preprocessing: {kernelSize: 4}", "'kernelSize': expected 3 or 5"),
         ("preprocessing: 3", "'preprocessing': expected a mapping"),
         ("contour_extraction: {marginSize: 0.5}", "'marginSize': expected an integer"),
-        ("sliding_window_plane_extractor: {kernel_size: 4}", "'kernel_size': expected an odd"),
-        (
-            "sliding_window_plane_extractor: {plane_inclination_threshold_degrees: .nan}",
-            "expected an angle between 0 and 90",
-        ),
         ("- 1", "'parameters': expected sections"),
     ],
 )
@@ -404,26 +382,26 @@ def test_wrong_arguments_are_refused():
 
 
 WINDOWS = "sliding_window_plane_extractor"
+STRICTER = {
+    "planarity_opening_filter": 2,
+    "kernel_size": 5,
+    "min_number_points_per_label": 100,
+    "plane_patch_error_threshold": 0.005,
+    "global_plane_fit_distance_error_threshold": 0.006,
+    "global_plane_fit_angle_error_threshold_degrees": 5.0,
+    "local_plane_inclination_threshold_degrees": 5.0,
+}
 
 
-@pytest.mark.parametrize(
-    ("section", "name", "value"),
-    [
-        ("preprocessing", "numberOfRepeats", 0),
-        (WINDOWS, "planarity_opening_filter", 2),
-        (WINDOWS, "kernel_size", 5),
-        (WINDOWS, "min_number_points_per_label", 100),
-        (WINDOWS, "plane_patch_error_threshold", 0.005),
-        (WINDOWS, "global_plane_fit_distance_error_threshold", 0.006),
-        (WINDOWS, "global_plane_fit_angle_error_threshold_degrees", 5.0),
-        (WINDOWS, "local_plane_inclination_threshold_degrees", 5.0),
-    ],
-)
-def test_stricter_parameters_find_fewer_cells(section, name, value):
+def test_stricter_parameters_find_fewer_cells():
     grid_map, _ = sampled(Rubble(3), (60, 47), 5, outliers=0.05)
-    parameters = PlaneParameters.from_mapping({section: {name: value}})
-    cells = (extract_planes(grid_map, parameters=parameters).labels > 0).sum()
-    assert 0 < cells < (extract_planes(grid_map).labels > 0).sum()
+    most = (extract_planes(grid_map).labels > 0).sum()
+    sections = [{WINDOWS: {name: value}} for name, value in STRICTER.items()]
+    for section in ({"preprocessing": {"numberOfRepeats": 0}}, *sections):
+        parameters = PlaneParameters.from_mapping(section)
+        assert 0 < (extract_planes(grid_map, parameters=parameters).labels > 0).sum() < most, (
+            section
+        )
 
 
 def test_steep_regions_are_removed():
