@@ -14,9 +14,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..regions._polygon import Polygon
 from ._regions import PlanarRegion, crossed, to_edges
 
-_ANGLES = 24  # directions of the centers of the first circles
-_GROWN = 3  # largest polygons that are grown again from their own shape
-_REPEATS = 2  # times that a polygon is grown again
+_ANGLES = 36  # directions of the segments from which polygons are grown
 _SECTORS = 720  # directions in which hidden edges are searched
 _SHRUNK = 1.0 - 1e-9  # keeps rounded corners inside the region
 
@@ -24,11 +22,10 @@ _SHRUNK = 1.0 - 1e-9  # keeps rounded corners inside the region
 def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16) -> Positions:
     """Return a large convex polygon that lies inside a region and contains a position.
 
-    The polygon is grown with ellipses, as in IRIS (Deits and Tedrake, "Computing large convex
-    regions of obstacle-free space through semidefinite programming", 2015): the edges of the region
-    are cut off one by one, the nearest first, where the distance is measured in the metric of an
-    ellipse. The first ellipses are circles at and around the position. The largest polygons are
-    grown again with their own ellipses of inertia.
+    As in IRIS (Deits and Tedrake, "Computing large convex regions of obstacle-free space through
+    semidefinite programming", 2015), the edges of the region are cut off one by one, the nearest
+    first. The distances are those from a segment instead of an ellipse. It leads from the position
+    half-way to the outline; of many directions, the one with the largest polygon is chosen.
 
     Args:
         region: the region; its holes are avoided.
@@ -52,13 +49,8 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
         expected = f"a position inside region {region.id}"
         raise GeometryError(f"position: expected {expected}, got {tuple(origin.tolist())}")
     edges = edges[:, _visible(edges)]
-    circles = np.broadcast_to(np.eye(2), (_ANGLES, 2, 2))
-    best = sorted(_grown(edges, circles, _half_way(edges)), key=_area)[-_GROWN:]
-    for _ in range(_REPEATS):
-        metrics, centers = map(np.stack, zip(*map(_ellipse, best), strict=True))
-        pairs = zip(best, _grown(edges, metrics, centers), strict=True)
-        best = [max(pair, key=_area) for pair in pairs]
-    return origin + _SHRUNK * max((_reduced(corners, vertices) for corners in best), key=_area)
+    grown = (_reduced(corners, vertices) for corners in _grown(edges, _half_way(edges)))
+    return origin + _SHRUNK * max(grown, key=_area)
 
 
 def _visible(edges: Positions) -> Mask:
@@ -96,45 +88,33 @@ def _half_way(edges: Positions) -> Positions:
     return np.asarray(0.5 * ahead / np.nanmax(inverse, axis=1, keepdims=True))
 
 
-def _grown(edges: Positions, metrics: Positions, centers: Positions) -> list[Positions]:
-    """Return a convex polygon around the origin for each ellipse, free of edges.
+def _grown(edges: Positions, centers: Positions) -> list[Positions]:
+    """Return a convex polygon, free of edges, around each segment from the origin to a center.
 
     Args:
         edges: (4, E) edges of the region, which enclose the origin.
-        metrics: (S, 2, 2) linear maps, each from an ellipse to a circle.
-        centers: (S, 2) centers of the ellipses; no edge is between them and the origin.
+        centers: (S, 2) ends of the segments, which cross no edge.
     """
-    start, end = metrics @ edges[:2], metrics @ edges[2:]
-    ways, distances = _separations(start, end, metrics @ centers[..., None])
-    normals = ways / distances[:, None]
-    levels = np.minimum((normals * start).sum(axis=1), (normals * end).sum(axis=1))
-    is_line = np.zeros(distances.shape, np.bool_)
-    while (left := np.flatnonzero(distances.min(axis=1) < np.inf)).size:
-        nearest = left, distances[left].argmin(axis=1)
-        is_line[nearest] = True
-        normal = normals.transpose(0, 2, 1)[nearest][:, None]
-        along = np.minimum(normal @ start[left], normal @ end[left])[:, 0]
-        is_beyond = along >= levels[nearest][:, None] * (1 - 1e-12)
-        distances[left] = np.where(is_beyond, np.inf, distances[left])
-        distances[nearest] = np.inf
-    lines = metrics.transpose(0, 2, 1) @ normals / levels[:, None]
-    return [_polygon(line[:, chosen].T) for line, chosen in zip(lines, is_line, strict=True)]
-
-
-def _separations(start: Positions, end: Positions, core: Positions) -> tuple[Positions, Positions]:
-    """Return the vectors (S, 2, E) from the cores to edges, each the shortest, and their lengths.
-
-    A core is the segment from the origin to a point (S, 2, 1).
-    """
-    (x0, y0), (x1, y1), (x, y) = (np.moveaxis(ends, 1, 0) for ends in (start, end, core + 1e-150))
-    # The nearest points of two segments include an end of one of them.
-    ways = [to_edges((x0, y0, x1, y1), *end) for end in ((0.0, 0.0), (x, y))]
+    x0, y0, x1, y1 = edges
+    x, y = centers.T[..., None]
+    # The nearest points of a segment and an edge include an end of one of them.
+    ways = [to_edges(edges, *end) for end in ((0.0 * x, 0.0 * y), (x, y))]
     ways += [to_edges((0.0, 0.0, -x, -y), *end) for end in ((-x0, -y0), (-x1, -y1))]
-    vectors = np.array(ways)
+    vectors = np.array(ways)  # (4, 2, S, E)
     lengths = np.hypot(vectors[:, 0], vectors[:, 1])
     nearest = lengths.argmin(axis=0)[None, None]
-    best = np.take_along_axis(vectors, nearest, axis=0)[0]
-    return best.transpose(1, 0, 2), lengths.min(axis=0)
+    distances = lengths.min(axis=0)
+    normal_x, normal_y = np.take_along_axis(vectors, nearest, axis=0)[0] / distances
+    levels = np.minimum(normal_x * x0 + normal_y * y0, normal_x * x1 + normal_y * y1)
+    lines = np.stack([normal_x, normal_y], axis=-1) / levels[..., None]  # line . x <= 1 is free
+    is_cut = np.zeros(distances.shape, np.bool_)
+    while (left := np.flatnonzero(distances.min(axis=1) < np.inf)).size:
+        cut = left, distances[left].argmin(axis=1)
+        is_cut[cut] = True
+        along = np.minimum(lines[cut] @ edges[:2], lines[cut] @ edges[2:])
+        distances[left] = np.where(along >= 1 - 1e-12, np.inf, distances[left])
+        distances[cut] = np.inf
+    return [_polygon(line[chosen]) for line, chosen in zip(lines, is_cut, strict=True)]
 
 
 def _polygon(lines: Positions) -> Positions:
@@ -146,19 +126,6 @@ def _polygon(lines: Positions) -> Positions:
     after = np.roll(dual, -1, axis=0)
     step = after - dual
     return np.stack([step[:, 1], -step[:, 0]], axis=1) / _cross(dual, after)[:, None]
-
-
-def _ellipse(corners: Positions) -> tuple[Positions, Positions]:
-    """Return the map from the ellipse of inertia of a polygon to a circle, and the centroid."""
-    after = np.roll(corners, -1, axis=0)
-    areas = _cross(corners, after)
-    center = areas @ (corners + after) / (3 * areas.sum())
-    a, b = corners - center, after - center
-    areas = _cross(a, b)
-    # a a^T + b b^T + (a + b) (a + b)^T, without a constant factor.
-    second = sum((areas * v.T) @ v for v in (a, b, a + b))
-    values, vectors = np.linalg.eigh(second / areas.sum())
-    return (vectors / np.sqrt(values)).T, center
 
 
 def _reduced(corners: Positions, count: int) -> Positions:

@@ -70,13 +70,13 @@ class SlidingWindow:
     def __post_init__(self) -> None:
         size = self.kernel_size
         check(size >= 3 and size % 2 == 1, "kernel_size", "an odd number from 3 on [cells]", size)
-        for name in ("planarity_opening_filter", "min_number_points_per_label"):
-            check(getattr(self, name) >= 0, name, "no negative number", getattr(self, name))
         for name, value in vars(self).items():
             if name.endswith("_degrees"):
                 check(0 < value < 90, name, "an angle between 0 and 90 [degrees]", value)
             elif name.endswith("error_threshold"):
                 check(0 < value < math.inf, name, "a positive length [m]", value)
+            elif name in ("planarity_opening_filter", "min_number_points_per_label"):
+                check(value >= 0, name, "no negative number", value)
 
 
 @dataclass(frozen=True, kw_only=True)
