@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from .._arrays._checks import Layer
 from .._parameters import check
 from ..errors import GridMapError
-from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._outlines import cleaned, components, outlines
 from ._parameters import PlaneParameters
@@ -20,14 +19,13 @@ from ._regions import PlanarRegions
 from ._segmentation import Splitter, fit_planes
 from ._windows import Cells, planar_cells
 
-_DEFAULT = PlaneParameters()
 _LEAST_FITTED = 4  # cells of a fit; three cells leave no residual
 
 
 def extract_planes(
     grid_map: GridMap,
     layer: str = "elevation",
-    parameters: PlaneParameters = _DEFAULT,
+    parameters: PlaneParameters | None = None,
     previous: PlanarRegions | None = None,
 ) -> PlanarRegions:
     """Divide the planar parts of a map into regions, each with a plane and an outline.
@@ -40,7 +38,7 @@ def extract_planes(
             positive and finite are fitted with the weights 1 / variance, and their covariance
             follows from the variances. Otherwise it follows from the residuals.
         layer: name of the layer of heights [m].
-        parameters: thresholds.
+        parameters: thresholds; None means the defaults.
         previous: regions of an earlier map in the same frame with the same resolution; the map may
             have moved. The region that shares the most cells with an old region keeps its id; if
             several old regions claim the same region, the one that shares the most cells wins. All
@@ -52,6 +50,7 @@ def extract_planes(
         GridMapError: `previous` has another frame or resolution.
     """
     geometry = grid_map.geometry
+    parameters = PlaneParameters() if parameters is None else parameters
     check(isinstance(parameters, PlaneParameters), "parameters", "PlaneParameters", parameters)
     heights = np.ascontiguousarray(grid_map.unwrapped(layer).T)
     limits = parameters.sliding_window_plane_extractor
@@ -127,7 +126,7 @@ def _identify(
     if previous is None:
         return np.arange(1, count + 1), count + 1
     _check_previous(previous, grid_map)
-    geometry: GridGeometry = previous.geometry
+    geometry = previous.geometry
     shift = np.rint((grid_map.geometry.corner - geometry.corner) / geometry.resolution)
     places = np.argwhere(previous.labels) + np.clip(shift, -(2**31), 2**31).astype(np.int64)
     old = previous.labels[previous.labels > 0].astype(np.int64)

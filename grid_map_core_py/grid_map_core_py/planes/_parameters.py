@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -139,11 +139,11 @@ class PlaneParameters:
         ContourExtraction(marginSize=1)
     """
 
-    preprocessing: Preprocessing = Preprocessing()
-    sliding_window_plane_extractor: SlidingWindow = SlidingWindow()
-    ransac_plane_refinement: RansacRefinement = RansacRefinement()
-    contour_extraction: ContourExtraction = ContourExtraction()
-    postprocessing: Postprocessing = Postprocessing()
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+    sliding_window_plane_extractor: SlidingWindow = field(default_factory=SlidingWindow)
+    ransac_plane_refinement: RansacRefinement = field(default_factory=RansacRefinement)
+    contour_extraction: ContourExtraction = field(default_factory=ContourExtraction)
+    postprocessing: Postprocessing = field(default_factory=Postprocessing)
 
     @classmethod
     def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
