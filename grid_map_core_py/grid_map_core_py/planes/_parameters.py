@@ -170,7 +170,8 @@ class PlaneParameters:
         Raises:
             ConfigError: as `from_mapping`; the message names the file.
         """
+        content = load_yaml(path)
         try:
-            return cls.from_mapping(load_yaml(path) or {})
+            return cls.from_mapping({} if content is None else content)
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}") from error
