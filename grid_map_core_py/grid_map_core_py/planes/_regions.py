@@ -206,17 +206,16 @@ class PlanarRegions(Sequence[PlanarRegion]):
         """Return the vectors (N, R, 2) from positions (N, 2) to the polygons; 0 inside."""
         edges, starts = self._outlines.edges, self._first_edges
         x, y = positions.T[:, :, None]
-        ahead = np.stack(to_edges(edges, x, y), axis=-1)
-        squares = (ahead**2).sum(axis=-1)
+        ahead_x, ahead_y = to_edges(edges, x, y)
+        squares = ahead_x**2 + ahead_y**2
         nearest = np.minimum.reduceat(squares, starts[:-1], axis=1)
         # The first edge of each region at the smallest distance.
         is_nearest = squares == nearest.repeat(np.diff(starts), axis=1)
         numbers = np.where(is_nearest, np.arange(edges.shape[1]), edges.shape[1])
         chosen = np.minimum.reduceat(numbers, starts[:-1], axis=1)
         inside = np.logical_xor.reduceat(crossed(edges, x, y), starts[:-1], axis=1)
-        to_polygons = np.take_along_axis(ahead, chosen[..., None], axis=1)
-        to_polygons[inside] = 0.0
-        return to_polygons
+        ahead = [np.take_along_axis(values, chosen, axis=1) for values in (ahead_x, ahead_y)]
+        return np.where(inside, 0.0, ahead).transpose(1, 2, 0)
 
     def _heights(self, numbers: Any, positions: Positions) -> Positions:
         """Return the heights of planes at positions (..., 2) [m]."""
