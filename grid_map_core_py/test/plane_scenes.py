@@ -117,13 +117,3 @@ def outline_of(labels, geometry, number):
         if len(corners) >= 3:
             parts.append(Polygon(corners))
     return union_all(parts)
-
-
-def cells_of(labels, geometry, number):
-    """Return the union of the cells with a label."""
-    from shapely import box, union_all
-
-    x, y = geometry.axes_in_map_order()
-    half = geometry.resolution / 2
-    rows, columns = np.nonzero(labels == number)
-    return union_all(box(x[rows] - half, y[columns] - half, x[rows] + half, y[columns] + half))

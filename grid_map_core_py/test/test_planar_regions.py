@@ -3,11 +3,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
-from plane_scenes import RESOLUTION, Rubble, outline_of, polygon, ramp, sampled, stairs
+from plane_scenes import RESOLUTION, Rubble, polygon, sampled, stairs
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError
-from grid_map_core_py.planes import PlanarRegions, convex_inside, extract_planes
+from grid_map_core_py.planes import convex_inside, extract_planes
 
 
 @pytest.fixture(scope="module")
@@ -27,16 +26,11 @@ def positions(rubble):
     )
 
 
-def test_regions_are_sequence_in_order_of_ids(rubble):
-    assert isinstance(rubble, PlanarRegions)
+def test_regions_are_read_only_sequence_in_order_of_ids(rubble):
     assert [region.id for region in rubble] == list(range(1, len(rubble) + 1))
-    assert rubble[-1].id == len(rubble)
     assert [region.id for region in rubble[1:3]] == [2, 3]
-    assert {region.frame for region in rubble} == {"map"}
     assert repr(rubble).startswith(f"PlanarRegions({len(rubble)} regions in 'map'")
-    with pytest.raises(IndexError):
-        rubble[len(rubble)]
-    for array in (rubble.labels, rubble[0].outer, rubble[0].normal):
+    for array in (rubble.labels, rubble[0].outer, rubble[-1].normal):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
 
@@ -45,33 +39,20 @@ def test_regions_are_sequence_in_order_of_ids(rubble):
 
 
 @pytest.mark.needs("shapely")
-def test_at_equals_shapely(rubble, positions):
+@pytest.mark.parametrize("limit", [None, 0.1, np.inf])
+def test_at_and_nearest_equal_shapely(rubble, positions, limit):
     from shapely import Point
 
     found = 0
-    polygons = [(region.id, polygon(region)) for region in rubble]
-    for position in positions:
-        containing = [
-            number for number, shape in polygons if shape.distance(Point(position)) < 1e-9
-        ]
-        region = rubble.at(position)
-        assert ([region.id] if region else []) == containing
-        found += bool(containing)
-    assert 100 < found < len(positions)
-
-
-@pytest.mark.needs("shapely")
-@pytest.mark.parametrize("limit", [0.0, 0.1, np.inf])
-def test_nearest_equals_shapely(rubble, positions, limit):
-    from shapely import Point
-
     for position in positions:
         gaps = {region.id: polygon(region).distance(Point(position)) for region in rubble}
-        region = rubble.nearest(position, limit)
-        if min(gaps.values()) > limit + 1e-9:
-            assert region is None
+        region = rubble.at(position) if limit is None else rubble.nearest(position, limit)
+        if region:
+            assert gaps[region.id] <= min(*gaps.values(), limit or 0) + 1e-9
         else:
-            assert gaps[region.id] <= min(gaps.values()) + 1e-9
+            assert min(gaps.values()) > (limit or 0)
+        found += region is not None
+    assert 100 < found <= len(positions)
 
 
 @pytest.mark.needs("shapely")
@@ -94,42 +75,28 @@ def test_project_equals_shapely(rubble, positions):
         assert rubble.at(found[:2]) is not None
 
 
-def test_project_keeps_rows_of_unknown_points(rubble):
-    points = np.array([[0, 0, 0], [np.nan, 0, 0], [0, np.inf, 0]])
-    projected = rubble.project(points)
-    assert np.isfinite(projected[0]).all()
-    assert np.isnan(projected[1:]).all()
+def test_unknown_points_are_projected_to_nan(rubble):
+    projected = rubble.project(np.array([[0, 0, 0], [np.nan, 0, 0], [0, np.inf, 0]]))
+    assert np.isfinite(projected).all(axis=1).tolist() == [True, False, False]
     assert rubble.project(np.empty((0, 3))).shape == (0, 3)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda regions: regions.at((0, np.nan)), "position: expected two finite numbers"),
-        (lambda regions: regions.nearest((0, 0), -1), "max_distance: expected a distance"),
-        (lambda regions: regions.nearest((0, 0), np.nan), "max_distance: expected a distance"),
-        (lambda regions: regions.project((0, 0, 0)), r"points: expected shape \(N, 3\)"),
-        (lambda regions: convex_inside(regions[0], (9, 9)), "position: expected a position inside"),
-        (
-            lambda regions: convex_inside(regions[0], regions[0].outer[0]),
-            "expected a position inside",
-        ),
-        (lambda regions: convex_inside(regions[0], (0, 0), 2), "vertices: expected an integer"),
-    ],
-)
-def test_wrong_arguments_are_refused(rubble, call, message):
-    with pytest.raises(GeometryError, match=message):
-        call(rubble)
+def test_wrong_arguments_are_refused(rubble):
+    with pytest.raises(GeometryError, match="position: expected two finite numbers"):
+        rubble.at((0, np.nan))
+    for distance in (-1, np.nan):
+        with pytest.raises(GeometryError, match="max_distance: expected a distance"):
+            rubble.nearest((0, 0), distance)
+    with pytest.raises(GeometryError, match=r"points: expected shape \(N, 3\)"):
+        rubble.project((0, 0, 0))
+    for position in ((9, 9), rubble[0].outer[0]):
+        with pytest.raises(GeometryError, match="position: expected a position inside"):
+            convex_inside(rubble[0], position)
+    with pytest.raises(GeometryError, match="vertices: expected an integer of at least 3, got 2"):
+        convex_inside(rubble[0], rubble[0].center[:2], 2)
 
 
 # Convex polygons
-
-
-def region_of(mask):
-    """Return the region whose outline runs through the border cells of a mask."""
-    grid_map = GridMap.from_array(np.where(mask, 0.0, np.nan), RESOLUTION)
-    (region,) = extract_planes(grid_map)
-    return region
 
 
 def assert_convex_inside(region, position, corners, most=16):
@@ -181,7 +148,7 @@ def best_hull(region, position, seed):
 
 
 @pytest.mark.needs("shapely")
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(5))
 def test_convex_polygon_has_most_of_best_area(seed):
     grid_map, _ = sampled(Rubble(seed, 1.6, 5), (36, 33), seed)
     for region in extract_planes(grid_map):
@@ -189,36 +156,9 @@ def test_convex_polygon_has_most_of_best_area(seed):
             corners = convex_inside(region, position)
             area = assert_convex_inside(region, position, corners)
             assert area >= 0.7 * best_hull(region, position, seed)
-
-
-@pytest.mark.needs("shapely")
-def test_convex_polygon_of_convex_region_is_region():
-    region = region_of(np.ones((9, 14)))
-    for position in positions_inside(region, 5, 0):
-        area = assert_convex_inside(region, position, convex_inside(region, position))
-        assert np.isclose(area, region.area, rtol=1e-6)
-
-
-@pytest.mark.needs("shapely")
-def test_convex_polygon_in_corridor_around_hole():
-    mask = np.ones((30, 40))
-    mask[8:22, 8:32] = 0
-    region = region_of(mask)
-    for position in positions_inside(region, 10, 0):
-        area = assert_convex_inside(region, position, convex_inside(region, position))
-        # The straight corridors are 7 cells wide.
-        assert area >= 0.99 * 29 * 7 * RESOLUTION**2
-
-
-@pytest.mark.needs("shapely")
-def test_number_of_corners_is_limited(rubble):
-    region = max(rubble, key=lambda region: region.area)
-    for position in positions_inside(region, 5, 3):
-        areas = []
-        for most in (3, 4, 6, 16):
-            corners = convex_inside(region, position, most)
-            areas.append(assert_convex_inside(region, position, corners, most))
-        assert areas[-1] > areas[0] > 0
+            for most in (3, 5):
+                corners = convex_inside(region, position, most)
+                assert 0 < assert_convex_inside(region, position, corners, most) <= area
 
 
 # Ids
@@ -249,17 +189,6 @@ def test_ids_stay_while_map_moves(seed):
         before = here
         used.update(here.values())
         center += random.integers(1, 31, 2) * random.choice([-1, 1], 2)
-
-
-def test_ids_stay_with_moved_buffer():
-    grid_map = moved_terrain(stairs(0.17, 0.1), (0, 0), 1)
-    first = extract_planes(grid_map)
-    grid_map.move((0.4, -0.24))
-    second = extract_planes(grid_map, previous=first)
-    centers = {region.id: region.center for region in first}
-    kept = [region for region in second if region.id in centers]
-    assert len(kept) >= 6
-    assert all(abs(region.center[0] - centers[region.id][0]) < 0.2 for region in kept)
 
 
 def floors(wall):
@@ -298,71 +227,15 @@ def test_maps_without_overlap_share_no_ids():
         assert [region.id for region in extract_planes(away, previous=first)] == [2]
 
 
-def test_previous_regions_may_have_other_size():
-    first = extract_planes(floors(slice(30, 31)))
-    part = floors(slice(30, 31)).get_block(slice(24, 50), slice(3, 20))
-    upper, lower = extract_planes(part, previous=first)
-    assert (upper.id, lower.id) == (1, 2)
-    assert upper.center[0] > lower.center[0]
-    np.testing.assert_allclose(lower.outer.min(axis=0)[0], first[1].outer.min(axis=0)[0])
-
-
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("changed", "message"),
     [
-        (lambda part: setattr(part, "frame_id", "odom"), "in the frame 'odom', got 'map'"),
-        (None, r"with a resolution of 0\.1 m, got 0\.04 m"),
+        ({"frame_id": "odom"}, "in the frame 'odom', got 'map'"),
+        ({"resolution": 0.1}, r"with a resolution of 0\.1 m, got 0\.04 m"),
     ],
 )
-def test_previous_regions_of_other_frame_or_resolution_are_refused(change, message):
-    first = extract_planes(floors(slice(0)))
-    grid_map = floors(slice(0)) if change else GridMap.from_array(np.zeros((20, 20)), 0.1)
-    if change:
-        change(grid_map)
+def test_previous_regions_of_other_frame_or_resolution_are_refused(changed, message):
+    options = {"resolution": RESOLUTION} | changed
+    grid_map = GridMap.from_array(np.zeros((20, 20)), **options)
     with pytest.raises(GridMapError, match=f"previous: expected regions {message}"):
-        extract_planes(grid_map, previous=first)
-
-
-@given(st.data())
-def test_ids_follow_largest_share(data):
-    sizes = [data.draw(st.sets(st.integers(4, 44))) for _ in range(2)]
-    old, new = (extract_planes(floors(sorted(rows))) for rows in sizes)
-    following = extract_planes(floors(sorted(sizes[1])), previous=old)
-    assert len(following) == len(new)
-    shares = {
-        (a.id, b.id): int(((old.labels == a.id) & (following.labels == b.id)).sum())
-        for a in old
-        for b in following
-    }
-    for a in old:
-        best = max((shares[a.id, b.id] for b in following), default=0)
-        keeper = [b for b in following if b.id == a.id]
-        # A region keeps an old id only if it has the largest share of it ...
-        assert all(shares[a.id, b.id] == best > 0 for b in keeper)
-        # ... and an id ends only if its keeper took another one with a larger share.
-        if best and not keeper:
-            takers = [b for b in following if shares[a.id, b.id] == best]
-            assert any(shares.get((b.id, b.id), 0) >= best for b in takers)
-    fresh = [b.id for b in following if b.id > len(old)]
-    assert sorted(fresh) == list(range(len(old) + 1, len(old) + 1 + len(fresh)))
-
-
-@pytest.mark.needs("shapely")
-def test_outline_oracle_finds_differences(rubble):
-    """The oracle of the outline tests must see a single missing cell."""
-    region = max(rubble, key=lambda region: region.area)
-    labels = rubble.labels.copy()
-    row, column = np.argwhere(labels == region.id)[40]
-    labels[row, column] = 0
-    changed = outline_of(labels, rubble.geometry, region.id)
-    assert polygon(region).symmetric_difference(changed).area > 0.2 * RESOLUTION**2
-
-
-def test_ramp_height_follows_plane():
-    grid_map, _ = sampled(ramp(20, 0.7), (30, 20), 2, noise=0.0)
-    regions = extract_planes(grid_map)
-    x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
-    points = np.column_stack([x.ravel(), y.ravel(), grid_map["elevation"].ravel() + 0.3])
-    projected = regions.project(points)
-    np.testing.assert_allclose(projected[:, :2], points[:, :2], atol=1e-12)
-    np.testing.assert_allclose(projected[:, 2], points[:, 2] - 0.3, atol=1e-6)
+        extract_planes(grid_map, previous=extract_planes(floors(slice(0))))

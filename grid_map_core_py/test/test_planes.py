@@ -9,7 +9,6 @@ from plane_scenes import (
     RESOLUTION,
     Rubble,
     Stones,
-    cells_of,
     outline_of,
     polygon,
     ramp,
@@ -17,18 +16,13 @@ from plane_scenes import (
     stairs,
 )
 
-from grid_map_core_py import ConfigError, GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py import ConfigError, GridMap, LayerNotFoundError
 from grid_map_core_py.planes import PlaneParameters, extract_planes
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 # The values of upstream's parameters.yaml.
 UPSTREAM = """
-preprocessing:
-  resolution: 0.04
-  kernelSize: 3
-  numberOfRepeats: 1
-  increasing: False
-
+preprocessing: {resolution: 0.04, kernelSize: 3, numberOfRepeats: 1, increasing: False}
 sliding_window_plane_extractor:
   kernel_size: 3
   planarity_opening_filter: 0
@@ -40,17 +34,9 @@ sliding_window_plane_extractor:
   include_ransac_refinement: true
   global_plane_fit_distance_error_threshold: 0.025
   global_plane_fit_angle_error_threshold_degrees: 25.0
-
 ransac_plane_refinement:
-  probability: 0.01
-  min_points: 4
-  epsilon: 0.025
-  cluster_epsilon: 0.08
-  normal_threshold: 25.0
-
-contour_extraction:
-  marginSize: 1
-
+  {probability: 0.01, min_points: 4, epsilon: 0.025, cluster_epsilon: 0.08, normal_threshold: 25.0}
+contour_extraction: {marginSize: 1}
 postprocessing:
   extracted_planes_height_offset: 0.0
   nonplanar_height_offset: 0.02
@@ -164,27 +150,6 @@ def test_pit_in_floor_is_one_hole(seed):
     assert region.area < region.cells * RESOLUTION**2
 
 
-def test_ramp_on_floor_is_two_regions():
-    surface = lambda x, y: np.maximum(0.35 * x, 0) + 0 * y  # noqa: E731
-    for seed in range(5):
-        upper, lower = sorted(regions_of(surface, (80, 30), seed), key=lambda r: -r.center[2])
-        assert degrees_between(lower.normal, (0, 0, 1)) < 1
-        assert abs(degrees_between(upper.normal, (0, 0, 1)) - np.degrees(np.arctan(0.35))) < 1
-        assert lower.area + upper.area > 0.9 * 79 * 29 * RESOLUTION**2
-
-
-def test_low_steps_merge_until_distance_threshold_is_lowered():
-    surface = stairs(0.03, 0.0, tread=0.4)
-    merged = regions_of(surface, (40, 30), 1, noise=0.001)
-    strict = {
-        "global_plane_fit_distance_error_threshold": 0.006,
-        "plane_patch_error_threshold": 0.004,
-    }
-    parameters = PlaneParameters(sliding_window_plane_extractor=strict)
-    separate = regions_of(surface, (40, 30), 1, parameters, noise=0.001)
-    assert len(merged) < 4 <= len(separate)
-
-
 # Outlines
 
 
@@ -204,8 +169,6 @@ def assert_consistent(regions):
         assert np.isclose(region.area, expected.area, rtol=1e-9)
         assert LinearRing(region.outer).is_ccw
         assert not any(LinearRing(hole).is_ccw for hole in region.holes)
-        cells = cells_of(regions.labels, regions.geometry, region.id)
-        assert cells.buffer(1e-9 * regions.geometry.resolution).covers(found)
 
 
 @pytest.mark.needs("shapely")
@@ -237,20 +200,11 @@ PARTS = [0.4, 0.2, 0.15, 0.1, 0.1, 0.03, 0.02]
 @pytest.mark.needs("shapely")
 @given(terraces(), st.integers(0, 2))
 def test_outlines_fit_labels_of_any_terrain(grid_map, margin):
-    parameters = PlaneParameters(contour_extraction={"marginSize": margin})
+    parameters = PlaneParameters.from_mapping({"contour_extraction": {"marginSize": margin}})
     regions = extract_planes(grid_map, parameters=parameters)
     assert_consistent(regions)
     known = np.isfinite(grid_map.unwrapped("elevation"))
     assert known[regions.labels > 0].all()
-
-
-def test_margin_shrinks_regions():
-    areas = []
-    for margin in range(4):
-        parameters = PlaneParameters(contour_extraction={"marginSize": margin})
-        (region,) = regions_of(ramp(10, 0), (30, 20), 1, parameters)
-        areas.append(region.area / RESOLUTION**2)
-    np.testing.assert_allclose(areas, [29 * 19, 27 * 17, 25 * 15, 23 * 13])
 
 
 # Planes
@@ -360,14 +314,7 @@ def test_holes_and_infinities_change_nearby_cells_only():
     assert len(region.holes) == 3
 
 
-def test_start_index_has_no_influence():
-    grid_map, _ = sampled(Rubble(4), (60, 47), 4, outliers=0.03)
-    expected = extract_planes(grid_map)
-    for start in ((1, 0), (0, 46), (31, 20)):
-        assert_same(extract_planes(moved_in_buffer(grid_map, start)), expected)
-
-
-def test_same_input_yields_same_bits_and_stays_unchanged():
+def test_same_input_with_any_start_index_yields_same_bits():
     grid_map, _ = sampled(Rubble(5), (60, 47), 5, outliers=0.05)
     before = grid_map.copy()
     first = extract_planes(grid_map)
@@ -377,6 +324,8 @@ def test_same_input_yields_same_bits_and_stays_unchanged():
     finally:
         cv2.setNumThreads(-1)
     assert grid_map == before
+    for start in ((1, 0), (0, 46), (31, 20)):
+        assert_same(extract_planes(moved_in_buffer(grid_map, start)), first)
 
 
 def test_layers_describe_regions():
@@ -401,7 +350,7 @@ def test_yaml_of_upstream_loads_unmodified(tmp_path):
     path = tmp_path / "parameters.yaml"
     path.write_text(UPSTREAM)
     parameters = PlaneParameters.from_yaml(path)
-    assert parameters == PlaneParameters(contour_extraction={"marginSize": 1})
+    assert parameters == PlaneParameters.from_mapping({"contour_extraction": {"marginSize": 1}})
     grid_map, _ = sampled(ramp(5, 0), (12, 10), 1)
     assert extract_planes(grid_map, parameters=parameters)[0].cells == 10 * 8
 
@@ -409,16 +358,11 @@ def test_yaml_of_upstream_loads_unmodified(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("preprocesing: {}", "unknown section 'preprocesing'.* did you mean preprocessing"),
+        ("preprocesing: {}", "unknown parameter 'preprocesing'.* did you mean preprocessing"),
         ("preprocessing: {kernelsize: 3}", "preprocessing: unknown .* did you mean kernelSize"),
         ("preprocessing: {kernelSize: 4}", "'kernelSize': expected 3 or 5"),
         ("preprocessing: 3", "'preprocessing': expected a mapping"),
         ("contour_extraction: {marginSize: 0.5}", "'marginSize': expected an integer"),
-        ("sliding_window_plane_extractor: {kernel_size: 4}", "'kernel_size': expected an odd"),
-        (
-            "sliding_window_plane_extractor: {plane_inclination_threshold_degrees: .nan}",
-            "expected an angle between 0 and 90",
-        ),
         ("- 1", "'parameters': expected sections"),
     ],
 )
@@ -433,21 +377,35 @@ def test_wrong_arguments_are_refused():
     grid_map, _ = sampled(ramp(5, 0), (12, 10), 1)
     with pytest.raises(LayerNotFoundError, match="did you mean elevation"):
         extract_planes(grid_map, "elevatoin")
-    with pytest.raises(ConfigError, match=r"parameters: expected PlaneParameters .*, got {}"):
+    with pytest.raises(ConfigError, match=r"'parameters': expected PlaneParameters, got {}"):
         extract_planes(grid_map, parameters={})
-    with pytest.raises(GridMapError, match="previous: expected PlanarRegions, got 3"):
-        extract_planes(grid_map, previous=3)
 
 
-@pytest.mark.parametrize("section", ["median", "opening", "kernel", "least"])
-def test_parameters_take_effect(section):
+WINDOWS = "sliding_window_plane_extractor"
+STRICTER = {
+    "planarity_opening_filter": 2,
+    "kernel_size": 5,
+    "min_number_points_per_label": 100,
+    "plane_patch_error_threshold": 0.005,
+    "global_plane_fit_distance_error_threshold": 0.006,
+    "global_plane_fit_angle_error_threshold_degrees": 5.0,
+    "local_plane_inclination_threshold_degrees": 5.0,
+}
+
+
+def test_stricter_parameters_find_fewer_cells():
     grid_map, _ = sampled(Rubble(3), (60, 47), 5, outliers=0.05)
-    parameters = {
-        "median": {"preprocessing": {"numberOfRepeats": 0}},
-        "opening": {"sliding_window_plane_extractor": {"planarity_opening_filter": 2}},
-        "kernel": {"sliding_window_plane_extractor": {"kernel_size": 5}},
-        "least": {"sliding_window_plane_extractor": {"min_number_points_per_label": 100}},
-    }[section]
-    regions = extract_planes(grid_map, parameters=PlaneParameters.from_mapping(parameters))
-    cells = (regions.labels > 0).sum()
-    assert 0 < cells < (extract_planes(grid_map).labels > 0).sum()
+    most = (extract_planes(grid_map).labels > 0).sum()
+    sections = [{WINDOWS: {name: value}} for name, value in STRICTER.items()]
+    for section in ({"preprocessing": {"numberOfRepeats": 0}}, *sections):
+        parameters = PlaneParameters.from_mapping(section)
+        assert 0 < (extract_planes(grid_map, parameters=parameters).labels > 0).sum() < most, (
+            section
+        )
+
+
+def test_steep_regions_are_removed():
+    parameters = {WINDOWS: {"plane_inclination_threshold_degrees": 20.0}}
+    parameters = PlaneParameters.from_mapping(parameters)
+    assert len(regions_of(ramp(19, 0), (20, 20), 1, parameters)) == 1
+    assert len(regions_of(ramp(21, 0), (20, 20), 1, parameters)) == 0

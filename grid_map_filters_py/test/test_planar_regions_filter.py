@@ -7,7 +7,7 @@ from filter_cases import TO_OUT, ground, run
 
 from grid_map_core_py.planes import PlaneParameters, extract_planes
 from grid_map_core_py.testing import moved_in_buffer
-from grid_map_filters_py import FILTERS, FilterConfigError
+from grid_map_filters_py import FilterConfigError
 
 STAIRS = 0.2 * (np.arange(40) // 8)[:, None] + 0.003 * np.random.default_rng(0).normal(
     size=(40, 30)
@@ -27,23 +27,11 @@ def test_filter_writes_labels_of_regions(start):
         }
         expected = extract_planes(grid_map, parameters=PlaneParameters.from_mapping(sections))
         assert len(expected) >= 5
-        for result in (
-            run("PlanarRegions", grid_map, **TO_OUT, **params),
-            FILTERS["PlanarRegions"](**TO_OUT, **params)(grid_map),
-        ):
-            assert result.start_index == start
-            np.testing.assert_array_equal(result.unwrapped("out"), expected.labels)
+        result = run("PlanarRegions", grid_map, **TO_OUT, **params)
+        assert result.start_index == start
+        np.testing.assert_array_equal(result.unwrapped("out"), expected.labels)
 
 
-@pytest.mark.parametrize(
-    ("params", "message"),
-    [
-        ({"kernel_size": 2}, "'kernel_size': expected an odd number"),
-        ({"kernelSize": 7}, "'kernelSize': expected 3 or 5"),
-        ({"marginSize": -1}, "'marginSize': expected no negative number"),
-        ({"marginsize": 1}, "did you mean marginSize"),
-    ],
-)
-def test_wrong_parameters_are_refused(params, message):
-    with pytest.raises(FilterConfigError, match=message):
-        run("PlanarRegions", ground(STAIRS), **TO_OUT, **params)
+def test_wrong_parameters_are_refused():
+    with pytest.raises(FilterConfigError, match="'kernel_size': expected an odd number"):
+        run("PlanarRegions", ground(STAIRS), **TO_OUT, kernel_size=2)

@@ -10,24 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._arrays._checks import Layer
-from ..errors import ConfigError, GridMapError, short
-from ..map._geometry import GridGeometry
+from .._parameters import check
+from ..errors import GridMapError
 from ..map._grid_map import GridMap
-from ._fits import Fit, fit_planes
 from ._outlines import cleaned, components, outlines
 from ._parameters import PlaneParameters
 from ._regions import PlanarRegions
-from ._segmentation import Cells, Splitter, planar_cells
-from ._windows import local_planes
+from ._segmentation import Splitter, fit_planes
+from ._windows import Cells, planar_cells
 
-_DEFAULT = PlaneParameters()
 _LEAST_FITTED = 4  # cells of a fit; three cells leave no residual
 
 
 def extract_planes(
     grid_map: GridMap,
     layer: str = "elevation",
-    parameters: PlaneParameters = _DEFAULT,
+    parameters: PlaneParameters | None = None,
     previous: PlanarRegions | None = None,
 ) -> PlanarRegions:
     """Divide the planar parts of a map into regions, each with a plane and an outline.
@@ -40,7 +38,7 @@ def extract_planes(
             positive and finite are fitted with the weights 1 / variance, and their covariance
             follows from the variances. Otherwise it follows from the residuals.
         layer: name of the layer of heights [m].
-        parameters: thresholds.
+        parameters: thresholds; None means the defaults.
         previous: regions of an earlier map in the same frame with the same resolution; the map may
             have moved. The region that shares the most cells with an old region keeps its id; if
             several old regions claim the same region, the one that shares the most cells wins. All
@@ -52,138 +50,106 @@ def extract_planes(
         GridMapError: `previous` has another frame or resolution.
     """
     geometry = grid_map.geometry
-    if not isinstance(parameters, PlaneParameters):
-        expected = "PlaneParameters (see PlaneParameters.from_mapping)"
-        raise ConfigError(f"parameters: expected {expected}, got {short(parameters)}")
-    if previous is not None:
-        _check_previous(previous, grid_map)
+    parameters = PlaneParameters() if parameters is None else parameters
+    check(isinstance(parameters, PlaneParameters), "parameters", "PlaneParameters", parameters)
     heights = np.ascontiguousarray(grid_map.unwrapped(layer).T)
-    windows = parameters.sliding_window_plane_extractor
-    planes = local_planes(heights, geometry.resolution, parameters)
-    cells = planar_cells(heights, planes)
-    rounds = Splitter(cells, heights.shape, geometry.resolution, windows).split()
+    limits = parameters.sliding_window_plane_extractor
+    cells, planar = planar_cells(heights, geometry.resolution, parameters)
+    rounds = Splitter(heights.shape, limits).split(cells)
     rounds = cleaned(rounds, parameters.contour_extraction.marginSize)
     labels, count = components(rounds)
     variances = grid_map.unwrapped("variance") if "variance" in grid_map else None
-    fit, scales, rms = _fitted(cells, labels, count, variances)
-    slopes = -fit.slopes / geometry.resolution  # rows and columns run towards -x and -y
-    steepest = math.tan(math.radians(windows.plane_inclination_threshold_degrees))
-    sizes = np.bincount(labels.reshape(-1), minlength=count + 1)[1:]
-    with np.errstate(invalid="ignore"):
-        valid = np.hypot(*slopes.T) <= steepest
-    valid &= (fit.counts >= _LEAST_FITTED) & (sizes >= windows.min_number_points_per_label)
-    ids, next_id = _identify(labels, np.flatnonzero(valid) + 1, geometry, previous)
+    planes, is_fitted = _fitted(cells, labels, count, variances)
+    planes["cells"] = np.bincount(labels.reshape(-1), minlength=count + 1)[1:]
+    flattest = math.cos(math.radians(limits.plane_inclination_threshold_degrees))
+    is_valid = is_fitted & (planes["normal"][:, 2] >= flattest)
+    kept = np.flatnonzero(is_valid & (planes["cells"] >= limits.min_number_points_per_label))
+    numbers = np.zeros(count + 1, np.int32)
+    numbers[kept + 1] = np.arange(1, kept.size + 1)
+    ids, next_id = _identify(numbers[labels.T], kept.size, grid_map, previous)
     # Regions are numbered in the order of their ids.
-    kept = np.flatnonzero(valid)[np.argsort(ids)]
-    ids = np.sort(ids)
-    number_of = np.zeros(count + 1, np.int32)
-    number_of[kept + 1] = np.arange(1, kept.size + 1)
-    labels = number_of[labels]
+    kept, ids = kept[np.argsort(ids)], np.sort(ids)
+    numbers[kept + 1] = np.arange(1, kept.size + 1)
+    labels = numbers[labels]
     axes = geometry.axes_in_map_order()
-    values = _values(fit, slopes, scales, geometry)
-    fields = {name: value[kept] for name, value in (values | {"rms": rms, "cells": sizes}).items()}
-    planarity = np.where(planes.known, planes.planar, np.float32(np.nan)).astype(np.float32)
-    named = np.concatenate([[0], ids]).astype(np.int32)[labels]
+    planes["center"][:, :2] += axes[0][0], axes[1][0]
     return PlanarRegions(
-        named.T,
-        planarity.T,
+        np.append(0, ids).astype(np.int32)[labels].T,
+        np.where(np.isfinite(heights), planar, np.float32(np.nan)).T,
         geometry,
         grid_map.frame_id,
-        {"ids": ids, **fields},
-        outlines(labels, axes, rounds, kept.size),
+        {"id": ids, **{name: values[kept] for name, values in planes.items()}},
+        outlines(labels, rounds, axes, geometry.resolution),
         next_id,
     )
 
 
 def _fitted(
     cells: Cells, labels: NDArray[np.int32], count: int, variances: Layer | None
-) -> tuple[Fit, Any, Any]:
-    """Return the final plane of each label, in cells, factors of the covariances, and the RMS."""
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+    """Return the plane of each label, by name of the attribute, and which planes are determined."""
     groups = labels.reshape(-1).take(cells.places) - 1
-    chosen = np.flatnonzero(cells.steady & (groups >= 0))
-    cells, groups = cells.chosen(chosen), groups.take(chosen)
-    points = cells.x, cells.y, cells.z
-    weights = None
-    is_weighted = np.zeros(count, np.bool_)
+    chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
+    points, groups = cells.points.take(chosen, axis=1), groups.take(chosen)
+    weights, is_weighted = np.ones(chosen.size), np.zeros(count, np.bool_)
     if variances is not None:
-        given = np.ascontiguousarray(variances.T).reshape(-1)[cells.places].astype(np.float64)
-        usable = np.isfinite(given) & (given > 0)
-        is_weighted = np.bincount(groups, ~usable, count) == 0
-        weights = np.where(is_weighted[groups], 1.0 / np.where(usable, given, 1.0), 1.0)
-    fit = fit_planes(groups, count, points, weights)
-    residuals = (cells.z - fit.at(groups, cells.x, cells.y)) ** 2
-    squares = np.bincount(groups, residuals, count)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scales = np.where(is_weighted, 1.0, squares / np.maximum(fit.counts - 3, 1))
-        return fit, scales, np.sqrt(squares / fit.counts)
-
-
-def _values(fit: Fit, slopes: Any, scales: Any, geometry: GridGeometry) -> dict[str, NDArray[Any]]:
-    """Return centers, normals and covariances in meters."""
-    first = np.array([axis[0] for axis in geometry.axes_in_map_order()])
-    centers = np.column_stack([first - fit.centers * geometry.resolution, fit.heights])
-    normals = np.column_stack([-slopes, np.ones(len(slopes))])
+        given = (
+            np.ascontiguousarray(variances.T).reshape(-1)[cells.places[chosen]].astype(np.float64)
+        )
+        is_usable = np.isfinite(given) & (given > 0)
+        is_weighted = np.bincount(groups, ~is_usable, count) == 0
+        is_used = is_weighted[groups]
+        weights[is_used] /= given[is_used]
+    fit, covariances = fit_planes(groups, count, points, weights)
+    counts = np.bincount(groups, minlength=count)
+    squares = np.bincount(groups, (points[2] - fit.at(groups, points)) ** 2, count)
+    is_fitted = (counts >= _LEAST_FITTED) & np.isfinite(squares)
+    scales = np.where(is_weighted, 1.0, squares / np.maximum(counts - 3, 1))
+    normals = np.column_stack([-fit.slopes, np.ones(count)])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    units = np.array([1.0, -1.0 / geometry.resolution, -1.0 / geometry.resolution])
-    covariances = fit.covariances * scales[:, None, None] * np.outer(units, units)
-    return {"centers": centers, "normals": normals, "covariances": covariances}
-
-
-def _check_previous(previous: PlanarRegions, grid_map: GridMap) -> None:
-    if not isinstance(previous, PlanarRegions):
-        raise GridMapError(f"previous: expected PlanarRegions, got {short(previous)}")
-    if previous.frame != grid_map.frame_id:
-        expected = f"regions in the frame {grid_map.frame_id!r}"
-        raise GridMapError(f"previous: expected {expected}, got {previous.frame!r}. Pass None")
-    old, new = previous.geometry.resolution, grid_map.resolution
-    if not math.isclose(old, new, rel_tol=1e-6):
-        expected = f"regions with a resolution of {new:g} m"
-        raise GridMapError(f"previous: expected {expected}, got {old:g} m. Pass None")
+    return {
+        "normal": normals,
+        "center": fit.centers,
+        "covariance": covariances * scales[:, None, None],
+        "rms": np.sqrt(squares / np.maximum(counts, 1)),
+    }, is_fitted
 
 
 def _identify(
-    labels: NDArray[np.int32],
-    valid: NDArray[np.int64],
-    geometry: GridGeometry,
-    previous: PlanarRegions | None,
+    numbers: NDArray[np.int32], count: int, grid_map: GridMap, previous: PlanarRegions | None
 ) -> tuple[NDArray[np.int64], int]:
-    """Return the ids (R,) of the valid labels, and the next unused id."""
-    ids = np.zeros(valid.size, np.int64)
-    next_id = 1
-    if previous is not None:
-        next_id = previous._next_id
-        number_of = np.full(int(labels.max(initial=0)) + 1, -1)
-        number_of[valid] = np.arange(valid.size)
-        kept = _claims(number_of[labels.T], geometry, previous)
-        ids[list(kept)] = list(kept.values())
-    fresh = ids == 0
-    ids[fresh] = np.arange(next_id, next_id + fresh.sum())
-    return ids, next_id + int(fresh.sum())
+    """Return the ids (count,) of regions, and the next unused id.
+
+    Args:
+        numbers: (rows, cols) number of the region of each cell, 1 to `count`; 0 for none.
+    """
+    if previous is None:
+        return np.arange(1, count + 1), count + 1
+    _check_previous(previous, grid_map)
+    geometry = previous.geometry
+    shift = np.rint((grid_map.geometry.corner - geometry.corner) / geometry.resolution)
+    places = np.argwhere(previous.labels) + np.clip(shift, -(2**31), 2**31).astype(np.int64)
+    old = previous.labels[previous.labels > 0].astype(np.int64)
+    on_map = ((places >= 0) & (places < numbers.shape)).all(axis=1)
+    new = numbers[tuple(places[on_map].T)]
+    pairs, shared = np.unique(old[on_map] * (count + 1) + new, return_counts=True)
+    ids = np.zeros(count + 1, np.int64)
+    claimed = {}
+    for pair in pairs[np.argsort(-shared, kind="stable")].tolist():
+        number, region = divmod(pair, count + 1)
+        if region and number not in claimed:
+            claimed[number] = region
+            ids[region] = ids[region] or number
+    fresh = np.flatnonzero(ids[1:] == 0)
+    ids[fresh + 1] = previous._next_id + np.arange(fresh.size)
+    return ids[1:], previous._next_id + fresh.size
 
 
-def _claims(numbers: Any, geometry: GridGeometry, previous: PlanarRegions) -> dict[int, int]:
-    """Return the old ids that regions keep, by region; `numbers` (rows, cols) is -1 for none."""
-    steps = (geometry.corner - previous.geometry.corner) / geometry.resolution
-    if not (np.abs(steps) < 2**31).all():
-        return {}
-    rows, columns = np.rint(steps).astype(int)
-    # Old cell (0, 0) is cell (rows, columns) of the new map.
-    size, old_size = numbers.shape, previous.labels.shape
-    both = []
-    for first, count, old_count in zip((rows, columns), size, old_size, strict=True):
-        start, stop = max(first, 0), min(first + old_count, count)
-        both.append(
-            (slice(start, max(stop, start)), slice(start - first, max(stop, start) - first))
-        )
-    (rows_new, rows_old), (columns_new, columns_old) = both
-    new, old = numbers[rows_new, columns_new], previous.labels[rows_old, columns_old]
-    shared = (new >= 0) & (old > 0)
-    pairs, counts = np.unique(
-        np.stack([old[shared].astype(np.int64), new[shared]]), axis=1, return_counts=True
-    )
-    order = np.argsort(-counts, kind="stable")
-    olds, news = pairs[:, order]
-    _, first = np.unique(olds, return_index=True)  # the largest share of each old region
-    claims = np.sort(first)
-    _, winners = np.unique(news[claims], return_index=True)
-    return {int(news[claim]): int(olds[claim]) for claim in claims[winners]}
+def _check_previous(previous: PlanarRegions, grid_map: GridMap) -> None:
+    old, new = previous.geometry.resolution, grid_map.resolution
+    if previous.frame != grid_map.frame_id:
+        expected = f"regions in the frame {grid_map.frame_id!r}"
+        raise GridMapError(f"previous: expected {expected}, got {previous.frame!r}. Pass None")
+    if not math.isclose(old, new, rel_tol=1e-6):
+        expected = f"regions with a resolution of {new:g} m"
+        raise GridMapError(f"previous: expected {expected}, got {old:g} m. Pass None")

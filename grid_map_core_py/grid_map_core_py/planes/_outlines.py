@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -27,95 +27,81 @@ def cleaned(rounds: Image, margin: int) -> Image:
     if margin:
         box = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
         image[cv2.erode(image, box) != cv2.dilate(image, box)] = 0
+    a, b, c, d = image[:-1, :-1], image[:-1, 1:], image[1:, :-1], image[1:, 1:]  # views
     while True:
-        a, b, c, d = image[:-1, :-1], image[:-1, 1:], image[1:, :-1], image[1:, 1:]
         blocks = np.zeros(image.shape, np.uint8)
         blocks[:-1, :-1] = (a == b) & (a == c) & (a == d)
-        kept: Image = cv2.dilate(blocks, np.ones((2, 2), np.uint8), anchor=(1, 1))
-        image *= kept
-        # Blocks have changed `a` ... `d`, which are views.
+        image *= cv2.dilate(blocks, np.ones((2, 2), np.uint8), anchor=(1, 1))
         falling = (a == d) & (a != b) & (a != c) & (a > 0)
         rising = (b == c) & (a != b) & (b != d) & (b > 0)
         if not (falling.any() or rising.any()):
-            inner = 1 + margin
-            return np.ascontiguousarray(image[inner:-inner, inner:-inner])
+            inner = slice(1 + margin, -1 - margin)
+            return np.ascontiguousarray(image[inner, inner])
         a[falling] = 0
         b[rising] = 0
 
 
-def components(rounds: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
+def masks(rounds: Image) -> list[Image]:
+    """Return the mask of each positive number of an image."""
+    numbers = np.flatnonzero(np.bincount(rounds.reshape(-1))[1:]) + 1
+    return [(rounds == number).view(np.uint8) for number in numbers]
+
+
+def components(rounds: Image) -> tuple[NDArray[np.int32], int]:
     """Label the connected components of each number in an image; return labels and their count."""
     labels = np.zeros(rounds.shape, np.int32)
     count = 0
-    for number in np.flatnonzero(np.bincount(rounds.reshape(-1))):
-        if number:
-            mask = (rounds == number).view(np.uint8)
-            found, own = cv2.connectedComponents(mask, connectivity=4, ltype=cv2.CV_32S)
-            np.add(own, count, out=labels, where=own > 0)
-            count += found - 1
+    for mask in masks(rounds):
+        found, own = cv2.connectedComponents(mask, connectivity=4, ltype=cv2.CV_32S)
+        np.add(own, count, out=labels, where=own > 0)
+        count += found - 1
     return labels, count
 
 
 class Outlines(NamedTuple):
-    """Outlines of R regions, concatenated: of each region, the outer one, then the holes.
+    """Edges of the outlines of R regions: for each region, the outer outline, then the holes.
 
     Attributes:
-        points: (P, 2) x, y of all vertices [m].
-        starts: (C + 1,) index of the first vertex of each outline, and P.
-        owners: (C,) region of each outline, ascending.
+        edges: (4, P) x, y of the start and x, y of the end of each edge [m].
+        starts: (C + 1,) index of the first edge of each outline, and P.
+        first: (R + 1,) index of the first outline of each region, and C.
         areas: (R,) areas of the regions without the holes [m^2].
     """
 
-    points: Positions
+    edges: Positions
     starts: NDArray[np.int64]
-    owners: NDArray[np.int64]
+    first: NDArray[np.int64]
     areas: Positions
 
 
 def outlines(
-    labels: Image, axes: tuple[Positions, Positions], rounds: Image, count: int
+    labels: Image, rounds: Image, axes: tuple[Positions, Positions], resolution: float
 ) -> Outlines:
-    """Trace the outlines of labels 1 to `count`; outer ones run counter-clockwise, holes clockwise.
+    """Trace the outlines of labels 1 to R; outer ones run counter-clockwise, holes clockwise.
 
     Args:
         labels: image of labels, each a connected component of a number in `rounds`.
+        rounds: image of numbers, for which touching components differ.
         axes: x of each row and y of each column of the map [m].
+        resolution: side of a cell [m].
     """
     contours: list[Image] = []
-    is_hole: list[Image] = []
-    present = np.where(labels > 0, rounds, np.uint8(0))
-    for number in np.flatnonzero(np.bincount(present.reshape(-1))):
-        if number:
-            mask = (present == number).view(np.uint8)
-            traced, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-            contours += traced
-            is_hole.append(tree[0, :, 3] >= 0)
-    if not contours:
-        empty = np.zeros(0, np.int64)
-        return Outlines(np.empty((0, 2)), np.zeros(1, np.int64), empty, np.empty(0))
-    holes = np.concatenate(is_hole)
-    pixels = np.concatenate(contours).reshape(-1, 2)  # (column, row) of the image
-    lengths = np.array([len(contour) for contour in contours])
-    begins = np.cumsum(lengths) - lengths
-    owners = labels[pixels[begins, 1], pixels[begins, 0]].astype(np.int64) - 1
-    order = np.lexsort((holes, owners))
-    points = np.stack([axes[0][pixels[:, 0]], axes[1][pixels[:, 1]]], axis=1)
-    areas = _signed_areas(points, begins, lengths)
-    steps = np.where((areas > 0) != holes, 1, -1)[order]
-    begins, lengths = begins[order], lengths[order]
-    first = np.where(steps > 0, begins, begins + lengths - 1)
-    starts = np.concatenate([[0], np.cumsum(lengths)])
-    numbers = np.arange(len(points)) - starts[:-1].repeat(lengths)
-    points = points[first.repeat(lengths) + steps.repeat(lengths) * numbers]
-    signed = np.where(holes, -np.abs(areas), np.abs(areas))
-    totals: Any = np.bincount(owners, signed, count)
-    return Outlines(points, starts, owners[order], totals)
-
-
-def _signed_areas(points: Positions, begins: Any, lengths: Any) -> Positions:
-    """Return the areas of the polygons, positive for counter-clockwise ones."""
-    offset = points - points[begins].repeat(lengths, axis=0)
-    after = np.roll(offset, -1, axis=0)
-    after[begins + lengths - 1] = 0.0  # the first vertex of each polygon
-    doubled = offset[:, 0] * after[:, 1] - offset[:, 1] * after[:, 0]
-    return 0.5 * np.add.reduceat(doubled, begins)
+    is_hole = [np.zeros(0, np.bool_)]
+    for mask in masks(np.where(labels > 0, rounds, np.uint8(0))):
+        traced, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+        contours += [contour[::-1, 0] for contour in traced]  # pixels: row, column of the map
+        is_hole.append(tree[0, :, 3] >= 0)
+    corners = np.array([contour[0] for contour in contours], np.int64).reshape(-1, 2)
+    owners = labels[corners[:, 1], corners[:, 0]]
+    order = np.lexsort((np.concatenate(is_hole), owners))
+    pixels = np.concatenate([np.empty((0, 2), np.int32), *(contours[i] for i in order)])
+    starts = np.cumsum([0] + [len(contours[i]) for i in order])
+    after = np.arange(1, len(pixels) + 1)
+    after[starts[1:] - 1] = starts[:-1]
+    ends = pixels[after]
+    first = np.searchsorted(owners[order], np.arange(1, labels.max(initial=0) + 2))
+    doubled = pixels[:, 0] * ends[:, 1] - pixels[:, 1] * ends[:, 0]
+    areas = np.add.reduceat(doubled, starts[first[:-1]]) * (0.5 * resolution**2)
+    x, y = axes
+    edges = np.stack([x[pixels[:, 0]], y[pixels[:, 1]], x[ends[:, 0]], y[ends[:, 1]]])
+    return Outlines(edges, starts, first, areas)

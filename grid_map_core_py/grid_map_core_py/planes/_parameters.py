@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from .._parameters import build, check
-from ..errors import ConfigError, hint
+from ..errors import ConfigError
 from ..files._shared import load_yaml
 
 
@@ -70,13 +70,13 @@ class SlidingWindow:
     def __post_init__(self) -> None:
         size = self.kernel_size
         check(size >= 3 and size % 2 == 1, "kernel_size", "an odd number from 3 on [cells]", size)
-        for name in ("planarity_opening_filter", "min_number_points_per_label"):
-            check(getattr(self, name) >= 0, name, "no negative number", getattr(self, name))
         for name, value in vars(self).items():
             if name.endswith("_degrees"):
                 check(0 < value < 90, name, "an angle between 0 and 90 [degrees]", value)
             elif name.endswith("error_threshold"):
                 check(0 < value < math.inf, name, "a positive length [m]", value)
+            elif name in ("planarity_opening_filter", "min_number_points_per_label"):
+                check(value >= 0, name, "no negative number", value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +117,7 @@ class Postprocessing:
     smoothing_gauss_kernel_size: float = 0.05
 
 
-SECTIONS = {
+SECTIONS: dict[str, type[Any]] = {
     "preprocessing": Preprocessing,
     "sliding_window_plane_extractor": SlidingWindow,
     "ransac_plane_refinement": RansacRefinement,
@@ -127,20 +127,16 @@ SECTIONS = {
 """Class of each section of the YAML file."""
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True)
 class PlaneParameters:
     """Parameters of `extract_planes`, in the sections of upstream's `parameters.yaml`.
 
-    A section is an instance of its class, or a mapping of parameter names to values. Missing
-    sections and parameters keep their defaults, which are those of upstream, except that
-    `marginSize` is counted in cells and is 0.
-
-    Raises:
-        ConfigError: a parameter is unknown, or has a wrong type or value.
+    The defaults are those of upstream, except that `marginSize` is counted in cells and is 0.
 
     Example:
-        >>> PlaneParameters(contour_extraction={"marginSize": 1}).contour_extraction.marginSize
-        1
+        >>> parameters = {"contour_extraction": {"marginSize": 1}}
+        >>> PlaneParameters.from_mapping(parameters).contour_extraction
+        ContourExtraction(marginSize=1)
     """
 
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
@@ -149,41 +145,33 @@ class PlaneParameters:
     contour_extraction: ContourExtraction = field(default_factory=ContourExtraction)
     postprocessing: Postprocessing = field(default_factory=Postprocessing)
 
-    def __post_init__(self) -> None:
-        for section in fields(self):
-            name, value = section.name, getattr(self, section.name)
-            if not isinstance(value, SECTIONS[name]):
-                object.__setattr__(self, name, _section(name, value))
-
-    def __repr__(self) -> str:
-        changed = (f"{n}={v!r}" for n, v in vars(self).items() if v != SECTIONS[n]())
-        return f"PlaneParameters({', '.join(changed)})"
-
     @classmethod
     def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
-        """Create parameters from nested mappings, as read from upstream's `parameters.yaml`."""
+        """Create parameters from nested mappings, as read from upstream's `parameters.yaml`.
+
+        Raises:
+            ConfigError: a section or parameter is unknown, or has a wrong type or value.
+        """
         check(isinstance(sections, Mapping), "parameters", "sections of parameters", sections)
-        for name in sections:
-            if name not in SECTIONS:
-                text = f"unknown section {name!r}; known: {', '.join(SECTIONS)}"
-                raise ConfigError(text + hint(name, SECTIONS))
-        return cls(**sections)
+        built: dict[str, Any] = {}
+        for name, values in sections.items():
+            expected = "a mapping of parameter names to values"
+            check(isinstance(values, Mapping | None), name, expected, values)
+            try:
+                built[name] = build(SECTIONS[name], values or {}) if name in SECTIONS else values
+            except ConfigError as error:
+                raise ConfigError(f"{name}: {error}") from error
+        return build(cls, built)
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> PlaneParameters:
-        """Read parameters from a YAML file with the sections of upstream's `parameters.yaml`."""
+        """Read parameters from a YAML file with the sections of upstream's `parameters.yaml`.
+
+        Raises:
+            ConfigError: as `from_mapping`; the message names the file.
+        """
         content = load_yaml(path)
         try:
             return cls.from_mapping({} if content is None else content)
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}") from error
-
-
-def _section(name: str, value: object) -> object:
-    if value is None:  # a section whose lines are all comments
-        return SECTIONS[name]()
-    check(isinstance(value, Mapping), name, "a mapping of parameter names to values", value)
-    try:
-        return build(SECTIONS[name], value)  # type: ignore[arg-type]
-    except ConfigError as error:
-        raise ConfigError(f"{name}: {error}") from error

@@ -80,12 +80,12 @@ class PlanarRegions(Sequence[PlanarRegion]):
     ) -> None:
         self.labels, self.planarity, self.geometry, self.frame = labels, planarity, geometry, frame
         self._planes, self._outlines, self._next_id = planes, outlines, next_id
-        arrays: tuple[NDArray[Any], ...] = (labels, planarity, outlines.points, *planes.values())
+        arrays: tuple[NDArray[Any], ...] = (labels, planarity, outlines.edges, *planes.values())
         for array in arrays:
             array.flags.writeable = False
 
     def __len__(self) -> int:
-        return len(self._planes["ids"])
+        return len(self._planes["id"])
 
     @overload
     def __getitem__(self, index: int) -> PlanarRegion: ...
@@ -95,18 +95,14 @@ class PlanarRegions(Sequence[PlanarRegion]):
         if isinstance(index, slice):
             return [self[number] for number in range(*index.indices(len(self)))]
         number = range(len(self))[operator.index(index)]
-        of = {name: values[number] for name, values in self._planes.items()}
-        first, stop = self._polygons[number : number + 2]
+        plane = {name: values[number] for name, values in self._planes.items()}
+        plane = {name: value if value.ndim else value.item() for name, value in plane.items()}
+        first, stop = self._outlines.first[number : number + 2]
         starts = self._outlines.starts[first : stop + 1]
-        outer, *holes = (self._outlines.points[a:b] for a, b in pairwise(starts))
+        outer, *holes = (self._outlines.edges[:2, a:b].T for a, b in pairwise(starts))
         return PlanarRegion(
-            id=int(of["ids"]),
-            normal=of["normals"],
-            offset=float(of["normals"] @ of["centers"]),
-            center=of["centers"],
-            covariance=of["covariances"],
-            rms=float(of["rms"]),
-            cells=int(of["cells"]),
+            **plane,
+            offset=float(plane["normal"] @ plane["center"]),
             area=float(self._outlines.areas[number]),
             outer=outer,
             holes=holes,
@@ -126,7 +122,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         x, y = self.geometry.axes_in_map_order()
         heights = np.full(self.labels.shape, np.nan, np.float32, order="F")
         cells = np.nonzero(self.labels)
-        numbers = np.searchsorted(self._planes["ids"], self.labels[cells])
+        numbers = np.searchsorted(self._planes["id"], self.labels[cells])
         heights[cells] = self._heights(numbers, np.stack([x[cells[0]], y[cells[1]]], axis=1))
         ids = np.asarray(self.labels, np.float32)
         return {"plane_id": ids, "plane_elevation": heights, "planarity": self.planarity}
@@ -168,110 +164,76 @@ class PlanarRegions(Sequence[PlanarRegion]):
         if given.ndim != 2 or given.shape[1] != 3:
             raise GeometryError(f"points: expected shape (N, 3), got {given.shape}")
         result = np.full(given.shape, np.nan)
-        if not len(self):
-            return result
-        known = np.flatnonzero(np.isfinite(given).all(axis=1))
-        for part in slices(len(known), max(_CHUNK // self._edges.shape[1], 1)):
+        known = np.flatnonzero(np.isfinite(given).all(axis=1)) if len(self) else np.empty(0, int)
+        for part in slices(len(known), 1 + _CHUNK // (1 + self._outlines.edges.shape[1])):
             chosen = known[part]
-            result[chosen] = self._projected(given[chosen])
+            ahead = self._to_polygons(given[chosen, :2])
+            candidates = given[chosen, None, :2] + ahead
+            heights = self._heights(np.arange(len(self)), candidates)
+            squares = (ahead**2).sum(axis=-1) + (heights - given[chosen, 2:]) ** 2
+            best = np.arange(len(chosen)), squares.argmin(axis=1)
+            result[chosen] = np.column_stack([candidates[best], heights[best]])
         return result
 
-    # Edges of all polygons
-
-    @cached_property
-    def _polygons(self) -> NDArray[np.int64]:
-        """(R + 1,) index of the first outline of each region, and the number of outlines."""
-        return np.searchsorted(self._outlines.owners, np.arange(len(self) + 1))
-
-    @cached_property
-    def _edges(self) -> Positions:
-        """(4, P) x, y of the start and x, y of the end of each edge [m]."""
-        points, starts = self._outlines.points, self._outlines.starts
-        after = np.arange(1, len(points) + 1)
-        after[starts[1:] - 1] = starts[:-1]
-        return np.concatenate([points.T, points[after].T])
+    def _nearest(self, position: tuple[float, float], limit: float) -> PlanarRegion | None:
+        best, nearest = None, limit
+        low, high = self._boxes
+        beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
+        at_least = np.hypot(*beyond.T)
+        for number in np.argsort(at_least):
+            if at_least[number] > nearest:
+                break
+            edges = self._outlines.edges[:, slice(*self._first_edges[number : number + 2])]
+            if np.logical_xor.reduce(crossed(edges, *position)):
+                return self[int(number)]
+            distance = np.hypot(*to_edges(edges, *position)).min()
+            if distance <= nearest:
+                best, nearest = int(number), distance
+        return None if best is None else self[best]
 
     @cached_property
     def _first_edges(self) -> NDArray[np.int64]:
         """(R + 1,) index of the first edge of each region, and the number of edges."""
-        return self._outlines.starts[self._polygons]
+        return self._outlines.starts[self._outlines.first]
 
     @cached_property
     def _boxes(self) -> tuple[Positions, Positions]:
         """(R, 2) smallest and largest x, y of each region [m]."""
-        points, first = self._outlines.points, self._first_edges[:-1]
-        return np.minimum.reduceat(points, first), np.maximum.reduceat(points, first)
+        corners, first = self._outlines.edges[:2].T, self._first_edges[:-1]
+        return np.minimum.reduceat(corners, first), np.maximum.reduceat(corners, first)
 
-    def _nearest(self, position: tuple[float, float], limit: float) -> PlanarRegion | None:
-        if not len(self):
-            return None
-        low, high = self._boxes
-        beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
-        # No region is farther than its first vertex.
-        vertices = self._outlines.points[self._first_edges[:-1]] - position
-        reach = min(limit, float(np.hypot(*vertices.T).min()) + BORDER_TOLERANCE)
-        best, nearest = None, limit
-        for number in np.flatnonzero(np.hypot(*beyond.T) <= reach):
-            first, stop = self._first_edges[number : number + 2]
-            inside, distance = distances(self._edges[:, first:stop], position)
-            if inside:
-                return self[int(number)]
-            if distance.min() <= nearest:
-                best, nearest = int(number), float(distance.min())
-        return None if best is None else self[best]
-
-    def _projected(self, points: Positions) -> Positions:
-        """Return the projections of finite points (N, 3)."""
-        edges, first = self._edges, self._first_edges[:-1]
-        x, y, z = points.T[:, :, None]
-        ahead_x, ahead_y = _to_edges(edges, x, y)
+    def _to_polygons(self, positions: Positions) -> Positions:
+        """Return the vectors (N, R, 2) from positions (N, 2) to the polygons; 0 inside."""
+        edges, starts = self._outlines.edges, self._first_edges
+        x, y = positions.T[:, :, None]
+        ahead_x, ahead_y = to_edges(edges, x, y)
         squares = ahead_x**2 + ahead_y**2
-        nearest = np.minimum.reduceat(squares, first, axis=1)
+        nearest = np.minimum.reduceat(squares, starts[:-1], axis=1)
         # The first edge of each region at the smallest distance.
-        count = edges.shape[1]
-        is_nearest = squares == nearest.repeat(np.diff(self._first_edges), axis=1)
-        numbers = np.where(is_nearest, np.arange(count), count)
-        chosen = np.minimum.reduceat(numbers, first, axis=1)
-        inside = np.logical_xor.reduceat(_crossed(edges, x, y), first, axis=1)
-        ahead = np.stack([ahead_x, ahead_y], axis=-1)
-        ahead = np.take_along_axis(ahead, chosen[..., None], axis=1)
-        ahead[inside] = 0.0
-        candidates = points[:, None, :2] + ahead
-        heights = self._heights(np.arange(len(self)), candidates)
-        best = ((ahead**2).sum(axis=-1) + (heights - z) ** 2).argmin(axis=1)
-        rows = np.arange(len(points))
-        return np.column_stack([candidates[rows, best], heights[rows, best]])
+        is_nearest = squares == nearest.repeat(np.diff(starts), axis=1)
+        numbers = np.where(is_nearest, np.arange(edges.shape[1]), edges.shape[1])
+        chosen = np.minimum.reduceat(numbers, starts[:-1], axis=1)
+        inside = np.logical_xor.reduceat(crossed(edges, x, y), starts[:-1], axis=1)
+        ahead = [np.take_along_axis(values, chosen, axis=1) for values in (ahead_x, ahead_y)]
+        return np.where(inside, 0.0, ahead).transpose(1, 2, 0)
 
     def _heights(self, numbers: Any, positions: Positions) -> Positions:
         """Return the heights of planes at positions (..., 2) [m]."""
-        normals, centers = self._planes["normals"][numbers], self._planes["centers"][numbers]
+        normals, centers = self._planes["normal"][numbers], self._planes["center"][numbers]
         ahead = ((positions - centers[..., :2]) * normals[..., :2]).sum(axis=-1)
         return np.asarray(centers[..., 2] - ahead / normals[..., 2])
 
 
-def region_edges(region: PlanarRegion) -> Positions:
-    """Return the edges of all polygons of a region: (4, E) x, y of the start and the end."""
-    loops = [loop.T for loop in (region.outer, *region.holes)]
-    return np.hstack([np.vstack([loop, np.roll(loop, -1, axis=1)]) for loop in loops])
-
-
-def distances(edges: Positions, position: Any) -> tuple[bool, Positions]:
-    """Return whether edges (4, E) enclose a position (2,), and its distances (E,) from them [m]."""
-    inside = np.logical_xor.reduce(_crossed(edges, *position))
-    return bool(inside), np.hypot(*_to_edges(edges, *position))
-
-
-def _to_edges(edges: Positions, x: Any, y: Any) -> tuple[Positions, Positions]:
+def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any]:
     """Return the vector from each position to the nearest point of each edge."""
     start_x, start_y, end_x, end_y = edges
     step_x, step_y = end_x - start_x, end_y - start_y
     to_x, to_y = start_x - x, start_y - y
-    share = (to_x * step_x + to_y * step_y) / -(step_x**2 + step_y**2)
-    np.clip(share, 0.0, 1.0, out=share)
+    share = np.clip((to_x * step_x + to_y * step_y) / -(step_x**2 + step_y**2), 0.0, 1.0)
     return to_x + share * step_x, to_y + share * step_y
 
 
-def _crossed(edges: Positions, x: Any, y: Any) -> Any:
+def crossed(edges: Positions, x: Any, y: Any) -> Any:
     """Return which edges a ray from each position towards +x crosses (even-odd rule)."""
     start, end = edges[:2], edges[2:]
     return ((start[1] > y) != (end[1] > y)) & (x < edge_x(start, end, y))

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Local planes: the least-squares plane of the window around every cell.
+"""Planar cells: those whose window is close to its least-squares plane.
 
-Arrays in this module are images: transposed layers (columns, rows) in C order. Slopes are
-differences of height per cell, along the rows and along the columns of the map.
+Images in this module are transposed layers (cols, rows) in C order.
 """
 
 from __future__ import annotations
@@ -14,83 +13,94 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays._checks import Layer, Mask
+from .._arrays._checks import Mask
 from ._parameters import PlaneParameters
 
 Image = NDArray[Any]
+Numbers = NDArray[np.float64]
 
-_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 _BOX = np.ones((3, 3), np.uint8)
 _SIMILAR = 2  # neighbors at the height of a cell that make it a corner instead of an outlier
 
 
-class LocalPlanes(NamedTuple):
-    """Local planes of all cells, as images.
+class Cells(NamedTuple):
+    """Planar cells as arrays (..., N), with positions relative to cell (0, 0) [m].
 
     Attributes:
-        known: cells with a finite height.
-        heights: heights after the median filter [m].
-        outliers: cells that the median filter moved farther than a cell may be from its plane.
-        slopes: along rows and columns [m per cell].
-        planar: cells whose window is flat enough and not too steep.
+        places: (N,) indices into the flat image.
+        points: (3, N) positions x, y, z; heights of outliers are filtered.
+        slopes: (2, N) dz/dx and dz/dy of the plane of the window.
+        is_exact: (N,) cells that are no outliers; only these are fitted.
     """
 
-    known: Mask
-    heights: Image
-    outliers: Mask
-    slopes: tuple[Image, Image]
-    planar: Mask
+    places: NDArray[np.int64]
+    points: Numbers
+    slopes: Numbers
+    is_exact: Mask
+
+    def take(self, chosen: NDArray[Any]) -> Cells:
+        """Return the cells at indices (M,)."""
+        parts: Any = self
+        return Cells(*(values.take(chosen, axis=-1) for values in parts))
 
 
-def local_planes(heights: Layer, resolution: float, parameters: PlaneParameters) -> LocalPlanes:
-    """Fit a plane to the window around every cell of an image of heights [m]."""
+def planar_cells(
+    heights: Image, resolution: float, parameters: PlaneParameters
+) -> tuple[Cells, Mask]:
+    """Return the planar cells of an image of heights [m], and the image of their mask."""
+    limits, median = parameters.sliding_window_plane_extractor, parameters.preprocessing
+    reach = limits.kernel_size // 2
+    border = 2 + max(reach, median.kernelSize // 2)
+    inner = (slice(border, -border),) * 2
+    unknown = np.float32(np.nan)
     known = np.isfinite(heights)
-    windows, filters = parameters.sliding_window_plane_extractor, parameters.preprocessing
-    reach = windows.kernel_size // 2
-    border = max(reach, filters.kernelSize // 2)
-    raw = np.pad(np.where(known, heights, np.float32(np.nan)), border + 2, constant_values=np.nan)
-    padded = raw.copy()
-    inner = (slice(border + 2, -border - 2),) * 2
-    for _ in range(filters.numberOfRepeats):
-        smooth = cv2.medianBlur(_continued(padded, filters.kernelSize // 2), filters.kernelSize)
-        padded[inner] = np.where(known, smooth[inner], np.float32(np.nan))
-    outliers = _keep_corners(padded, raw, windows.global_plane_fit_distance_error_threshold)
-    smooth = padded[inner].copy()
-    *slopes, rms = (image[inner] for image in _window_sums(_continued(padded, reach), reach))
-    steepest = math.tan(math.radians(windows.local_plane_inclination_threshold_degrees))
+    raw = np.pad(np.where(known, heights, unknown), border, constant_values=unknown)
+    smooth = raw.copy()
+    for _ in range(median.numberOfRepeats):
+        filtered = cv2.medianBlur(_continued(smooth, median.kernelSize // 2), median.kernelSize)
+        smooth = np.where(np.isnan(raw), unknown, filtered)
+    outliers = _outliers(raw, smooth, limits.global_plane_fit_distance_error_threshold)[inner]
+    slopes, squares = _window_fits(_continued(smooth, reach), reach, resolution)
+    slopes, squares, smooth = slopes[:, *inner], squares[inner], smooth[inner]
+    steepest = math.tan(math.radians(limits.local_plane_inclination_threshold_degrees))
     with np.errstate(invalid="ignore"):  # windows far from any cell are NaN
-        planar = slopes[0] ** 2 + slopes[1] ** 2 <= (steepest * resolution) ** 2
-        planar &= rms <= windows.plane_patch_error_threshold**2
-    planar &= known
+        planar = known & (slopes[0] ** 2 + slopes[1] ** 2 <= steepest**2)
+        planar &= squares <= limits.plane_patch_error_threshold**2
     # An outlier stays in a region only if the region surrounds it.
-    planar &= ~outliers[inner] | cv2.erode(planar.view(np.uint8), _BOX).view(np.bool_)
-    if windows.planarity_opening_filter:
-        steps: Any = {"kernel": _CROSS, "iterations": windows.planarity_opening_filter}
-        opened = cv2.morphologyEx(planar.view(np.uint8), cv2.MORPH_OPEN, **steps)
-        planar = opened.view(np.bool_)
-    return LocalPlanes(known, smooth, outliers[inner], (slopes[0], slopes[1]), planar)
+    planar &= ~outliers | cv2.erode(planar.view(np.uint8), _BOX).view(np.bool_)
+    if limits.planarity_opening_filter:
+        steps: Any = {"kernel": CROSS, "iterations": limits.planarity_opening_filter}
+        planar = cv2.morphologyEx(planar.view(np.uint8), cv2.MORPH_OPEN, **steps).view(np.bool_)
+    places = np.flatnonzero(planar)
+    columns, rows = np.divmod(places, heights.shape[1])
+    points = np.empty((3, places.size))
+    points[0], points[1] = -resolution * rows, -resolution * columns
+    points[2] = np.where(outliers, smooth, heights)[planar]
+    return Cells(places, points, slopes[:, planar], ~outliers[planar]), planar
 
 
-def _keep_corners(filtered: Image, raw: Image, threshold: float) -> Image:
-    """Restore the raw heights at corners, which the median filter cuts off; return the outliers.
+def _outliers(raw: Image, smooth: Image, threshold: float) -> Mask:
+    """Return the cells that the median filter moved by more than the threshold [m].
 
-    A cell that moved by more than the threshold [m] is a corner if it was lowered and at least two
-    neighbors are as high as its raw height, and an outlier otherwise. Corners of pits stay filled.
+    The filter also cuts off corners. A lowered cell with at least two neighbors as high as its raw
+    height is a corner, and gets its raw height back. Corners of pits stay filled.
     """
     with np.errstate(over="ignore"):
-        outliers = np.abs(raw - filtered) > threshold
-    places = np.flatnonzero(outliers & (raw > filtered))
+        outliers: Mask = np.abs(raw - smooth) > threshold
+    places = np.flatnonzero(outliers & (raw > smooth))
     heights = raw.reshape(-1)
-    near = heights[places[:, None] + _neighbors(raw.shape[1])]
-    is_corner = (np.abs(near - heights[places, None]) <= threshold).sum(axis=1) >= _SIMILAR
-    corners = places[is_corner]
-    filtered.reshape(-1)[corners] = heights[corners]
+    near = heights[places[:, None] + _neighbors(raw)]
+    is_similar = np.abs(near - heights[places, None]) <= threshold
+    corners = places[is_similar.sum(axis=1) >= _SIMILAR]
+    smooth.reshape(-1)[corners] = heights[corners]
     outliers.reshape(-1)[corners] = False
-    return np.asarray(outliers)
+    return outliers
 
 
-def _neighbors(width: int) -> NDArray[np.int64]:
+def _neighbors(image: Image) -> NDArray[np.int64]:
     """Return the steps to the neighbors of a cell in a flat image: four sides, four diagonals."""
+    width = image.shape[1]
     return np.array([-width, -1, 1, width, -width - 1, -width + 1, width - 1, width + 1])
 
 
@@ -102,7 +112,7 @@ def _continued(heights: Image, rounds: int) -> Image:
     The border of the image must be unknown, two cells wider than `rounds`.
     """
     heights = heights.copy()
-    flat, steps = heights.reshape(-1), _neighbors(heights.shape[1])
+    flat, steps = heights.reshape(-1), _neighbors(heights)
     for _ in range(rounds):
         known = ~np.isnan(heights)
         ring = np.flatnonzero(cv2.dilate(known.view(np.uint8), _BOX).view(np.bool_) & ~known)
@@ -115,22 +125,23 @@ def _continued(heights: Image, rounds: int) -> Image:
     return heights
 
 
-def _window_sums(heights: Image, reach: int) -> tuple[Image, Image, Image]:
-    """Return the slopes along rows and columns [m per cell] and the mean squared deviation [m^2].
+def _window_fits(heights: Image, reach: int, resolution: float) -> tuple[Image, Image]:
+    """Return dz/dx and dz/dy (2, cols, rows) and mean squared deviations [m^2] of all windows.
 
     On a symmetric window, the coordinates and the constant are orthogonal, so each coefficient of
     the least-squares plane is a single sum.
     """
     data = heights.astype(np.float64)
     size = 2 * reach + 1
-    ones, along = np.ones(size), np.arange(-reach, reach + 1.0)
-    spread = size * (along**2).sum()
-    options: Any = {"borderType": cv2.BORDER_REPLICATE}
-    rows = cv2.sepFilter2D(data, cv2.CV_64F, along / spread, ones, **options)
-    columns = cv2.sepFilter2D(data, cv2.CV_64F, ones, along / spread, **options)
-    means = cv2.sepFilter2D(data, cv2.CV_64F, ones / size, ones / size, **options)
-    data *= data
-    squares: Image = cv2.sepFilter2D(data, cv2.CV_64F, ones / size, ones / size, **options)
-    squares -= means**2
-    squares -= (rows**2 + columns**2) * (spread / size**2)
-    return rows, columns, squares
+    mean = np.full(size, 1 / size)
+    steps = resolution * np.arange(reach, -reach - 1.0, -1.0)  # rows and columns run to -x and -y
+    spread = (steps**2).mean()
+
+    def filtered(image: Image, along_x: Numbers, along_y: Numbers) -> Image:
+        border = cv2.BORDER_REPLICATE
+        return cv2.sepFilter2D(image, cv2.CV_64F, along_x, along_y, borderType=border)
+
+    gradient = steps / (size * spread)
+    slopes = np.stack([filtered(data, gradient, mean), filtered(data, mean, gradient)])
+    squares = filtered(data**2, mean, mean) - filtered(data, mean, mean) ** 2
+    return slopes, squares - spread * (slopes[0] ** 2 + slopes[1] ** 2)
