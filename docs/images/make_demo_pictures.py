@@ -26,7 +26,6 @@ from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.planes import PlaneParameters, extract_planes
 from grid_map_core_py.simulation import scan
 from grid_map_demos_py import (
-    elevation_mapping_robot_node as mapping_robot,
     image_publisher_node as image_publisher,
     interpolation_demo_node as interpolation,
     iterators_demo_node as iterators,
@@ -34,7 +33,6 @@ from grid_map_demos_py import (
     move_demo_node as move,
     normal_filter_comparison_demo_node as comparison,
     opencv_demo_node as opencv,
-    path_planner_robot_node as walking,
     report_node as report,
     robot_course as robot,
     sdf_demo_node as sdf,
@@ -96,7 +94,7 @@ def elevation_mapping_demo() -> Figure:
     for step in range(31):
         seconds = 0.2 * step
         terrain, pose = course.terrain_at(seconds), course.pose_at(seconds)
-        for mount, beams, noise in mapping_robot.SENSORS.values():
+        for mount, beams, noise in robot.SENSORS.values():
             points = scan(terrain, beams, pose @ mount, sensor=noise, random=random, max_range=20.0)
             mapper.update(
                 points,
@@ -119,8 +117,8 @@ def elevation_mapping_demo() -> Figure:
 
 
 def path_planner_demo() -> Figure:
-    """Draw plans and the walked path; the robot maps every 0.4 s."""
-    ground = robot.load_course(DATA / "jacksboro_fault_dem.npz")
+    """Draw plans and the walked path; the robot maps after each stride."""
+    ground = robot.load_cliff(DATA / "jacksboro_fault_dem.npz")
     text = (CONFIG / "path_planner_demo_mapping.yaml").read_text(encoding="utf-8")
     pipeline = yaml.safe_load(text)["elevation_mapping"]["ros__parameters"]
     chain = FilterChain.from_config([*pipeline["postprocessor_pipeline"].values()])
@@ -134,7 +132,7 @@ def path_planner_demo() -> Figure:
     for step in range(100):
         pose = robot.standing_pose(ground, walker.position, walker.way)
         for mount, beams, noise in robot.SENSORS.values():
-            options = {"sensor": noise, "max_range": walking.MAX_RANGE}
+            options = {"sensor": noise, "max_range": robot.MAX_RANGE}
             points = scan(ground, beams, pose @ mount, random=random, **options)
             mapper.update(points, pose @ mount, timestamp=step * 4 * 10**8, position=pose[:2, 3])
         planner = Planner(chain(mapper.grid_map), settings)
@@ -144,11 +142,11 @@ def path_planner_demo() -> Figure:
             plan = planner.plan(start, (*robot.GOAL, 0.0), settings.tolerance)
             plans.append(plan[:, :2])
             walker.follow(plan[:, :2])
-        walker.walk(0.32)
+        walker.walk(robot.STRIDE)
         walk.append(walker.position)
         if math.dist(walker.position, robot.GOAL) < robot.ARRIVED:
             break
-    truth = ground.get_submap((4.5, 3.0), (11.0, 10.0))
+    truth = ground.get_submap((4.25, 2.0), (10.5, 12.0))
     return report.draw_walk(truth, planner.grid_map, plans, np.array(walk))
 
 

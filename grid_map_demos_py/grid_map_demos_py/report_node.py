@@ -429,6 +429,9 @@ class LargeMapReportNode(ReportNode):
 COST = "inflated_cost"
 """Layer with the costs of the planner."""
 
+BLOCKED = 253.0
+"""Smallest cost of a cell that blocks the way."""
+
 
 class PathPlannerReportNode(ReportNode):
     """Collects plans and robot positions until the robot has reached the goal."""
@@ -471,16 +474,24 @@ class PathPlannerReportNode(ReportNode):
             return
         if math.dist(self._walk[-1], GOAL) > ARRIVED:
             return
-        walk = np.array(self._walk)
+        walk, first = np.array(self._walk), self._plans[0]
         rows = {
             "straight line": f"{math.dist(START, GOAL):.1f} m",
-            "first plan": f"{length_of(self._plans[0]):.1f} m",
+            "first plan": f"{length_of(first):.1f} m",
+            "first plan blocked after": blocked_after(first, self._costs),
             "walked": f"{length_of(walk):.1f} m",
             "time": f"{time.monotonic() - self._begin:.0f} s",
             "plans": len(self._plans),
         }
         picture = draw_walk(self._truth, self._costs, self._plans, walk)
         self.finish({"Way to the goal": rows}, {"path_planner": picture})
+
+
+def blocked_after(plan: Matrix, costs: GridMap) -> str:
+    """Return the length of a plan (N, 2) up to its first blocked cell, or `-` without one."""
+    cells, _ = costs.get_indices(plan)
+    (blocked,) = np.nonzero(costs[COST][cells] >= BLOCKED)
+    return f"{length_of(plan[: blocked[0] + 1]):.1f} m" if len(blocked) else "-"
 
 
 def length_of(line: Matrix) -> float:
@@ -513,7 +524,7 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
         ax.plot(*START, "o", color="black", markersize=5)
         ax.plot(*GOAL, "*", color="black", markersize=10)
         ax.set_title(title, fontsize=9)
-        ax.set(xlabel="", ylabel="", xlim=(-1.0, 10.0), ylim=(-2.0, 8.0))
+        ax.set(xlabel="", ylabel="", xlim=(-1.0, 9.5), ylim=(-4.0, 8.0))
     for ax in figure.axes:
         ax.tick_params(labelsize=7)
     figure.axes[1].legend(fontsize=6, loc="upper right")

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Simulated robot that drives over terrain with obstacles, and its drifting odometry."""
 
-import array
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,8 +56,14 @@ SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
 }
 """Sensors by frame name: transform to the robot frame, beam directions, and noise model."""
 
-START, GOAL = (3.0, 6.0), (5.9, 2.0)
-"""Start above the scarp of the terrain, and goal below it [m]."""
+START, GOAL = (7.5, -2.5), (3.5, 6.0)
+"""Start below the scarp of the terrain, and goal behind the cliff on the scarp [m]."""
+
+MAX_RANGE = 5.0
+"""Range of the sensors on the way to the goal [m]: less than from the start to the cliff."""
+
+STRIDE = 0.4
+"""Maximum distance that the robot walks after each map [m]."""
 
 ARRIVED = 0.35
 """Distance from the goal at which the robot has arrived [m]; above the planner's tolerance."""
@@ -75,6 +80,21 @@ def load_course(path: Path) -> GridMap:
     ground = with_ramp(ground, (7.7, 1.5), (2.4, 1.2), 0.5, yaw=0.5 * math.pi)
     for x, y, side, height in ((6.2, 4.1, 0.8, 0.6), (3.2, 2.9, 0.5, 1.2), (1.5, 5.9, 0.6, 0.3)):
         ground = with_box(ground, (x, y), (side, 0.6), height, yaw=0.3 * x)
+    return ground
+
+
+def load_cliff(path: Path) -> GridMap:
+    """Return the demo terrain without holes, with a cliff of 1 m between `START` and `GOAL`.
+
+    Walls at the borders keep the robot on the terrain.
+
+    Raises:
+        GridMapError: the file cannot be read or holds no heights.
+    """
+    ground = load_terrain(path, RESOLUTION, holes=False).without_layers(["color"])
+    ground = with_box(ground, (4.6, 3.7), (5.4, 0.6), 1.0, yaw=0.54)
+    heights = ground["elevation"]
+    ground["elevation"] = np.pad(heights[10:-10, 10:-10], 10, constant_values=heights.max())
     return ground
 
 
@@ -191,8 +211,3 @@ class Walker:
             distance -= length
             if distance >= 0.0:
                 self.plan = self.plan[1:]
-
-
-def to_bytes(points: npt.NDArray[np.float64]) -> "array.array[int]":
-    """Convert points (N, 3) to float32 bytes."""
-    return array.array("B", points.astype("<f4").tobytes())

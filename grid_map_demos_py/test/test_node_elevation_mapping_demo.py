@@ -15,12 +15,12 @@ from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridMap, GridMapError
 from grid_map_core_py.simulation import scan
-from grid_map_demos_py.elevation_mapping_robot_node import SENSORS
 from grid_map_demos_py.report_node import compare, person_rows
 from grid_map_demos_py.robot_course import (
     DRIFT,
     HEIGHT,
     RADII,
+    SENSORS,
     RobotCourse,
     drifted,
     load_course,

@@ -7,13 +7,26 @@ import sys
 
 import numpy as np
 import pytest
+import yaml
+from demos import PACKAGE
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
 
-from grid_map_core_py import GridMap
-from grid_map_demos_py.report_node import draw_walk, length_of
-from grid_map_demos_py.robot_course import ARRIVED, GOAL, START, Walker
-from grid_map_ros_py import from_pose
-from grid_map_ros_py.testing import Process, peer
+from grid_map_core_py import GridMap, line_cells
+from grid_map_core_py.conversions import change_resolution
+from grid_map_demos_py.report_node import BLOCKED, blocked_after, draw_walk, length_of
+from grid_map_demos_py.robot_course import (
+    ARRIVED,
+    GOAL,
+    MAX_RANGE,
+    START,
+    STRIDE,
+    Walker,
+    load_cliff,
+)
+from grid_map_filters_py import FilterChain
+from grid_map_ros_py import from_pose, to_message
+from grid_map_ros_py.testing import Process, peer, running_node
 
 
 def test_walker_follows_the_latest_plan_at_its_speed():
@@ -42,6 +55,24 @@ def test_walker_follows_the_latest_plan_at_its_speed():
     np.testing.assert_allclose(walker.position, plan[-1])
 
 
+def test_only_a_cliff_out_of_sight_blocks_the_straight_line():
+    ground = load_cliff(PACKAGE / "data" / "jacksboro_fault_dem.npz")
+    file = (PACKAGE / "config" / "path_planner_demo_mapping.yaml").read_text()
+    pipeline = yaml.safe_load(file)["elevation_mapping"]["ros__parameters"]
+    chain = FilterChain.from_config([*pipeline["postprocessor_pipeline"].values()])
+    # Without the walls at the borders.
+    costs = chain(change_resolution(ground, 0.1)).get_submap((0.0, 0.0), (18.5, 15.5))
+    blocked = costs["cost"] >= BLOCKED
+    cliff = costs.get_positions(np.nonzero(blocked))
+    assert np.hypot(*(cliff - (4.6, 3.7)).T).max() < 3.0
+    assert np.hypot(*(cliff - START).T).min() > MAX_RANGE
+    # Slopes and steps of the terrain are far from those that block cells.
+    is_cliff = np.hypot(*(costs.get_positions() - (4.6, 3.7)).T) < 3.4
+    assert costs["cost"].ravel("F")[~is_cliff].max() < 150
+    assert costs["step_height"].ravel("F")[~is_cliff].max() < 0.35
+    assert blocked[line_cells(costs, START, GOAL)].any()
+
+
 def test_picture_shows_all_plans_and_the_walk():
     truth = GridMap((12.0, 12.0), 1.0, layers={"elevation": 0.0})
     truth["elevation"][2, 3] = 1.0
@@ -55,7 +86,43 @@ def test_picture_shows_all_plans_and_the_walk():
     assert length_of(plans[0]) == pytest.approx(math.dist(START, GOAL))
 
 
-def test_robot_plans_again_and_walks_to_the_goal(tmp_path):
+def test_report_says_where_the_first_plan_is_blocked():
+    costs = GridMap((12.0, 12.0), 1.0, layers={"inflated_cost": np.nan})
+    costs.move((3.0, 2.0))
+    costs["inflated_cost"][costs.get_index((5.5, 0.5))] = 253.0
+    plan = np.array([(0.5, 0.5), (2.5, 0.5), (4.5, 0.5), (5.5, 0.5), (6.5, 0.5)])
+    assert blocked_after(plan, costs) == "5.0 m"
+    assert blocked_after(plan[:3], costs) == "-"
+
+
+def test_robot_waits_for_the_next_map():
+    plan = Path()
+    for x, y in (START, GOAL):
+        plan.poses.append(PoseStamped())
+        plan.poses[-1].pose.position.x, plan.poses[-1].pose.position.y = x, y
+    grid_map = GridMap((1.0, 1.0), 0.5, layers={"elevation": 0.0})
+    with peer() as other, running_node("grid_map_demos_py.path_planner_robot_node"):
+        other.listen("/odom", Odometry, 10)
+        other.listen("/goal_pose", PoseStamped)
+
+        def walked() -> float:
+            odometry = other.received["/odom"]
+            return math.dist(from_pose(odometry[-1])[:2, 3], START) if odometry else 0.0
+
+        other.publish("/plan", plan)
+        for number in (1, 2):
+            other.publish("/elevation_mapping/elevation_map", to_message(grid_map))
+            reach = number * STRIDE
+            other.wait_until(lambda reach=reach: walked() > reach - 1e-6, f"a walk of {reach} m")
+            other.received["/odom"].clear()
+            other.expect("/odom", 4)
+            assert walked() == pytest.approx(reach)
+        goal = other.expect("/goal_pose").pose.position
+    assert (goal.x, goal.y) == GOAL
+    assert len(other.received["/goal_pose"]) == 1
+
+
+def test_robot_sees_the_cliff_late_and_walks_around_it(tmp_path):
     command = [sys.executable, "-m", "grid_map_demos_py.launcher", "path_planner_demo"]
     with peer() as other:
         other.listen("/odom", Odometry, 10)
@@ -73,6 +140,8 @@ def test_robot_plans_again_and_walks_to_the_goal(tmp_path):
     assert float(rows["straight line"]) == pytest.approx(math.dist(START, GOAL), abs=0.05)
     assert int(rows["plans"]) >= 2
     assert len(plans) >= 2
+    # The robot sees the cliff on the way, and walks around it.
+    assert MAX_RANGE < float(rows["first plan blocked after"]) < float(rows["first plan"])
     assert float(rows["walked"]) > 1.2 * float(rows["straight line"])
     assert [path.name for path in tmp_path.iterdir()] == ["path_planner.png"]
     assert (tmp_path / "path_planner.png").stat().st_size > 50_000
