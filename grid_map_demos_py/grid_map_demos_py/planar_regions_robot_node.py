@@ -12,11 +12,10 @@ from std_msgs.msg import Header
 
 from grid_map_core_py.simulation import scan
 from grid_map_ros_py import to_pose, to_serialized_message, to_stamp
-from grid_map_ros_py.messages._point_cloud import write_points
 from grid_map_ros_py.nodes._spin import steady_timer
 
 from .demo import Demo
-from .robot_course import to_bytes
+from .sensing_robot import to_cloud
 from .steps_course import BEAMS, END, MAX_RANGE, NOISE, make_course, pose_at
 
 
@@ -40,16 +39,15 @@ class PlanarRegionsRobotNode(Demo):
         # The mapping node may have to compile first.
         if self._cloud.get_subscription_count():
             self._x = min(self._x + self._step_length, END)
-        pose, stamp = pose_at(self._x), to_stamp(self.get_clock().now().nanoseconds)
-        odometry = Odometry(header=Header(stamp=stamp, frame_id="odom"), child_frame_id="camera")
+        pose, now = pose_at(self._x), self.get_clock().now().nanoseconds
+        odometry = Odometry(header=Header(stamp=to_stamp(now), frame_id="odom"))
+        odometry.child_frame_id = "camera"
         odometry.pose.pose = to_pose(pose)
         self._odometry.publish(odometry)
         points = scan(
             self._course, BEAMS, pose, sensor=NOISE, random=self._random, max_range=MAX_RANGE
         )
-        header = Header(stamp=stamp, frame_id="camera")
-        returned = points[np.isfinite(points[:, 0])]
-        self._cloud.publish(write_points("xyz", to_bytes(returned), header))
+        self._cloud.publish(to_cloud(points, now, "camera"))
 
 
 if __name__ == "__main__":

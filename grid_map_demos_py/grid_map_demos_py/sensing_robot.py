@@ -10,6 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from grid_map_core_py import GridMap
+from grid_map_core_py._arrays import Positions
 from grid_map_core_py.simulation import scan
 from grid_map_ros_py import to_pose, to_serialized_message, to_stamp
 from grid_map_ros_py.messages._point_cloud import write_points
@@ -84,7 +85,11 @@ class SensingRobot(Demo):
                 random=self._random,
                 max_range=self._max_range,
             )
-            returned = points[np.isfinite(points[:, 0])].astype("<f4")
-            header = Header(stamp=to_stamp(stamp), frame_id=name)
-            data = array.array("B", returned.tobytes())
-            self._clouds[name].publish(write_points("xyz", data, header))
+            self._clouds[name].publish(to_cloud(points, stamp, name))
+
+
+def to_cloud(points: Positions, stamp: int, frame_id: str) -> PointCloud2:
+    """Return the message of the points (N, 3) that are not NaN; `stamp` is their time [ns]."""
+    returned = points[np.isfinite(points[:, 0])].astype("<f4")
+    header = Header(stamp=to_stamp(stamp), frame_id=frame_id)
+    return write_points("xyz", array.array("B", returned.tobytes()), header)
