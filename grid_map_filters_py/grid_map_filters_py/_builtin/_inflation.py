@@ -32,8 +32,8 @@ class Inflation(LayerFilter):
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
-            the footprint. To match Nav2 without `footprint_padding`, use Nav2's `robot_radius`
-            times cos(pi / 16) = 0.9808.
+            the footprint. To match Nav2 without `footprint_padding`, use `robot_radius` times
+            cos(pi / 16) = 0.9808.
         footprint: corners [x, y] of the padded footprint [m], as a list or, as in Nav2, a string;
             replaces `inscribed_radius`.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
