@@ -49,7 +49,7 @@ PACKAGES = {
     "nav2_msgs.msg": Package("costmaps of Nav2", "ros-*-nav2-msgs"),
     "tf2_ros": Package("poses and clouds in other frames", "ros-*-tf2-ros-py"),
 }
-"""The packages by the module that is imported."""
+"""Packages that the suite uses, by the name of the module to import."""
 
 
 def remedy_for(module: str) -> str:

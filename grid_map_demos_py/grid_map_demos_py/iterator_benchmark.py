@@ -3,9 +3,10 @@
 
     iterator_benchmark [SIDE ...]
 
-Prints a table of times for square maps with SIDE cells per side. For every cell, the first task
-computes the larger value of two layers, the second task the mean of 3 x 3 cells. Each task is
-solved in several ways, from a Python loop to a single NumPy or OpenCV call. ROS is not required.
+The program prints a table of times for square maps with SIDE cells per side. For every cell, the
+first task computes the larger value of two layers, and the second task computes the mean of 3 x 3
+cells. Each task is solved in several ways, from a Python loop to a single NumPy or OpenCV call. ROS
+is not required.
 """
 
 import argparse

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_iterators_demo`: fills regions of a map cell by cell, in iteration order.
 
-Publishes the map on `grid_map` (its layer `type` is 1 in the cells filled so far), and the polygon
-or the sliding window on `polygon`. The demo shows all regions in turn and then keeps the last map,
-or starts again if the parameter `repeat` is true.
+The node publishes the map on `grid_map`; its layer `type` is 1 in the cells filled so far. It
+publishes the polygon or the sliding window on `polygon`. The demo shows all regions in turn and
+then keeps the last map, or starts again if the parameter `repeat` is true.
 """
 
 import math

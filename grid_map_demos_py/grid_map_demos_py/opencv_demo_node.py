@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `opencv_demo`: converts a layer to an image and blurs it with OpenCV.
 
-Publishes `grid_map` with two layers: `original` is a star with sharp edges, and `elevation` is the
-star after a Gaussian blur whose kernel shrinks and grows.
+The node publishes `grid_map` with two layers: `original` is a star with sharp edges, and
+`elevation` is the star after a Gaussian blur whose kernel shrinks and grows.
 """
 
 import math

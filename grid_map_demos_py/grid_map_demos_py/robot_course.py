@@ -136,7 +136,7 @@ def standing_pose(ground: GridMap, position: Matrix, way: Matrix) -> Matrix:
     Args:
         ground: terrain with the layer `elevation` [m].
         position: (2,) position of the robot [m].
-        way: (2,) unit vector in which the robot looks.
+        way: (2,) unit vector in the direction of the robot's heading.
     """
     side = np.array([-way[1], way[0]])
     feet = position + 0.3 * np.array([way, -way, side, -side])
@@ -185,7 +185,7 @@ class Walker:
 
     Attributes:
         position: (2,) position [m].
-        way: (2,) unit vector in which the robot looks.
+        way: (2,) unit vector in the direction of the robot's heading.
         plan: (N, 2) positions of the plan that are still ahead [m].
     """
 

@@ -104,7 +104,7 @@ def open_source(
         source: path of a Zarr store, or one or more paths of raster files.
         frame_id: frame of the map; empty means the stored frame.
         origin: latitude and longitude [deg] of the frame origin. If empty, the map keeps the
-            coordinates of the source.
+            origin of the source.
     """
     tiled_map = open_map(source)
     if origin:

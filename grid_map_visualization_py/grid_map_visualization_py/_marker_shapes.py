@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Points and colors of `visualization_msgs/Marker`, for both viewers."""
+"""Points and colors of `visualization_msgs/Marker`, for the web viewer and the Rerun viewer."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +12,7 @@ from grid_map_ros_py import from_pose
 
 
 def orientation_of(marker: Any) -> Any:
-    """Return the quaternion of a marker; as in RViz, one of zeros means no rotation."""
+    """Return the quaternion of a marker; as in RViz, all zeros mean no rotation."""
     q = marker.pose.orientation
     return q if any((q.x, q.y, q.z, q.w)) else SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
 
@@ -24,19 +24,19 @@ def pose_of(marker: Any) -> Positions:
 
 
 def points_of(marker: Any, pose: Positions) -> Positions:
-    """Return the points (N, 3) of a marker in its frame [m]."""
+    """Return the points (N, 3) of a marker [m], in the frame of its header."""
     points = np.array([(p.x, p.y, p.z) for p in marker.points], float).reshape(-1, 3)
     with np.errstate(invalid="ignore"):
         return points @ pose[:3, :3].T + pose[:3, 3]
 
 
 def rgba_of(marker: Any) -> npt.NDArray[np.uint8]:
-    """Return red, green, blue, alpha (N, 4) of the points, of the triangles, or of the marker."""
+    """Return red, green, blue, alpha (N, 4) of the field `colors`, or (1, 4) of `color`."""
     colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
     rgba: npt.NDArray[np.uint8] = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
     return rgba
 
 
 def of_points(rgba: npt.NDArray[np.uint8], count: int) -> npt.NDArray[np.uint8]:
-    """Return one color for each of `count` points."""
+    """Repeat one color, or one color per triangle, for each of `count` points."""
     return np.repeat(rgba, -(-count // len(rgba)), axis=0)[:count]

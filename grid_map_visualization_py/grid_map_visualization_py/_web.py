@@ -49,8 +49,8 @@ def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) 
     """Return True if the page may answer a request with these headers.
 
     `Host` must be an IP address or one of `names`, which excludes foreign names that resolve to
-    this machine (DNS rebinding). `Origin` must be the page itself. Requests without `Origin`, which
-    programs other than browsers send, are allowed.
+    this machine (DNS rebinding). `Origin` must be the page itself. It may be missing, because
+    programs other than browsers do not send it.
     """
     host = headers.get("Host", "").lower()
     origin = headers.get("Origin", f"http://{host}")

@@ -117,7 +117,7 @@ def cleared_cells(
 
 
 def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any) -> None:
-    """NumPy version of `trace`: advance all beams by one cell at a time."""
+    """NumPy version of `trace`: advance all beams one cell at a time."""
     ceilings, places, floors, normals, guards, proofs, crossed = surface
     start, limits = np.array(frame[:2])[:, None], np.array(size)[:, None]
     with np.errstate(all="ignore"):

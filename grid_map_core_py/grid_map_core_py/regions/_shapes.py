@@ -73,7 +73,7 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
         grid_map["elevation"][ring] = np.nan
 
     Args:
-        cells: buffer indices as `circle_cells` returns them (rows and columns), or as (N, 2).
+        cells: buffer indices, as (rows, cols) like those from `circle_cells`, or as (N, 2).
     """
     chosen = grid_map.geometry.check_indices(cells, "cells")
     mask: Mask = np.zeros(grid_map.size, dtype=np.bool_, order="F")

@@ -196,7 +196,7 @@ def _root(f0: float, f1: float, f2: float) -> float:
 
 
 def _march_arrays(heights: Any, rays: Positions, span: Positions, ranges: Positions) -> None:
-    """NumPy version of `march`: advance all beams by one patch at a time."""
+    """NumPy version of `march`: advance all beams one patch at a time."""
     last = np.array(heights.shape)[:, None] - 2
     ranges[...] = np.nan
     numbers = np.arange(len(ranges))

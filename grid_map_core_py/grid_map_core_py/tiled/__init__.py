@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps larger than memory: Dask computes them tile by tile, from Zarr stores or GeoTIFF files.
 
-Requires the extra `tiled`. GeoTIFF files also require the extra `geo`. `grid_map_core_py.xarray`
-registers the accessor `grid_map` for xarray datasets.
+This package requires the extra `tiled`. GeoTIFF files also require the extra `geo`.
+`grid_map_core_py.xarray` registers the accessor `grid_map` for xarray datasets.
 """
 
 from .. import _lazy

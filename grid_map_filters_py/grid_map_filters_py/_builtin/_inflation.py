@@ -32,14 +32,14 @@ class Inflation(LayerFilter):
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
-            the footprint. To match Nav2's `robot_radius` without `footprint_padding`, multiply
-            that by cos(pi / 16) = 0.9808.
+            the footprint. To match Nav2 without `footprint_padding`, use `robot_radius` times
+            cos(pi / 16) = 0.9808.
         footprint: corners [x, y] of the padded footprint [m], as a list or, as in Nav2, a string;
             replaces `inscribed_radius`.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
-        inflate_unknown: set unknown cells to their inflated cost if this is at least 1; if false,
-            only if it is at least 253.
+        inflate_unknown: inflated costs of at least 1 replace unknown; if false, only costs of at
+            least 253.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 

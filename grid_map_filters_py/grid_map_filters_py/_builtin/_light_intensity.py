@@ -19,7 +19,7 @@ class LightIntensity(CellFilter):
     """Shade a map in gray, as if lit from one direction.
 
     The brightness is the cosine of the angle between the normal and the direction to the light.
-    Cells without a normal get no color.
+    Surfaces that face away from the light are black. Cells without a normal get no color.
 
     Attributes:
         input_layers_prefix: prefix of the normal layers, which end in `x`, `y` and `z`.

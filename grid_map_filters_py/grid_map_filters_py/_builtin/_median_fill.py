@@ -37,7 +37,7 @@ class MedianFill:
         filter_existing_values: also replace finite cells in the mask with the median.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
-        fill_mask_layer: layer with the mask of the cells that may change; computed if missing.
+        fill_mask_layer: mask layer of cells that may change; computed if the map lacks it.
         num_erode_dilation_iterations: number of one-cell dilations in the closing, and of the
             erosions that follow.
         debug: also store the computed mask before the closing.

@@ -27,8 +27,8 @@ class Slope:
 
     Attributes:
         input_layer: heights [m].
-        input_layers_prefix: common prefix of the normal layers, which end in `x`, `y` and `z`; use
-            it instead of `input_layer`.
+        input_layers_prefix: common prefix of the normal layers, which end in `x`, `y` and `z`;
+            replaces `input_layer`.
         output_layer: layer for the result.
         radius: radius of the disc for the plane fit [m]; if 0, the four neighbors are used.
     """

@@ -21,8 +21,8 @@ class Threshold(CellFilter):
         layer: layer used as both `condition_layer` and `output_layer`.
         condition_layer: layer compared with the threshold; requires `output_layer`.
         output_layer: existing layer in which cells are set; requires `condition_layer`.
-        lower_threshold: cells below this value are set.
-        upper_threshold: cells above this value are set; set exactly one threshold.
+        lower_threshold: finite cells below this value are set.
+        upper_threshold: finite cells above this value are set; set exactly one threshold.
         set_to: new value of the cells; may be `.nan` or `.inf`.
     """
 

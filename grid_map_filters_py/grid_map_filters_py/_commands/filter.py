@@ -38,7 +38,7 @@ _IN_MEMORY = ("timing", "keep_going")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `run` to a parser."""
+    """Add the command-line arguments of `grid-map filter` to a parser."""
     parser.add_argument("chain", help="parameter file with the chain, or - for standard input")
     add_source(parser, "all, if the destination is a bag, else the last one")
     add_destination(parser)

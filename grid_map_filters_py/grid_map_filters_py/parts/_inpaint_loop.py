@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Compiled version of `cv2.inpaint`, several times faster for maps with many holes.
 
-Implements Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and Video
+It implements Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and Video
 Inpainting" (2001) like OpenCV: holes are filled from the rim inwards by fast marching (Sethian
 1996). A cell gets a weighted mean of the known and filled cells around it. Weights decrease with
 distance, and are largest where the gradient is perpendicular to the line between the two cells.

@@ -205,7 +205,7 @@ class ElevationFusion:
         self._note({})
 
     def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
-        """Return the mapper parameters; where the limits of the source are stricter, use these."""
+        """Return the mapper parameters, with the limits of the source where these are stricter."""
         given, own, processor = self.mapper.parameters, source.settings, source.processor
         # Source limits are relative to the robot, but mapper limits are relative to the sensor.
         above, below = processor.above, processor.below

@@ -101,7 +101,7 @@ class Output:
             self._pending = 2
 
     def send_unknown(self, stamp: Time) -> None:
-        """Send a grid of unknown cells, if any was sent; discard the latched updates."""
+        """If a grid was sent, send a grid of unknown cells and discard the latched updates."""
         if self.last is None:
             return
         if self._update:

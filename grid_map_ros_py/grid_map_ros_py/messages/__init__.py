@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and ROS messages.
 
-Messages are checked completely before memory is allocated. An inconsistent message, or a value that
-a message cannot hold, raises `MessageError`. Other errors are `LayerNotFoundError` for a missing
-layer, `LimitError` for too many cells, `MissingPackageError` for a missing message package, and
-`GridMapError` for invalid arguments.
+Conversions from messages validate the whole message before they allocate memory. An inconsistent
+message, or a value that a message cannot hold, raises `MessageError`. Other errors are
+`LayerNotFoundError` for a missing layer, `LimitError` for too many cells, `MissingPackageError` for
+a missing message package, and `GridMapError` for invalid arguments.
 """
 
 from grid_map_core_py import _lazy

@@ -28,8 +28,8 @@ from .._registry import Visualization, create, describe_parameters
 class GridMapVisualizationNode(ConfiguredNode):
     """Node that converts maps to visualizations, and publishes only those with subscribers.
 
-    The node subscribes to maps while any output has subscribers. In this time, it keeps the last
-    map, so that late-joining subscribers of an output receive a message immediately.
+    The node subscribes to maps while any output has subscribers. During this time, it keeps the
+    last map, so that late-joining subscribers of an output receive a message immediately.
     """
 
     def __init__(self) -> None:

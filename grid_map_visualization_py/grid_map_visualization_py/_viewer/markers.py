@@ -18,7 +18,7 @@ CORNERS = {STRIP: 2, LINES: 2, TRIANGLES: 3}
 
 
 class Markers:
-    """The markers of all messages of a topic.
+    """Markers of one topic, as the messages received so far define them.
 
     Attributes:
         frames: frames of the markers.
@@ -32,10 +32,10 @@ class Markers:
         return {frame for frame, _ in self._drawn.values()}
 
     def receive(self, message: Any) -> None:
-        """Add, replace and delete markers as a `visualization_msgs/MarkerArray` says.
+        """Add, replace and delete markers as specified by a `visualization_msgs/MarkerArray`.
 
         Raises:
-            MessageError: a marker has another shape or is not valid. All markers stay as they are.
+            MessageError: a marker is invalid or has an unsupported shape. No marker changes then.
         """
         drawn = dict(self._drawn)
         for index, marker in enumerate(message.markers):

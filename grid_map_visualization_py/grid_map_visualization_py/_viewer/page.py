@@ -69,7 +69,7 @@ SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
 
 class Page:
-    """Serves the web page.
+    """Web page that shows maps and provides controls.
 
     Attributes:
         url: URL of the page.

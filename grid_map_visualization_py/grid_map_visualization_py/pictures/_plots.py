@@ -226,7 +226,7 @@ def plot_relief(
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
         exaggeration: factor by which heights are scaled. The drawn height is limited to 20 times
             the longer side of the map.
-        azimuth: direction from the map to the camera [rad], from +x towards +y.
+        azimuth: direction from the map to the camera [rad], measured from +x towards +y.
         elevation: elevation angle of the camera [rad], between 0 and pi / 3.
         size: width and height of the picture [pixels].
 

@@ -48,7 +48,7 @@ def draw_relief(
         heights: (nx, ny) heights; NaN is drawn at the height of the nearest cell.
         colors: (nx, ny, 3) red, green, blue.
         size: width and height of the picture [pixels].
-        azimuth: direction from the map to the camera, from +x towards +y [rad].
+        azimuth: direction from the map to the camera [rad], measured from +x towards +y.
         elevation: elevation angle of the camera [rad].
         scale: factor that converts the heights to cells and exaggerates them.
     """
