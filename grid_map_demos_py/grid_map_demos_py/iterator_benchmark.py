@@ -52,7 +52,7 @@ def by_place(grid_map: GridMap) -> None:
 
 
 def by_array_of_cells(grid_map: GridMap) -> None:
-    """Index all cells in one NumPy call; suitable for a disc, a polygon or a line."""
+    """Index layers with arrays of cells, without a Python loop; suits discs, polygons, lines."""
     random, larger = grid_map["random"], grid_map["larger"]
     cells = map_cells(grid_map)
     larger[cells] = np.maximum(larger[cells], random[cells])

@@ -7,6 +7,7 @@ a bag, the items are records: `load` decodes one at a time, and each result incl
 
 from collections.abc import Callable, Iterable, Iterator, Sized
 from dataclasses import dataclass
+from traceback import clear_frames
 from typing import Any, Generic, TypeVar
 
 from grid_map_core_py import GridMap
@@ -92,6 +93,8 @@ def filter_maps(
             if failures is None:
                 raise FilterError(str(failure)) from error
             failures.append(failure)
+            # In Python 3.12, a frame of contextlib would keep the map until the next collection.
+            clear_frames(error.__traceback__)
         if progress is not None:
             progress(index + 1, total)
         if result is not None:

@@ -206,9 +206,10 @@ class Clusters:
 
 
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
-    """Cluster the points on the map.
+    """Group the points of each cell into clusters of consistent heights.
 
-    `common` (m,) is the variance that all points of a cell share [m^2], such as the pose variance.
+    `common` (m,) holds for each of the m cells in `points.cells` the variance [m^2] that all its
+    points share, such as the pose variance.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances

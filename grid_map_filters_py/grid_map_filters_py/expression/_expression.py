@@ -208,11 +208,11 @@ class Expression:
 
 @dataclass(frozen=True)
 class _PartsOfTile:
-    """Callable that computes partial reductions on a tile.
+    """Computes the partial results of reductions on one tile.
 
     Args:
         expression: expression that contains the reductions.
-        nodes: calls of reducing functions.
+        nodes: syntax-tree nodes of these reductions, which are calls such as `sum(...)`.
     """
 
     expression: Expression
