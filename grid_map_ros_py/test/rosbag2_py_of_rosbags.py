@@ -2,23 +2,16 @@
 """Stand-in for `rosbag2_py` of ROS 2 Jazzy, made of the package `rosbags`, for MCAP files."""
 
 from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import dropwhile
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.storage_mcap import McapReader
-
 from grid_map_ros_py.messages._definition import DEFINITION
+
+kinds, rosbag2 = import_module("rosbags.interfaces"), import_module("rosbags.rosbag2")
+McapReader = import_module("rosbags.rosbag2.storage_mcap").McapReader
 
 
 @dataclass
@@ -44,15 +37,15 @@ class QoS:
     """The real class has no getters."""
 
     _depth: int
-    _reliability: QosReliability = QosReliability.RELIABLE
-    _durability: QosDurability = QosDurability.VOLATILE
+    _reliability: Any = kinds.QosReliability.RELIABLE
+    _durability: Any = kinds.QosDurability.VOLATILE
 
     def best_effort(self) -> "QoS":
-        self._reliability = QosReliability.BEST_EFFORT
+        self._reliability = kinds.QosReliability.BEST_EFFORT
         return self
 
     def transient_local(self) -> "QoS":
-        self._durability = QosDurability.TRANSIENT_LOCAL
+        self._durability = kinds.QosDurability.TRANSIENT_LOCAL
         return self
 
 
@@ -110,14 +103,14 @@ class SequentialWriter:
     def open(self, storage: StorageOptions, converter: ConverterOptions) -> None:
         _check(storage, converter)
         path = Path(storage.uri)
-        self._bag = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._bag = rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
         self._bag.open()
         # `rosbags` names the file like the folder, and rosbag2 appends its number.
         self._wrong, self._right = path / f"{path.name}.mcap", path / f"{path.name}_0.mcap"
         self._topics: dict[str, Any] = {}
 
     def create_topic(self, topic: TopicMetadata) -> None:
-        never = QosTime(9223372036, 854775807)
+        never = kinds.QosTime(9223372036, 854775807)
         self._topics[topic.name] = self._bag.add_connection(
             topic.name,
             topic.type,
@@ -125,12 +118,12 @@ class SequentialWriter:
             rihs01=topic.type_description_hash or "RIHS01_unknown",
             serialization_format=topic.serialization_format,
             offered_qos_profiles=[
-                Qos(
-                    QosHistory.UNKNOWN,
+                kinds.Qos(
+                    kinds.QosHistory.UNKNOWN,
                     one._depth,
                     one._reliability,
                     one._durability,
-                    *(never, never, QosLiveliness.AUTOMATIC, never),
+                    *(never, never, kinds.QosLiveliness.AUTOMATIC, never),
                     avoid_ros_namespace_conventions=False,
                 )
                 for one in topic.offered_qos_profiles

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Bags without the package `mcap`: through `rosbag2_py`, and without both."""
 
+from importlib import import_module
+
 import pytest
 from bags import DATA, TOPIC, number_of, numbered_map, write_mcap
 
@@ -60,8 +62,7 @@ def test_files_of_rosbag2_py_are_read_with_mcap(tmp_path, request):
         writer.write_serialized("/text", definition, 5, b"text")
     request.getfixturevalue("monkeypatch").undo()
     assert number_of(load_from_bag(tmp_path / "bag", TOPIC)) == 1
-    from mcap.reader import make_reader
-
+    make_reader = import_module("mcap.reader").make_reader
     with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
         channels = make_reader(file).get_summary().channels.values()
     found = {channel.topic: channel.metadata["offered_qos_profiles"] for channel in channels}
@@ -112,8 +113,7 @@ def test_failed_save_with_rosbag2_py_keeps_the_old_bag(tmp_path):
 
 @pytest.mark.usefixtures("rosbag2_py")
 def test_unterminated_file_of_rosbag2_py_does_not_replace_a_bag(tmp_path, monkeypatch):
-    import rosbag2_py
-
+    rosbag2_py = import_module("rosbag2_py")
     bag = tmp_path / "bag"
     save_to_bag(numbered_map(1), bag, TOPIC)
     close = rosbag2_py.SequentialWriter.close
