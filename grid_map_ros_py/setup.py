@@ -29,7 +29,7 @@ VERSION = ElementTree.parse(Path(__file__).resolve().with_name("package.xml")).f
 key = "license_expression" if int(setuptools.__version__.partition(".")[0]) >= 77 else "license"
 options = {}
 scripts = []  # `ros2 run` finds no nodes that pip has installed
-requirements = [f"grid_map_core_py=={VERSION}", "lz4>=4", "zstandard>=0.20"]
+requirements = [f"grid_map_core_py=={VERSION}", "mcap>=1.1"]
 if {"develop", "install"} & set(sys.argv):
     # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []

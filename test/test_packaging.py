@@ -30,7 +30,7 @@ NAMES = [package.name for package in PYTHON_PACKAGES]
 LIBRARIES = {
     "grid_map_core_py": {"numpy", "opencv-python-headless", "PyYAML", "scipy"},
     "grid_map_filters_py": {"grid_map_core_py==1.0.0", "lark"},
-    "grid_map_ros_py": {"grid_map_core_py==1.0.0", "lz4", "zstandard"},
+    "grid_map_ros_py": {"grid_map_core_py==1.0.0", "mcap"},
     "grid_map_visualization_py": {"grid_map_ros_py==1.0.0"},
     "grid_map_demos_py": {
         "grid_map_filters_py==1.0.0",

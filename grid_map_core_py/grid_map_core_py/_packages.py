@@ -30,7 +30,7 @@ PACKAGES = {
     "grid_map_msgs.msg": Package("topics of maps", "ros-*-grid-map-msgs"),
     "rclpy": Package("nodes", "ros-*-rclpy"),
     "sensor_msgs.msg": Package("messages", "ros-*-sensor-msgs"),
-    "lz4": Package("bags compressed with lz4", "python3-lz4", "lz4"),
+    "mcap": Package("bags in MCAP files without ROS", "", "mcap"),
     "zstandard": Package("bags compressed with zstd", "python3-zstandard", "zstandard"),
     "matplotlib": Package("pictures and color maps", "python3-matplotlib", "matplotlib"),
     "viser": Package("maps in the browser", "", "viser"),

@@ -463,6 +463,8 @@ def test_wrong_rules_are_refused(change, error, text):
         (lambda _: Footprint([(0, 0), (1, 1), (1, 0), (0, 1)]), "that does not cross itself"),
         (lambda _: Footprint([(0, 0), (1, np.nan), (1, 0)]), "expected finite x, y of shape"),
         (lambda _: Footprint([0, 1, 2]), "expected x, y of shape"),
+        (lambda _: Footprint.circle(1e-10), "points: expected .* at least 1e-06 m wide"),
+        (lambda _: Footprint.rectangle(1.0, 1e-9), "points: expected .* at least 1e-06 m wide"),
         (lambda _: Footprint.circle(0.0), "radius: expected a positive number, got 0.0"),
         (lambda _: Footprint.rectangle(1.0, np.inf), "width: expected a positive number"),
         (lambda m: check_pose(m, ROBOT, (0, 0), **RULES), r"pose: .* of shape \(3,\), got \(2,\)"),
@@ -486,3 +488,14 @@ def test_wrong_rules_are_refused(change, error, text):
 def test_wrong_arguments_are_refused(call, text):
     with pytest.raises((ConfigError, GeometryError, LimitError), match=text):
         call(value_map())
+
+
+@pytest.mark.parametrize(
+    "footprint",
+    [Footprint.circle(2e-6), Footprint.rectangle(1.0, 2.1e-6), Footprint.rectangle(2.1e-6, 1.0)],
+)
+def test_smallest_footprints_touch_cells_on_borders_and_corners(footprint):
+    grid_map = GridMap((2.0, 3.0), 0.5, layers={"value": 1.0})
+    for pose in ((0.0, 0.0, 0.0), (0.5, 0.25, 0.0), (0.25, 0.5, np.pi / 2)):
+        assert check_pose(grid_map, footprint, pose, **RULES).is_free
+        assert len(footprint_cells(grid_map, footprint, pose)[0]) > 0

@@ -212,7 +212,7 @@ def test_degrees_are_taken_for_meters_with_a_warning():
 
 def test_missing_xarray_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
-    expected = r"a dataset needs the package 'xarray'.*grid_map_core_py\[xarray\]"
+    expected = r"a dataset needs the package 'xarray'.*install python3-xarray"
     with pytest.raises(MissingPackageError, match=expected):
         GridMap((1.0, 1.0), 0.5).to_xarray()
     with pytest.raises(MissingPackageError, match=expected):

@@ -39,7 +39,7 @@ def _save_bag(
     *,
     topic: str = "/grid_map",
     compress: bool = False,
-    storage: str = "mcap",
+    storage: str = "auto",
 ) -> None:
     _save_maps(path, [(None, grid_map)], topic=topic, compress=compress, storage=storage)
 
@@ -50,7 +50,7 @@ def _save_maps(
     *,
     topic: str,
     compress: bool = False,
-    storage: str = "mcap",
+    storage: str = "auto",
 ) -> int:
     count = 0
     compression = "zstd" if compress else "none"

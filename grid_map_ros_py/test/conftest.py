@@ -31,6 +31,22 @@ def start() -> Iterator[Start]:
 
 
 @pytest.fixture
+def no_mcap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hide the packages that read and write MCAP files."""
+    for module in ("mcap", "mcap.reader", "mcap.writer", "rosbag2_py"):
+        monkeypatch.setitem(sys.modules, module, None)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def rosbag2_py(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replace the package `mcap` by a stand-in for `rosbag2_py`."""
+    request.getfixturevalue("no_mcap")
+    stand_in = pytest.importorskip("rosbag2_py_of_rosbags")
+    monkeypatch.setitem(sys.modules, "rosbag2_py", stand_in)
+    monkeypatch.setitem(sys.modules, "rosbag2_py._storage", stand_in._storage)
+
+
+@pytest.fixture
 def nav2(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace messages for nav2 by stand-ins; test_optional_messages.py uses the real ones."""
     for package in ("map_msgs", "nav2_msgs"):

@@ -3,7 +3,6 @@
 
 import shutil
 import sqlite3
-import sys
 import tempfile
 from contextlib import closing
 from pathlib import Path
@@ -23,7 +22,7 @@ from bags import (
 from cpp_recordings import recorded
 from hypothesis import given, settings, strategies as st
 
-from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError, MissingPackageError
+from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
@@ -37,8 +36,7 @@ from grid_map_ros_py import (
     load_from_bag,
     save_to_bag,
 )
-from grid_map_ros_py.bags._mcap import McapWriter
-from grid_map_ros_py.bags._storage import GRID_MAP_TYPE, MAPS, Topic, dump
+from grid_map_ros_py.bags._storage import GRID_MAP_TYPE
 from grid_map_ros_py.messages import to_serialized_message
 from grid_map_ros_py.messages._definition import DEFINITION, TYPE_HASH
 
@@ -194,7 +192,11 @@ def test_files_that_rosbag2_compressed_as_a_whole_are_refused(tmp_path):
             for topic in ("", "/", "a b", "/1a", "/a//b", "/größe")
         ),
         (numbered_map(1), {"compression": "gzip"}, "of mcap: expected 'none' or .*, got 'gzip'"),
-        (numbered_map(1), {"storage": "sqlite"}, "expected 'mcap' or 'sqlite3', got 'sqlite'"),
+        (
+            numbered_map(1),
+            {"storage": "sqlite"},
+            "expected 'auto' or 'mcap' or 'sqlite3', got 'sqlite'",
+        ),
         (
             numbered_map(1),
             {"storage": "sqlite3", "compression": "lz4"},
@@ -287,58 +289,6 @@ def test_file_has_the_records_that_rosbag2_writes(bag):
     assert metadata.name == written_last.name
     stored = yaml.safe_load(metadata.metadata["serialized_metadata"])
     assert stored.keys() == yaml.safe_load(written_last.metadata["serialized_metadata"]).keys()
-
-
-@pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_mcap_files_equal_those_of_the_package_mcap(tmp_path, compression):
-    mcap = pytest.importorskip("mcap.writer")
-    rng = np.random.default_rng(5)
-    other = Topic("std_msgs/msg/String", "cdr")
-    messages = [
-        (f"/topic_{i % 3}", MAPS if i % 3 else other, 7 * i % 12, rng.bytes(1 + i % 2 * 300_000))
-        for i in range(12)
-    ]
-    ours = McapWriter(tmp_path / "ours", compression)
-    with (tmp_path / "theirs").open("wb") as file:
-        theirs = mcap.Writer(
-            file,
-            chunk_size=768 * 1024,
-            compression=mcap.CompressionType[compression.upper()],
-            use_summary_offsets=False,
-        )
-        theirs.start("ros2", "grid_map_ros_py")
-        types, channels = {}, {}
-        for topic, kind, time, data in messages:
-            ours.write(topic, kind, time, data)
-            if kind not in types:
-                encoding = "ros2msg" if kind.definition else ""
-                schema = theirs.register_schema(kind.type, encoding, kind.definition.encode())
-                types[kind] = schema
-            if topic not in channels:
-                extra = {"offered_qos_profiles": kind.qos, "topic_type_hash": kind.type_hash}
-                channels[topic] = theirs.register_channel(topic, "cdr", types[kind], extra)
-            theirs.add_message(channels[topic], time, data, time)
-        theirs.flush()
-        theirs.add_metadata("rosbag2", {"serialized_metadata": dump({"version": 9})})
-        theirs.finish()
-    ours.finish({"version": 9})
-    assert (tmp_path / "ours").read_bytes() == (tmp_path / "theirs").read_bytes()
-
-
-@pytest.mark.parametrize(("compression", "package"), [("lz4", "lz4"), ("zstd", "zstandard")])
-def test_only_compressed_bags_need_a_package(tmp_path, monkeypatch, compression, package):
-    packed, plain = tmp_path / "packed", tmp_path / "plain"
-    save_to_bag(numbered_map(1), packed, TOPIC, compression=compression)
-    for name in ("mcap", "lz4", "lz4.frame", "zstandard"):
-        monkeypatch.setitem(sys.modules, name, None)
-    save_to_bag(numbered_map(2), plain, TOPIC)
-    assert number_of(load_from_bag(plain)) == 2
-    missing = f"needs the package '{package}', .*apt install python3-{package}"
-    with pytest.raises(MissingPackageError, match=f"^compression '{compression}' {missing}"):
-        save_to_bag(numbered_map(3), plain, TOPIC, compression=compression)
-    assert number_of(load_from_bag(plain)) == 2
-    with pytest.raises(MissingPackageError, match=f"^the bag {packed}/packed_0.mcap {missing}"):
-        load_from_bag(packed)
 
 
 def test_database_has_the_tables_and_rows_of_rosbag2(tmp_path):

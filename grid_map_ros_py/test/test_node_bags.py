@@ -30,6 +30,12 @@ import {SAVER} as module
 module.LOG_PERIOD = 0.1
 sys.exit(module.GridMapSaverNode.main())
 """
+WITHOUT_MCAP = """
+import sys
+from runpy import run_module
+sys.modules.update(dict.fromkeys(("mcap", "mcap.reader", "mcap.writer", "rosbag2_py")))
+run_module("grid_map_ros_py._executables.{node}", run_name="__main__")
+"""
 
 
 def test_loader_publishes_the_last_map_latched():
@@ -65,6 +71,36 @@ def test_saver_saves_one_map_and_ends(tmp_path, storage, ending):
             saver.kill()
     assert "saved GridMap(4 x 5 cells" in saver.text
     assert_maps_equal(load_from_bag(tmp_path / "bag" / f"bag_0{ending}", "/saved"), numbered_map(5))
+
+
+@pytest.mark.parametrize("node", ["grid_map_saver", "grid_map_server", "elevation_mapping"])
+def test_nodes_without_mcap_save_sqlite3_bags_and_log_why(tmp_path, node):
+    given = {"file_path": tmp_path / "bag", "continuous": True}
+    if node != "grid_map_saver":
+        given = {"directory": tmp_path}
+    program = WITHOUT_MCAP.format(node=node)
+    with running(Process([sys.executable, "-c", program, *arguments(**given)])) as process:
+        warning = "bags are saved as sqlite3: the package 'mcap' is not installed"
+        wait_until(lambda: warning in process.text, "the warning")
+        if node == "grid_map_saver":
+            with peer() as publisher:
+                for number in (1, 2):
+                    publisher.publish(TOPIC, to_message(numbered_map(number)))
+                    wait_until(lambda number=number: saved(tmp_path / "bag") == number, "the map")
+            assert (tmp_path / "bag" / "bag_0.db3").exists()
+        assert process.text.count(warning) == 1
+
+
+def test_saver_without_mcap_refuses_mcap_at_startup(tmp_path):
+    program = WITHOUT_MCAP.format(node="grid_map_saver")
+    given = arguments(file_path=tmp_path / "bag", storage="mcap")
+    saver = Process([sys.executable, "-c", program, *given])
+    try:
+        assert saver.wait() != 0
+    finally:
+        saver.kill()
+    assert f"the bag {tmp_path}/bag needs the package 'mcap'" in saver.text
+    assert "/proc/" not in saver.text
 
 
 def saved(bag: Path) -> int:

@@ -15,7 +15,7 @@ from recordings import Row, rows_of
 from grid_map_core_py import GridMap
 from grid_map_ros_py.bags import BagWriter
 
-pytestmark = pytest.mark.needs("pyproj", "rasterio", "rerun", "xarray", "zarr")
+pytestmark = pytest.mark.needs("mcap", "pyproj", "rasterio", "rerun", "xarray", "zarr")
 
 CENTER = (691_600.0, 5_335_000.0)
 """Place in Munich, in the coordinates of EPSG:25832 [m]."""

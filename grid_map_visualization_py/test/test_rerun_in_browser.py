@@ -15,7 +15,7 @@ from grid_map_ros_py import save_to_bag
 from grid_map_ros_py.testing import Process, wait_until
 
 pytestmark = [
-    pytest.mark.needs("matplotlib", "playwright", "rerun"),
+    pytest.mark.needs("matplotlib", "mcap", "playwright", "rerun"),
     pytest.mark.timeout(300),
 ]
 

@@ -6,7 +6,7 @@ import json
 import pytest
 from recordings import write_survey
 
-pytestmark = pytest.mark.needs("ipykernel", "nbclient", "rerun", "rerun_notebook")
+pytestmark = pytest.mark.needs("ipykernel", "mcap", "nbclient", "rerun", "rerun_notebook")
 
 MAP = """
 from grid_map_core_py import GridMap

@@ -36,7 +36,7 @@ from grid_map_ros_py.bags._storage import GRID_MAP_TYPE, Topic
 from grid_map_ros_py.testing import wait_until
 from grid_map_visualization_py.rerun import Scene, Style, log_bag, recorded as writing
 
-pytestmark = pytest.mark.needs("rerun")
+pytestmark = pytest.mark.needs("mcap", "rerun")
 
 
 @pytest.fixture(autouse=True)

@@ -83,7 +83,7 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--data-max", type=float, metavar="VALUE", help="see --data-min")
     about = "GeoTIFF, Zarr: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
     group.add_argument("--crs", help=about)
-    group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: storage format (mcap)")
+    group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: storage format")
     group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic of the maps")
 
 

@@ -17,6 +17,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..regions import Polygon
 
 _CIRCLE_CORNERS = 32
+_WIDTH = 1e-6  # least width of a footprint [m]
 
 
 class Footprint:
@@ -29,8 +30,8 @@ class Footprint:
             along the outline; convex or not.
 
     Raises:
-        GeometryError: fewer than three corners, edges that cross, no area, or numbers that are not
-            finite.
+        GeometryError: fewer than three corners, edges that cross, a width below about 1e-6 m, or
+            numbers that are not finite.
 
     Example:
         >>> Footprint.rectangle(0.9, 0.5).points.tolist()
@@ -41,8 +42,12 @@ class Footprint:
 
     def __init__(self, points: Polygon | ArrayLike) -> None:
         self._polygon = Polygon.of(points)
-        if len(self.points) < 3 or not self._polygon.area > 0 or _cross_each_other(self.points):
+        perimeter = np.hypot(*(self.points - np.roll(self.points, 1, axis=0)).T).sum()
+        # A narrower footprint on the border of a cell would touch no cell.
+        least = _WIDTH / 2.0 * perimeter
+        if len(self.points) < 3 or not self._polygon.area > least or _cross_each_other(self.points):
             expected = "at least 3 corners in order along an outline that does not cross itself"
+            expected += f" and is at least {_WIDTH:g} m wide"
             raise GeometryError(f"points: expected {expected}, got {short(points)}")
 
     @classmethod

@@ -8,6 +8,7 @@ from grid_map_core_py.errors import GridMapError
 
 from .._serving import part, place_below
 from ..bags import BagWriter, bag_topics, load_from_bag
+from ..bags._bag import chosen_storage
 from ..errors import RequestError
 from ..messages import from_message, to_message
 from ..nodes import ConfiguredNode
@@ -31,6 +32,10 @@ class MapServices:
     ) -> None:
         self._node, self._settings = node, settings
         self._fusion, self._outputs, self._inputs = fusion, outputs, inputs
+        self._storage: str = settings.storage
+        if settings.directory:
+            warn = node.get_logger().warning  # type: ignore[no-untyped-call]
+            self._storage = chosen_storage(settings.storage, warn)
 
     def get_submap(self, request: Any, response: Any) -> None:
         response.map = _part_of(self._outputs.filtered()[0], request)
@@ -44,11 +49,11 @@ class MapServices:
         self._outputs.publish_raw()
 
     def save_map(self, request: Any, response: Any) -> None:
-        topic, storage = _topic_of(request), self._settings.storage
+        topic = _topic_of(request)
         filtered, _ = self._outputs.filtered()
         with (
             place_below(self._settings.directory, request.file_path) as path,
-            BagWriter(path, storage=storage) as bag,
+            BagWriter(path, storage=self._storage) as bag,
         ):
             bag.write(topic, filtered)
             bag.write(f"{topic}_raw", self._fusion.grid_map)

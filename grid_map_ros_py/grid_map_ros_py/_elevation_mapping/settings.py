@@ -71,7 +71,8 @@ class Settings:
         masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where it is
             NaN stay unchanged.
         directory: directory in which services load and save maps; empty disables these services.
-        storage: file format of saved bags.
+        storage: file format of saved bags; `auto` is `mcap`, or `sqlite3` if neither `mcap` nor
+            `rosbag2_py` is installed.
         min_update_rate: rate at which the raw map is published if it has changed [Hz].
         fused_map_publishing_rate: rate at which the filtered map is published [Hz]. With 0, only
             `trigger_fusion` publishes it. With `.inf`, it is published after every scan that
@@ -104,7 +105,7 @@ class Settings:
     target_frame_init_submap: str = ""
     masked_replace_service_mask_layer_name: str = "mask"
     directory: str = ""
-    storage: Literal["mcap", "sqlite3"] = "mcap"
+    storage: Literal["auto", "mcap", "sqlite3"] = "auto"
     min_update_rate: float = 2.0
     fused_map_publishing_rate: float = 1.0
 

@@ -6,6 +6,7 @@ from rclpy.utilities import try_shutdown
 from grid_map_core_py.errors import GridMapError
 
 from .. import BagWriter, MessageError, ReceivedMap
+from ..bags._bag import chosen_storage
 from ..errors import NodeFailedError
 from ..nodes import (
     ConfiguredNode,
@@ -30,8 +31,9 @@ class GridMapSaverNode(ConfiguredNode):
         self._topic = bag_topic or self.resolve_topic_name(topic)
         about = "keep running and save every map, each replacing the previous one"
         self._continuous = self.read("continuous", False, about)
-        about = "file format of the bag: `mcap`, or `sqlite3`, which C++ `loadFromBag` can read"
-        self._storage = self.read("storage", "mcap", about)
+        about = "file format: `mcap`, `sqlite3`, which C++ `loadFromBag` can read, or `auto`"
+        storage = self.read("storage", "auto", about)
+        self._storage = chosen_storage(storage, self.get_logger().warning)
         about = "compression of the bag: `none`; for `mcap` also `lz4` or `zstd`"
         self._compression = self.read("compression", "none", about)
         # Fail now rather than when the first map arrives.

@@ -27,7 +27,7 @@ from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMa
 
 from .. import from_message, load_from_bag, save_to_bag, to_message, to_serialized_message
 from .._serving import part, place_below, read_source
-from ..bags._bag import STORAGES
+from ..bags._bag import STORAGES, chosen_storage
 from ..errors import RequestError
 from ..messages._grid_map import to_info
 from ..nodes import (
@@ -45,11 +45,12 @@ class GridMapServerNode(ConfiguredNode):
     def __init__(self) -> None:
         super().__init__("grid_map_server")
         self._log = LogThrottle(self.get_logger())
-        about = "file format of saved bags: `mcap` or `sqlite3`"
-        self._storage = self.read_choice("storage", STORAGES, "mcap", about)
+        about = "file format of saved bags: `mcap`, `sqlite3` or `auto`"
+        storage = self.read_choice("storage", ("auto", *STORAGES), "auto", about)
         about = "directory in which requests load and save bags; empty disables these requests"
         self._directory = path = self.read("directory", "", about)
         check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
+        self._storage = chosen_storage(storage, self.get_logger().warning) if path else storage
         about = "topic of the map, published whenever it changes"
         topic = self.read_topic("output_topic", "/grid_map", about)
         self._topic = self.resolve_topic_name(topic)

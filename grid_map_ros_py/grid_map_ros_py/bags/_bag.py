@@ -5,8 +5,9 @@ import bisect
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -14,7 +15,7 @@ from types import TracebackType
 from typing import NamedTuple, Self, TypeAlias
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import LimitError, short
+from grid_map_core_py.errors import LimitError, MissingPackageError, required, short
 from grid_map_core_py.files._shared import (
     new_folder,
 )
@@ -25,13 +26,14 @@ from ..messages._fields import check_nanoseconds
 from ..messages._grid_map import from_serialized_message, to_serialized_message
 from . import _mcap as bag_mcap, _sqlite as bag_sqlite, _storage as bag_storage
 from ._mcap import COMPRESSIONS, McapFile, McapWriter, package
+from ._rosbag2 import Rosbag2File, Rosbag2Writer
 from ._sqlite import SqliteFile, SqliteWriter
 from ._storage import GRID_MAP_TYPE, MAPS, Entry, Topic, bag_errors
 
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 """File name extensions of new bags, by storage format."""
 
-_Storage: TypeAlias = McapFile | SqliteFile
+_Storage: TypeAlias = McapFile | Rosbag2File | SqliteFile
 """Open storage file. Call its methods within `bag_errors`, because they may raise any exception if
 the file is damaged."""
 
@@ -52,7 +54,7 @@ def save_to_bag(
     *,
     layers: Iterable[str] | None = None,
     overwrite: bool = True,
-    storage: str = "mcap",
+    storage: str = "auto",
     compression: str = "none",
 ) -> None:
     """Write maps to a new bag.
@@ -64,7 +66,8 @@ def save_to_bag(
         path: folder of the bag.
         layers: names of the layers to write; None means all.
         overwrite: replace an existing bag. Other files and folders are never replaced.
-        storage: "mcap", or "sqlite3", which the C++ function `loadFromBag` can read.
+        storage: "mcap", "sqlite3", which the C++ function `loadFromBag` can read, or "auto": "mcap"
+            if the package `mcap` or `rosbag2_py` is installed, else "sqlite3" with a warning.
         compression: "none", "lz4" or "zstd" for MCAP; "none" for sqlite3.
     """
     names = _once(layers)
@@ -91,22 +94,25 @@ class BagWriter:
         path: str | PathLike[str],
         *,
         overwrite: bool = True,
-        storage: str = "mcap",
+        storage: str = "auto",
         compression: str = "none",
         in_place: bool = False,
     ) -> None:
         self._path = Path(path)
         self._overwrite = overwrite
         self._in_place = in_place
+        storage = chosen_storage(storage)
         self._storage, self._compression = storage, compression
         compressions = ("none",) if storage == "sqlite3" else COMPRESSIONS
         for name, value, known in (
-            ("storage", storage, STORAGES),
+            ("storage", storage, ("auto", *STORAGES)),
             (f"compression of {storage}", compression, compressions),
         ):
             if value not in known:
                 expected = " or ".join(map(repr, known))
                 raise BagError(self._path, f"{name}: expected {expected}, got {short(value)}")
+        if storage == "mcap":
+            _, self._mcap_writer = _mcap_classes(self._path)
 
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:
@@ -114,8 +120,8 @@ class BagWriter:
             self._folder = stack.enter_context(self._new_folder())
             self._file = f"{self._path.resolve().name}_0{STORAGES[self._storage]}"
             file = self._folder / self._file
-            self._writer: McapWriter | SqliteWriter = (
-                McapWriter(file, self._compression, reserve=self._in_place)
+            self._writer: McapWriter | Rosbag2Writer | SqliteWriter = (
+                self._mcap_writer(file, self._compression, reserve=self._in_place)
                 if self._storage == "mcap"
                 else SqliteWriter(file)
             )
@@ -377,7 +383,7 @@ class BagFiles:
             data = self._storage(file).read(entry)
             if data.startswith(_ZSTD_MAGIC):
                 # The bag uses the per-message compression of rosbag2.
-                zstandard = package("zstandard", f"the bag {path}")
+                zstandard = package("zstandard", path)
                 check_bytes(f"{path}: a message", zstandard.frame_content_size(data), len(data))
                 data = zstandard.decompress(data)
         return data
@@ -483,7 +489,8 @@ def _open(path: Path, *, recover: bool) -> _Storage:
     with path.open("rb") as file:
         magic = file.read(len(bag_sqlite.MAGIC))
     if magic.startswith(bag_mcap.MAGIC):
-        return McapFile(path, recover=recover)
+        reader, _ = _mcap_classes(path)
+        return reader(path, recover=recover)
     if magic == bag_sqlite.MAGIC:
         return SqliteFile(path)
     if magic.startswith(_ROS1_MAGIC):
@@ -491,6 +498,33 @@ def _open(path: Path, *, recover: bool) -> _Storage:
     if magic.startswith(_ZSTD_MAGIC):
         raise BagError(path, "is compressed as a whole; 'zstd -d' unpacks it")
     raise BagError(path, "neither an MCAP file nor a sqlite3 database" if magic else "is empty")
+
+
+def _mcap_classes(
+    path: Path,
+) -> tuple[type[McapFile | Rosbag2File], type[McapWriter | Rosbag2Writer]]:
+    """Return reader and writer of MCAP files: those of `mcap`, or else those of `rosbag2_py`."""
+    try:
+        package("mcap.writer", path)
+    except MissingPackageError:
+        with suppress(MissingPackageError):
+            required("rosbag2_py", "")
+            return Rosbag2File, Rosbag2Writer
+        raise
+    return McapFile, McapWriter
+
+
+def chosen_storage(storage: str, warn: Callable[[str], object] = warnings.warn) -> str:
+    """Resolve the storage "auto": "mcap" if possible, else "sqlite3" with a warning."""
+    if storage != "auto":
+        return storage
+    try:
+        _mcap_classes(Path())
+    except MissingPackageError as error:
+        package, _, remedy = error.args
+        warn(f"bags are saved as sqlite3: the package {package!r} is not installed: {remedy}")
+        return "sqlite3"
+    return "mcap"
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:

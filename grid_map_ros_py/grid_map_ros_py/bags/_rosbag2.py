@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reader and writer of MCAP bag files, based on `rosbag2_py`, if the package `mcap` is missing."""
+
+import shutil
+from collections import Counter
+from collections.abc import Collection
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.files._shared import parse_yaml
+
+from ._storage import Entry, Topic
+
+_PRESETS = {"none": "", "zstd": "zstd_fast"}
+
+
+def _opened(kind: str, uri: Path, preset: str = "") -> Any:
+    """Return an open `SequentialReader` or `SequentialWriter`."""
+    rosbag2 = import_module("rosbag2_py")
+    found = getattr(rosbag2, kind)()
+    options = rosbag2.StorageOptions(uri=str(uri), storage_id="mcap", storage_preset_profile=preset)
+    found.open(options, rosbag2.ConverterOptions("cdr", "cdr"))
+    return found
+
+
+class Rosbag2File:
+    """An MCAP file, open for reading.
+
+    The `place` of an entry is (number of the message in the file, topic, number of earlier messages
+    on the topic with the same time). The quality of service of the topics is unknown.
+    """
+
+    def __init__(self, path: Path, *, recover: bool = False) -> None:
+        if recover:
+            raise MissingPackageError("mcap", f"recovery of the bag {path}")
+        self._reader: Any = _opened("SequentialReader", path)
+        self.topics = {
+            topic.name: Topic(topic.type, topic.serialization_format)
+            for topic in self._reader.get_all_topics_and_types()
+        }
+
+    def entries(self, topics: Collection[str]) -> list[tuple[Entry, str]]:
+        """Return (entry, topic) of each message on `topics`, in time order; reads the messages."""
+        self._seek(0, topics)
+        found, counts = list[tuple[Entry, str]](), Counter[tuple[str, int]]()
+        while self._reader.has_next():
+            topic, _, time = self._reader.read_next()
+            if topic in topics:  # an empty filter accepts all topics
+                found.append((Entry(time, (len(found), topic, counts[topic, time])), topic))
+                counts[topic, time] += 1
+        return sorted(found)
+
+    def read(self, entry: Entry) -> bytes:
+        """Return the serialized message of an entry."""
+        _, topic, earlier = entry.place
+        self._seek(entry.time, [topic])
+        for _ in range(earlier):
+            self._reader.read_next()
+        return bytes(self._reader.read_next()[1])
+
+    def close(self) -> None:
+        """Close the file."""
+        self._reader = None
+
+    def _seek(self, time: int, topics: Collection[str]) -> None:
+        self._reader.set_filter(import_module("rosbag2_py").StorageFilter(topics=[*topics]))
+        self._reader.seek(time)
+
+
+class Rosbag2Writer:
+    """Writes serialized messages to a new MCAP file, without reserving disk space.
+
+    `rosbag2_py` only writes whole bags. Until the file is finished, it is in a bag next to `path`.
+    """
+
+    def __init__(self, path: Path, compression: str = "none", **_: object) -> None:
+        if compression not in _PRESETS:
+            raise MissingPackageError("mcap", f"compression {compression!r}")
+        self._path, self._topics = path, set[str]()
+        self._folder = path.with_name(path.stem.removesuffix("_0"))
+        self._writer: Any = _opened("SequentialWriter", self._folder, _PRESETS[compression])
+
+    def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
+        """Append a serialized message with its time [ns]."""
+        if topic not in self._topics:
+            self._topics.add(topic)
+            metadata = import_module("rosbag2_py").TopicMetadata(
+                *(len(self._topics), topic, kind.type, kind.encoding),
+                *([_quality(one) for one in parse_yaml(kind.qos, topic) or ()], kind.type_hash),
+            )
+            self._writer.create_topic(metadata)
+        self._writer.write(topic, data, time)
+
+    def finish(self, _: object) -> None:
+        """Close the file and move it to its place; `rosbag2_py` has written the metadata."""
+        self._writer.close()
+        file = self._folder / self._path.name
+        # The writer ignores a full disk, but the file then has no end and cannot be opened.
+        Rosbag2File(file).close()
+        file.rename(self._path)
+
+    def close(self) -> None:
+        """Close the file, which is valid only if `finish` was called first."""
+        self._writer = None
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _quality(profile: dict[str, Any]) -> Any:
+    quality = import_module("rosbag2_py._storage").QoS(1)
+    if profile.get("reliability") == "best_effort":
+        quality = quality.best_effort()
+    return quality.transient_local() if profile.get("durability") == "transient_local" else quality
