@@ -62,7 +62,8 @@ def planar_cells(
         smooth = np.where(np.isnan(raw), unknown, filtered)
     outliers = _outliers(raw, smooth, limits.global_plane_fit_distance_error_threshold)[inner]
     slopes, squares = _window_fits(_continued(smooth, reach), reach, resolution)
-    slopes, squares, smooth = slopes[(slice(None), *inner)], squares[inner], smooth[inner]
+    slopes = slopes[:, inner[0], inner[1]]
+    squares, smooth = squares[inner], smooth[inner]
     steepest = math.tan(math.radians(limits.local_plane_inclination_threshold_degrees))
     with np.errstate(invalid="ignore"):  # windows far from any cell are NaN
         planar = known & (slopes[0] ** 2 + slopes[1] ** 2 <= steepest**2)
