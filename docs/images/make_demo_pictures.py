@@ -17,7 +17,6 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from std_msgs.msg import Header
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import change_resolution, from_image, to_image
@@ -43,7 +42,6 @@ from grid_map_demos_py.parts import HEIGHT, star_map
 from grid_map_demos_py.robot_course import RobotCourse, load_course
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py import load_octomap
-from grid_map_ros_py._planes import to_markers
 from grid_map_ros_py._planning import Planner, PlannerSettings
 from grid_map_visualization_py.pictures import plot
 
@@ -165,7 +163,8 @@ def planar_regions_demo() -> Figure:
     sections = {name: value for name, value in given.items() if isinstance(value, dict)}
     parameters = PlaneParameters.from_mapping(sections)
     regions = extract_planes(mapper.grid_map, given["height_layer"], parameters)
-    return report.draw_regions(mapper.grid_map, to_markers(regions, Header()))
+    result = mapper.grid_map.with_start_index((0, 0)).with_layers(regions.layers())
+    return report.draw_regions(result)
 
 
 def large_map_demo() -> Figure:

@@ -19,13 +19,10 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path as Path2d
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from sensor_msgs.msg import PointCloud2
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridGeometry, GridMap, Interpolation
 from grid_map_core_py.errors import GridMapError
@@ -34,7 +31,7 @@ from grid_map_core_py.files._shared import (
 )
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import ReceivedMap, from_stamp
+from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.nodes import (
     MapSubscription,
@@ -534,7 +531,6 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
 # --- planar regions demo --------------------------------------------------------------------------
 
 PLANAR = "/planar_map"
-MARKERS = "/planar_regions"
 
 
 class PlanarRegionsReportNode(ReportNode):
@@ -543,46 +539,30 @@ class PlanarRegionsReportNode(ReportNode):
     def __init__(self) -> None:
         super().__init__("planar_regions_report")
         self._truth: GridMap | None = None
-        self._markers: MarkerArray | None = None
-        self._regions: ReceivedMap | None = None
         self._is_there = False
         self._maps = [
             MapSubscription(self, TRUTH, self._on_truth),
             MapSubscription(self, PLANAR, self._on_map),
         ]
-        self.create_subscription(MarkerArray, MARKERS, self._on_markers, map_qos())
         self.create_subscription(Odometry, "/odom", self._on_odometry, 10)
         self.give_up_after(self.read_positive("timeout", 90.0, "maximum time to wait [s]"))
 
     def silent_topics(self) -> list[str]:
-        got = {TRUTH: self._truth, MARKERS: self._markers, "/odom at the end": self._is_there}
+        got = {TRUTH: self._truth, "/odom at the end": self._is_there}
         return [topic for topic, value in got.items() if not value] or [PLANAR]
 
     def _on_truth(self, received: ReceivedMap) -> None:
         self._truth = received.decode()
 
-    def _on_map(self, received: ReceivedMap) -> None:
-        self._regions = received
-        self._report()
-
-    def _on_markers(self, message: MarkerArray) -> None:
-        self._markers = message
-        self._report()
-
     def _on_odometry(self, message: Odometry) -> None:
         self._is_there |= message.pose.pose.position.x >= END
 
-    def _report(self) -> None:
-        """Report as soon as the map and the markers are of the same time."""
-        markers, received = self._markers, self._regions
-        if self._truth is None or markers is None or received is None or not self._is_there:
-            return
-        if from_stamp(markers.markers[0].header.stamp) != received.timestamp:
-            return
-        regions = received.decode(["elevation", "plane_id", "plane_elevation"])
-        rows = found_planes(regions, self._truth)
-        rows["regions in all"] = str(len(np.unique(regions["plane_id"])) - 1)
-        self.finish({"Planes": rows}, {"planar_regions": draw_regions(regions, markers)})
+    def _on_map(self, received: ReceivedMap) -> None:
+        if self._truth is not None and self._is_there:
+            regions = received.decode(["elevation", "plane_id", "plane_elevation"])
+            rows = found_planes(regions, self._truth)
+            rows["regions in all"] = str(len(np.unique(regions["plane_id"])) - 1)
+            self.finish({"Planes": rows}, {"planar_regions": draw_regions(regions)})
 
 
 def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
@@ -601,29 +581,17 @@ def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
     return rows
 
 
-def draw_regions(grid_map: GridMap, message: MarkerArray) -> Figure:
-    """Draw the heights of a map, and the markers of its regions on them."""
+def draw_regions(regions: GridMap) -> Figure:
+    """Draw the heights of a map, and its regions in ten colors."""
+    ids = regions["plane_id"]
+    colored = regions.with_layers({"color": np.where(ids > 0, ids % 10, np.nan)})
     figure = Figure((6.4, 5.0), layout="constrained")
     upper, lower = figure.subplots(2, 1)
-    for ax, title in ((upper, "mapped heights"), (lower, "planar regions")):
-        heights: dict[str, Any] = {"color_map": "gray", "hillshade": False}
-        plot(grid_map, "elevation", ax, color_bar=False, scale_bar=False, **heights)
-        ax.set_title(title, fontsize=9)
-        ax.set(xlabel="", ylabel="", xlim=(0.4, 8.2), ylim=(-1.6, 1.6))
-        ax.tick_params(labelsize=7)
-    for marker in message.markers:
-        points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
-        color = marker.color.r, marker.color.g, marker.color.b, marker.color.a
-        if marker.type == Marker.TRIANGLE_LIST:
-            # A single path: separate triangles would overlap along their edges.
-            closed = points.reshape(-1, 3, 2)[:, [0, 1, 2, 0]]
-            codes = np.tile(
-                [Path2d.MOVETO, Path2d.LINETO, Path2d.LINETO, Path2d.CLOSEPOLY], len(closed)
-            )
-            path = Path2d(closed.reshape(-1, 2), codes)
-            lower.add_patch(PathPatch(path, facecolor=color, linewidth=0.0))
-        elif marker.type == Marker.LINE_LIST:
-            lower.add_collection(LineCollection([*points.reshape(-1, 2, 2)], colors=[color]))
+    options: dict[str, Any] = {"color_bar": False, "scale_bar": False}
+    plot(colored, "elevation", upper, color_map="gray", title="mapped heights", **options)
+    plot(colored, "color", lower, color_map="tab10", title="planar regions", **options)
+    for ax in (upper, lower):
+        ax.set(xlim=(0.4, 8.2), ylim=(-1.6, 1.6))
     return figure
 
 

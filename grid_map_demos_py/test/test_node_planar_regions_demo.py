@@ -6,14 +6,11 @@ import sys
 
 import numpy as np
 import pytest
-from std_msgs.msg import Header
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.planes import extract_planes
-from grid_map_demos_py.report_node import draw_regions, found_planes
+from grid_map_demos_py.report_node import found_planes
 from grid_map_demos_py.steps_course import PLANES, make_course, pose_at
-from grid_map_ros_py._planes import to_markers
-from grid_map_ros_py.testing import Process, peer
+from grid_map_ros_py.testing import Process, wait_until
 
 
 def counts(rows: dict[str, str]) -> dict[str, int]:
@@ -56,28 +53,13 @@ def test_missing_and_merged_regions_are_not_counted():
     assert missing == {"treads": "0 of 5", "ramp": "0 of 1", "stones": "0 of 9"}
 
 
-def test_picture_shows_every_region():
-    grid_map = GridMap((2.0, 1.0), 0.04, (4.0, 0.0), frame_id="odom")
-    x, _ = np.meshgrid(*grid_map.axes(), indexing="ij")
-    grid_map["elevation"] = 0.2 * np.floor(x / 0.5)
-    regions = extract_planes(grid_map)
-    figure = draw_regions(grid_map, to_markers(regions, Header()))
-    upper, lower = figure.axes[:2]
-    assert len(regions) > 2
-    fills, lines = (
-        len(getattr(lower, kind)) - len(getattr(upper, kind)) for kind in ("patches", "collections")
-    )
-    assert (fills, lines) == (len(regions), len(regions))
-
-
 def test_demo_finds_all_treads_stones_and_the_ramp(tmp_path):
     command = [sys.executable, "-m", "grid_map_demos_py.launcher", "planar_regions_demo"]
-    with peer() as other:
-        demo = Process([*command, "--report", str(tmp_path)])
-        try:
-            other.wait_until(lambda: not demo.is_running, "the end of the demo")
-        finally:
-            demo.kill()
+    demo = Process([*command, "--report", str(tmp_path)])
+    try:
+        wait_until(lambda: not demo.is_running, "the end of the demo")
+    finally:
+        demo.kill()
     assert demo.returncode == 0, demo.text
     assert "Traceback" not in demo.text, demo.text
     found = re.findall(

@@ -40,7 +40,7 @@ def on_plane(region: "PlanarRegion", points: Positions) -> Positions:
 def plane_frame(region: "PlanarRegion") -> Positions:
     """Return the pose (4, 4) of a plane: origin at the center, z along the normal.
 
-    The x axis has no component along y of the map, as in `convex_plane_decomposition`.
+    The y axis has no component along x of the map, as in `convex_plane_decomposition`.
     """
     y_axis = np.cross(region.normal, (1.0, 0.0, 0.0))
     y_axis /= np.linalg.norm(y_axis)
@@ -54,7 +54,7 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
     """Divide the polygons of labeled cells into triangles between cell centers.
 
     A block of 2 x 2 cells is filled if all four have one label, and half filled if three have.
-    These are the polygons of `PlanarRegions`. Filled blocks are merged to rectangles.
+    These are the polygons of `PlanarRegions`. Filled blocks of one row are merged.
 
     Args:
         labels: (rows, cols) labels in map order; 0 for none.
@@ -65,35 +65,21 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
     """
     rows, cols = np.maximum(np.subtract(labels.shape, 1), 0)
     block = np.stack([labels[r : r + rows, c : c + cols] for r, c in CORNERS])
-    is_full = (block == block[0]).all(axis=0)
-    found, owners = _rectangles(np.where(is_full, block[0], 0))
-    corners = [found]
+    is_full = (block == block[0]).all(axis=0) & (block[0] > 0)
+    full = np.pad(np.where(is_full, block[0], 0), ((0, 0), (1, 1)))
+    row, first = np.nonzero(is_full & (full[:, 1:-1] != full[:, :-2]))
+    _, last = np.nonzero(is_full & (full[:, 1:-1] != full[:, 2:]))
+    sides = np.stack([np.ones_like(row), last - first + 1], axis=1)
+    boxes = np.stack([row, first], axis=1)[:, None] + CORNERS * sides[:, None]
+    corners = [boxes[:, :3], boxes[:, [0, 2, 3]]]
+    owners = [block[0, row, first]] * 2
     for missing in range(4):
         kept = np.delete(np.arange(4), missing)
         label = block[kept[0]]
         half = (block[kept] == label).all(axis=0) & ~is_full & (label > 0)
         corners.append(np.argwhere(half)[:, None] + CORNERS[kept])
-        owners = np.append(owners, label[half])
-    return np.concatenate(corners), owners
-
-
-def _rectangles(blocks: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Divide equal blocks (rows, cols) into rectangles of two triangles; 0 means no block."""
-    beside = np.pad(blocks, ((0, 0), (1, 1)))
-    is_block = blocks > 0
-    rows, firsts = np.nonzero(is_block & (blocks != beside[:, :-2]))
-    _, lasts = np.nonzero(is_block & (blocks != beside[:, 2:]))
-    # Equal runs of blocks in successive rows are merged.
-    order = np.lexsort((rows, lasts, firsts, blocks[rows, firsts]))
-    row, first, last = rows[order], firsts[order], lasts[order]
-    label = blocks[row, first]
-    same = np.stack([label, first, last, row - np.arange(len(row))])
-    starts = np.flatnonzero(np.append(True, (np.diff(same) != 0).any(axis=0))[: len(row)])
-    sizes = np.diff(np.append(starts, len(row)))
-    sides = np.stack([sizes, (last - first)[starts] + 1], axis=1)
-    corners = np.stack([row, first], axis=1)[starts, None] + CORNERS * sides[:, None]
-    halves = corners[:, [(0, 1, 2), (0, 2, 3)]].reshape(-1, 3, 2)
-    return halves, np.repeat(label[starts], 2)
+        owners.append(label[half])
+    return np.concatenate(corners), np.concatenate(owners)
 
 
 # --- messages -------------------------------------------------------------------------------------

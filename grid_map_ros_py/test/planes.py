@@ -43,12 +43,6 @@ def points_of(points: Sequence[Any]) -> np.ndarray:
     return np.array([(point.x, point.y, point.z) for point in points]).reshape(-1, 3)
 
 
-def area_of(corners: np.ndarray) -> float:
-    """Return the area of a polygon (N, 2), negative if it runs clockwise."""
-    (x, y), (next_x, next_y) = corners.T, np.roll(corners, -1, axis=0).T
-    return 0.5 * float((x * next_y - y * next_x).sum())
-
-
 def is_on(region: PlanarRegion, points: np.ndarray) -> bool:
     """Return whether all points (N, 3) are on the plane of a region."""
     return bool((abs(points @ region.normal - region.offset) < 1e-6).all())

@@ -84,7 +84,7 @@ def test_window_follows_the_robot_over_borders_and_damage(other_side: Peer, tmp_
         text_appears(other_side, node, "dropped a pose: header.frame_id: expected 'map', that of")
         (tmp_path / "site.zarr" / "elevation" / "0.0").write_bytes(bytes(100))
         other_side.publish("/odom", odometry(118.0, -39.0))
-        text_appears(other_side, node, "dropped a map for /grid_map: ")
+        text_appears(other_side, node, "dropped a message for /grid_map: ")
         assert "site.zarr/elevation: cannot be read" in node.text
         other_side.publish("/odom", odometry(90.0, -50.0))
         assert_window(other_side.expect("/grid_map", 6), whole, (90.0, -50.0), 65)

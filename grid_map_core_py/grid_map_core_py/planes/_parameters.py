@@ -80,17 +80,6 @@ class SlidingWindow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RansacRefinement:
-    """Parameters of upstream's RANSAC, without effect: the thresholds of regions apply."""
-
-    probability: float = 0.01
-    min_points: int = 4
-    epsilon: float = 0.025
-    cluster_epsilon: float = 0.08
-    normal_threshold: float = 25.0
-
-
-@dataclass(frozen=True, kw_only=True)
 class ContourExtraction:
     """Safety margin of the regions.
 
@@ -105,33 +94,23 @@ class ContourExtraction:
         check(self.marginSize >= 0, "marginSize", "no negative number [cells]", self.marginSize)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Postprocessing:
-    """Parameters of the map that upstream publishes for its controller, without effect."""
-
-    extracted_planes_height_offset: float = 0.0
-    nonplanar_height_offset: float = 0.02
-    nonplanar_horizontal_offset: int = 1
-    smoothing_dilation_size: float = 0.2
-    smoothing_box_kernel_size: float = 0.1
-    smoothing_gauss_kernel_size: float = 0.05
-
-
 SECTIONS: dict[str, type[Any]] = {
     "preprocessing": Preprocessing,
     "sliding_window_plane_extractor": SlidingWindow,
-    "ransac_plane_refinement": RansacRefinement,
     "contour_extraction": ContourExtraction,
-    "postprocessing": Postprocessing,
 }
-"""Class of each section of the YAML file."""
+"""Class of each section that has an effect."""
+
+UNUSED = "ransac_plane_refinement", "postprocessing"
+"""Sections of upstream that are accepted without effect."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneParameters:
     """Parameters of `extract_planes`, in the sections of upstream's `parameters.yaml`.
 
-    The defaults are those of upstream, except that `marginSize` is counted in cells and is 0.
+    The defaults are those of upstream, except that `marginSize` is counted in cells and is 0. The
+    sections `ransac_plane_refinement` and `postprocessing` of upstream have no effect.
 
     Example:
         >>> parameters = {"contour_extraction": {"marginSize": 1}}
@@ -141,9 +120,7 @@ class PlaneParameters:
 
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     sliding_window_plane_extractor: SlidingWindow = field(default_factory=SlidingWindow)
-    ransac_plane_refinement: RansacRefinement = field(default_factory=RansacRefinement)
     contour_extraction: ContourExtraction = field(default_factory=ContourExtraction)
-    postprocessing: Postprocessing = field(default_factory=Postprocessing)
 
     @classmethod
     def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
@@ -161,7 +138,7 @@ class PlaneParameters:
                 built[name] = build(SECTIONS[name], values or {}) if name in SECTIONS else values
             except ConfigError as error:
                 raise ConfigError(f"{name}: {error}") from error
-        return build(cls, built)
+        return build(cls, {name: built[name] for name in built if name not in UNUSED})
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> PlaneParameters:

@@ -2,7 +2,7 @@
 """Publishers, subscriptions and services for nodes, and the quality of service of map topics."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from typing import Any
@@ -219,19 +219,18 @@ class MapSubscription(LatchedSubscription):
         )
 
 
-class LazyPublisher:
-    """Publisher that creates messages only while there are subscribers.
+class MapPublisher:
+    """Latched publisher that creates messages only while there are subscribers.
 
-    A new subscriber triggers a publication, because the messages kept by the middleware may be
-    outdated.
+    A new subscriber triggers a publication, because the map kept by the middleware may be outdated.
 
     Args:
         node: the node that publishes.
+        topic: topic of the maps.
+        serialized: returns the current map as bytes, or None if there is no map yet. A message
+            instead of bytes is serialized.
+        log: logs the error if a map cannot be published.
         kind: class of the messages.
-        topic: name of the topic.
-        messages: returns the current messages, which may be serialized.
-        log: logs the error if messages cannot be created.
-        qos: quality of service; None means that of map topics.
 
     Attributes:
         count: number of published messages.
@@ -241,66 +240,37 @@ class LazyPublisher:
     def __init__(
         self,
         node: Node,
-        kind: type,
         topic: str,
-        messages: Callable[[], Iterable[Any]],
+        serialized: Callable[[], Any],
         log: LogThrottle,
         *,
-        qos: QoSProfile | None = None,
+        kind: type = GridMapMessage,
     ) -> None:
         self.count = 0
-        self._messages, self._log = messages, log
-        self._noun = "map" if kind is GridMapMessage else "message"
+        self._version = 0
+        self._serialized, self._log = serialized, log
         events = PublisherEventCallbacks(matched=self._match)
-        self._publisher = node.create_publisher(
-            kind, topic, qos or map_qos(), event_callbacks=events
-        )
+        self._publisher = node.create_publisher(kind, topic, map_qos(), event_callbacks=events)
         self.topic_name: str = self._publisher.topic_name
 
     def publish(self) -> None:
-        """Publish the current messages if there are subscribers; log an error if that fails."""
+        """Publish the current map if there are subscribers; log an error if that fails."""
         if not self._publisher.get_subscription_count():
             return
-        with dropping(self._log, f"dropped a {self._noun} for {self.topic_name}"):
-            for message in self._messages():
-                self._publisher.publish(message)
+        with dropping(self._log, f"dropped a message for {self.topic_name}"):
+            data = self._serialized()
+            if data is not None:
+                self._publisher.publish(data)
                 self.count += 1
-
-    def _match(self, status: Any) -> None:
-        if status.total_count_change > 0:
-            self.publish()
-
-
-class MapPublisher(LazyPublisher):
-    """Latched publisher that serializes maps only while there are subscribers.
-
-    A new subscriber triggers a publication, because the map kept by the middleware may be outdated.
-
-    Args:
-        node: the node that publishes.
-        topic: topic of the maps.
-        serialized: returns the current map as bytes, or None if there is no map yet.
-        log: logs the error if a map cannot be published.
-
-    Attributes:
-        count: number of published messages.
-    """
-
-    def __init__(
-        self, node: Node, topic: str, serialized: Callable[[], bytes | None], log: LogThrottle
-    ) -> None:
-        self._version = 0
-
-        def messages() -> list[bytes]:
-            data = serialized()
-            return [] if data is None else [data]
-
-        super().__init__(node, GridMapMessage, topic, messages, log)
 
     def publish_version(self, version: int) -> None:
         """Publish the current map if `version` differs from the version in the previous call."""
         if version != self._version:
             self._version = version
+            self.publish()
+
+    def _match(self, status: Any) -> None:
+        if status.total_count_change > 0:
             self.publish()
 
 
