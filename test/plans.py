@@ -122,7 +122,6 @@ def test_action_plans_between_poses_and_publishes_the_plan() -> None:
         client.peer.publish("/grid_map", to_message(ground()))
         status, result = client.result(client.send(pose(*GOAL), pose(*START)))
         assert (status, result.error_code) == (GoalStatus.STATUS_SUCCEEDED, 0)
-        assert result.error_msg == ""
         positions = positions_of(result.path)
         assert length_of(positions) == pytest.approx(expected(ground()))
         np.testing.assert_allclose(positions[[0, -1]], [START, GOAL])
@@ -131,11 +130,11 @@ def test_action_plans_between_poses_and_publishes_the_plan() -> None:
 
 
 ERRORS = [
-    (203, (-9.0, 0.0), GOAL, "start"),
-    (204, START, (9.0, 0.0), "goal"),
-    (205, (0.0, 1.0), GOAL, "start"),
-    (206, START, (0.0, 1.0), "goal"),
-    (206, START, (1.8, 0.0), "goal"),
+    (203, (-9.0, 0.0), GOAL),
+    (204, START, (9.0, 0.0)),
+    (205, (0.0, 1.0), GOAL),
+    (206, START, (0.0, 1.0)),
+    (206, START, (1.8, 0.0)),
 ]
 
 
@@ -143,21 +142,20 @@ def test_action_reports_the_error_codes_of_nav2() -> None:
     with planner() as client:
         status, result = client.result(client.send(pose(*GOAL), pose(*START)))
         assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, 207)
-        assert result.error_msg.startswith("no usable map has come on /grid_map")
+        client.wait_for("compute_path_to_pose: no usable map has come on /grid_map")
         client.peer.publish("/grid_map", to_message(ground()))
-        for code, start, goal, text in ERRORS:
+        for code, start, goal in ERRORS:
             status, result = client.result(client.send(pose(*goal), pose(*start)))
             assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, code)
-            assert result.error_msg.startswith(text)
         client.wait_for("compute_path_to_pose: goal: expected a position on the map")
         status, result = client.result(client.send(pose(math.nan, 0.0), pose(*START)))
         assert result.error_code == 200
-        assert "pose.position.x: expected a finite number, got nan" in result.error_msg
+        client.wait_for("pose.position.x: expected a finite number, got nan")
         for start, frame in ((None, "base_link"), (pose(*START, "elsewhere"), "elsewhere")):
             status, result = client.result(client.send(pose(*GOAL), start))
             assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, 202)
             text = f"expected a transform from {frame!r} to 'odom': {frame!r} passed to lookup"
-            assert result.error_msg.startswith(text)
+            client.wait_for(f"compute_path_to_pose: {text}")
         client.peer.publish("/grid_map", to_message(ground(9.0)))
         wait_for_map(client, is_valid=False)
         status, result = client.result(client.send(pose(*GOAL), pose(*START)))

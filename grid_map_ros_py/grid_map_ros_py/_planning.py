@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Plans for the node `path_planner`: settings, error codes of Nav2, and plans on one map."""
+"""Settings of the node `path_planner`, and plans on one map."""
 
 import math
 from ast import literal_eval
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,36 +13,16 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays._checks import Mask
 from grid_map_core_py._parameters import mismatch
-from grid_map_core_py.errors import GeometryError, GridMapError
-from grid_map_core_py.planning import Footprint, NoPathError, SlopeLimits, TravelGraph
+from grid_map_core_py.errors import GeometryError
+from grid_map_core_py.planning import Footprint, SlopeLimits, TravelGraph
+from grid_map_core_py.planning._ground import ROUNDING
 from grid_map_core_py.plugins import check
-
-from .messages._fields import Matrix, to_stamp
-from .messages._packages import messages_of
 
 Pose = tuple[float, float, float]
 """Pose x, y [m] and yaw [rad] in the frame of the map."""
 
 Poses = npt.NDArray[np.float64]
 """(N, 4) poses of a plan: x, y, z [m] and yaw [rad], in the frame of the map."""
-
-UNKNOWN, TF_ERROR, TIMEOUT = 200, 202, 207
-"""Error codes of `nav2_msgs/ComputePathToPose`, besides those of `PathFailure`."""
-
-
-class PlanError(GridMapError):
-    """A plan cannot be made; `code` is an error code of `nav2_msgs/ComputePathToPose`."""
-
-    def __init__(self, code: int, text: str) -> None:
-        self.code = code
-        super().__init__(text)
-
-
-def code_of(error: Exception) -> int:
-    """Return the error code of `nav2_msgs/ComputePathToPose` for an error."""
-    if isinstance(error, NoPathError):
-        return int(error.reason)
-    return error.code if isinstance(error, PlanError) else UNKNOWN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +113,7 @@ class Planner:
         self.grid_map, self._settings = grid_map, settings
 
     @cached_property
-    def _graph(self) -> TravelGraph:
+    def graph(self) -> TravelGraph:
         settings = self._settings
         return TravelGraph(
             self.grid_map,
@@ -148,70 +128,28 @@ class Planner:
             unknown=settings.unknown,
         )
 
-    @property
-    def frame_id(self) -> str:
-        """Frame of the map."""
-        return self.grid_map.frame_id
-
     def plan(self, start: Pose, goal: Pose, tolerance: float) -> Poses:
-        """Return a plan, whose poses are at most 2.3 cells apart.
-
-        Args:
-            start, goal: x, y [m] and yaw [rad].
-            tolerance: maximum distance from the goal to the end of the plan [m].
-
-        Raises:
-            NoPathError: there is no path.
-        """
-        path = self._graph.path(start, goal, tolerance=tolerance)
+        """Return a plan, at most 2.3 cells per step; arguments and errors as `TravelGraph.path`."""
+        path = self.graph.path(start, goal, tolerance=tolerance)
         return np.column_stack([path.positions, path.heights, path.yaws])
 
     def blocked(self, poses: Poses) -> Mask:
         """Return which poses (N,) are not on a free cell, or not free to reach from the last one.
 
-        The straight line from one pose to the next must obey all limits. This is stricter than the
-        moves of the graph: some moves of a new plan may count as blocked.
+        The way from a pose to the next is free if both are in the same cell, if the graph has a
+        move between them, or if the straight line obeys all limits.
         """
-        ground = self._graph._ground
-        inside = np.asarray(self.grid_map.is_inside(poses[:, :2]))
-        points = ground.to_points(poses[:, :2])
-        ways = np.flatnonzero(inside[:-1] & inside[1:] & np.diff(points).any(axis=0))
-        blocked = ~inside
+        graph, ground, positions = self.graph, self.graph._ground, poses[:, :2]
+        cells, inside = self.grid_map.geometry.cells_at(positions)
+        index = ground.flat(*cells)
+        blocked: Mask = ~(inside & graph._free[index])
+        points = ground.to_points(positions)
+        is_center = np.abs(points - np.stack(cells)).max(axis=0) < ROUNDING
+        before, after = index[:-1], index[1:]
+        (ways,) = np.nonzero((before != after) & ~(blocked[:-1] | blocked[1:]))
         if len(ways):
-            costs, _ = ground.straight(points[:, ways], points[:, ways + 1])
-            blocked[ways[np.isinf(costs)] + 1] = True
-        return blocked | self.occupied(poses)
-
-    def occupied(self, poses: Poses) -> Mask:
-        """Return which poses (N,) are outside the map or on a cell that is not free."""
-        ground, graph = self._graph._ground, self._graph
-        inside = np.asarray(self.grid_map.is_inside(poses[:, :2]))
-        cells = ground.flat(*np.rint(ground.to_points(poses[inside, :2])).astype(np.intp))
-        occupied = ~inside
-        occupied[inside] = ~graph._free[cells]
-        return occupied
-
-    def cost_to_go(self, goal: npt.NDArray[np.float64]) -> GridMap:
-        """Return the map with the layer `cost_to_go`: least cost to a goal (x, y, ...) [m].
-
-        The layer is infinite where there is no path.
-        """
-        field = self._graph.cost_to(goal[None, :2])
-        return self.grid_map.with_layers({"cost_to_go": field.costs})
-
-
-def yaw_of(matrix: Matrix) -> float:
-    """Return the yaw [rad] of a (4, 4) transform."""
-    return math.atan2(matrix[1, 0], matrix[0, 0])
-
-
-def to_path(poses: Poses, frame_id: str, stamp: int) -> Any:
-    """Convert a plan to `nav_msgs/Path`; `stamp` is its time [ns]."""
-    geometry = messages_of("geometry_msgs")
-    header = messages_of("std_msgs").Header(stamp=to_stamp(stamp), frame_id=frame_id)
-    path = messages_of("nav_msgs").Path(header=header)
-    for x, y, z, yaw in poses.tolist():
-        turn = geometry.Quaternion(z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
-        pose = geometry.Pose(position=geometry.Point(x=x, y=y, z=z), orientation=turn)
-        path.poses.append(geometry.PoseStamped(header=header, pose=pose))
-    return path
+            is_free = np.asarray(graph._matrix[after[ways], before[ways]]).ravel() > 0.0
+            is_free &= is_center[ways] & is_center[ways + 1]
+            is_free |= np.isfinite(ground.straight(points[:, ways], points[:, ways + 1])[0])
+            blocked[ways[~is_free] + 1] = True
+        return blocked

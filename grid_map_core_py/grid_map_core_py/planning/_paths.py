@@ -20,6 +20,7 @@ _EQUAL = 1e-9  # relative difference of costs, or distance [cells], due to round
 class PathFailure(IntEnum):
     """Reasons why there is no path, with the error codes of Nav2's action `ComputePathToPose`."""
 
+    TF_ERROR = 202
     START_OUTSIDE_MAP = 203
     GOAL_OUTSIDE_MAP = 204
     START_OCCUPIED = 205

@@ -3,7 +3,7 @@
 
 import time
 from collections import deque
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal
 
@@ -11,14 +11,11 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
 from grid_map_core_py._packages import remedy_for
-from grid_map_core_py._parameters import build
 from grid_map_core_py.conversions import CostRange
 from grid_map_core_py.conversions._costmap import UNKNOWN
 from grid_map_core_py.errors import GridMapError, MissingPackageError
@@ -31,7 +28,7 @@ from ..messages._packages import messages_of
 from ..messages._updates import filled, is_same_grid, with_cells
 from ..nodes import ConfiguredNode, MapSubscription, map_qos
 from ..nodes._health import LogThrottle, dropping, health_of
-from ..nodes._parameters import read_fields
+from ..nodes._parameters import follow_changes, read_fields
 from ..nodes._poses import PACKAGE as TF, TfPoses, has_tf
 from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
@@ -133,7 +130,7 @@ class CostmapNode(ConfiguredNode):
         publishes_raw = self.read("publish_raw", True, "also publish `nav2_msgs/Costmap`")
         about = "maximum time from an update to the next full grid [s]"
         period = 0.5 * self.read_number("full_period", 5.0, 0.01, 1e6, about)
-        self._next = self._settings = read_fields(self, CostmapSettings, read_only=False)
+        self._settings = read_fields(self, CostmapSettings, read_only=False)
         update = getattr(self._find("map_msgs", "full grids only"), "OccupancyGridUpdate", None)
         self._outputs = [Output(self, topic, OccupancyGrid, update, period)]
         self._health.details = lambda: self._outputs[0].counts
@@ -146,8 +143,7 @@ class CostmapNode(ConfiguredNode):
         self._waiting: deque[tuple[ReceivedMap, float]] = deque()
         self._used, self._is_stale = time.monotonic(), False
         self._listen()
-        self.add_on_set_parameters_callback(self._check_changes)
-        self.add_post_set_parameters_callback(self._apply_changes)
+        follow_changes(self, self._settings, self._apply)
         steady_timer(self, WAIT_PERIOD, self._work)
         source, target = self._subscription.topic_name, self.resolve_topic_name(topic)
         self.get_logger().info(
@@ -173,22 +169,12 @@ class CostmapNode(ConfiguredNode):
 
     # --- parameters -------------------------------------------------------------------------------
 
-    def _check_changes(self, changes: list[Parameter]) -> SetParametersResult:
-        values = asdict(self._settings)
-        values |= {change.name: change.value for change in changes if change.name in values}
-        try:
-            self._next = build(CostmapSettings, values)
-        except GridMapError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _apply_changes(self, _changes: list[Parameter]) -> None:
+    def _apply(self, settings: CostmapSettings) -> None:
         """Apply changed settings to the next map; resubscribe to receive a latched map again."""
-        if self._next != self._settings:
-            before, self._settings = self._settings, self._next
-            self._waiting.clear()
-            self._subscription.destroy()
-            self._listen(is_moved=before.frame_id != self._settings.frame_id)
+        before, self._settings = self._settings, settings
+        self._waiting.clear()
+        self._subscription.destroy()
+        self._listen(is_moved=before.frame_id != settings.frame_id)
 
     def _listen(self, *, is_moved: bool = True) -> None:
         frame_id = self._settings.frame_id

@@ -3,146 +3,99 @@
 
 import math
 import time
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, Pose as PoseMessage, PoseStamped, Quaternion
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.task import Future
+from std_msgs.msg import Header
 
-from grid_map_core_py._arrays._checks import Mask
 from grid_map_core_py._packages import remedy_for
-from grid_map_core_py._parameters import build
-from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.planning import NoPathError, PathFailure
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import ReceivedMap, from_pose, to_serialized_message
-from .._planning import (
-    TF_ERROR,
-    TIMEOUT,
-    PlanError,
-    Planner,
-    PlannerSettings,
-    Pose,
-    Poses,
-    code_of,
-    to_path,
-    yaw_of,
-)
+from .._planning import Planner, PlannerSettings, Pose, Poses
 from ..errors import DROPPED, reason
 from ..messages._fields import Matrix
 from ..messages._packages import messages_of
 from ..nodes import ConfiguredNode, MapPublisher, MapSubscription, map_qos
 from ..nodes._health import LogThrottle, dropping, health_of
-from ..nodes._parameters import read_fields
+from ..nodes._parameters import follow_changes, read_fields
 from ..nodes._poses import PACKAGE as TF, POSE_TYPES, TfPoses, chosen_source, has_tf
 from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
-from ..nodes._topics import LatchedSubscription, describe_topic, listen
-
-POSE_SOURCES = ("auto", "tf", *POSE_TYPES)
+from ..nodes._topics import LatchedSubscription, describe_topic
 
 PATIENCE = 1.0
-"""Maximum wait of a goal for a map and for transforms [s]."""
+"""Maximum time that a goal of the action waits for a map and for transforms [s]."""
+
+MISSING = (PathFailure.TF_ERROR, PathFailure.TIMEOUT)
+"""Reasons that may go away while a goal waits."""
+
+UNKNOWN = 200
+"""Error code of `nav2_msgs/ComputePathToPose` for all errors but `NoPathError`."""
 
 
 class Locator:
-    """Transforms poses to the frame of the map, and knows the pose of the robot.
+    """Returns poses in the frame `map_frame`.
 
-    All methods raise `PlanError` if a pose or a transform is missing, and `MessageError` if a pose
-    is invalid.
-
-    Args:
-        node: the node.
-        source: `tf`, or a key of `POSE_TYPES`.
-        topic: topic of the robot poses, unless they come from tf.
-        log: logs invalid poses.
+    `source` of the robot poses is `tf`, or a key of `POSE_TYPES` with their `topic`. The methods
+    raise `NoPathError` with `TF_ERROR` if a pose or a transform has not come, and other errors if
+    a pose is invalid or tf2 is not installed.
     """
 
-    def __init__(self, node: Node, source: str, topic: str, log: LogThrottle) -> None:
-        self._node, self._map_frame, self._source, self._topic = node, "", source, topic
-        self._tf: TfPoses | None = None
+    def __init__(self, node: Node, source: str, topic: str) -> None:
+        self.map_frame = ""
+        self._node, self._source, self._topic = node, source, topic
+        self._tf = TfPoses(node, "") if source == "tf" or has_tf() else None
         self._latest: Any = None
-        if source == "odometry":
-            listen(node, POSE_TYPES[source], topic, self._keep, log, "a pose")
-        elif source != "tf":
-            # A single pose must not get lost.
-            options: Any = {"hears_best_effort": True, "is_counted": False}
-            self._subscription = LatchedSubscription(
-                node, POSE_TYPES[source], topic, self._keep, **options
-            )
+        if source != "tf":
+            subscribe = partial(LatchedSubscription, hears_best_effort=True, is_counted=False)
+            self._subscription = subscribe(node, POSE_TYPES[source], topic, self._keep)
 
     def _keep(self, message: Any) -> None:
         from_pose(message)  # Invalid poses are dropped.
         self._latest = message
 
-    def use(self, map_frame: str) -> None:
-        """Set the frame of the map; listen to tf2 if it is installed."""
-        if map_frame != self._map_frame:
-            self._map_frame = map_frame
-            self._tf = TfPoses(self._node, map_frame) if has_tf() else None
-
-    def pose(self, message: Any) -> Pose:
-        """Return x, y [m] and yaw [rad] of a pose with a header, in the frame of the map."""
-        matrix = self._transform(message.header.frame_id) @ from_pose(message)
-        return matrix[0, 3], matrix[1, 3], yaw_of(matrix)
-
     def robot(self, base_frame: str) -> Pose:
-        """Return x, y [m] and yaw [rad] of the robot, in the frame of the map."""
+        """Return the pose of the robot."""
         if self._source == "tf":
-            matrix = self._transform(base_frame)
-            return matrix[0, 3], matrix[1, 3], yaw_of(matrix)
+            return _planar(self._transform(base_frame))
         if self._latest is None:
             topic = describe_topic(self._node, self._topic, POSE_TYPES[self._source])
-            raise PlanError(TF_ERROR, f"no pose of the robot has come on {topic}")
+            text = f"no pose of the robot has come on {topic}"
+            raise NoPathError(text, PathFailure.TF_ERROR)
         return self.pose(self._latest)
+
+    def pose(self, message: Any) -> Pose:
+        """Return the pose of a message with a header."""
+        return _planar(self._transform(message.header.frame_id) @ from_pose(message))
 
     def _transform(self, frame_id: str) -> Matrix:
         """Return the latest transform (4, 4) from a frame; an empty name is the map frame."""
-        source, target = frame_id.removeprefix("/"), self._map_frame
+        source, target = frame_id.removeprefix("/"), self.map_frame
         if source in ("", target):
             return np.eye(4)
         if self._tf is None:
             need = f"a pose in frame {source!r} for a map in frame {target!r}"
-            remedy = f"{remedy_for(TF)}, or send it in the map frame"
-            raise PlanError(TF_ERROR, str(MissingPackageError(TF, need, remedy)))
+            raise MissingPackageError(TF, need, f"{remedy_for(TF)}, or send it in the map frame")
+        self._tf.map_frame = target
         matrix = self._tf.frame_at(source, 0)
         if matrix is None:
             text = f"expected a transform from {source!r} to {target!r}: {self._tf.waits_for}"
-            raise PlanError(TF_ERROR, f"{text}. Publish it on /tf")
+            raise NoPathError(f"{text}. Publish it on /tf", PathFailure.TF_ERROR)
         return matrix
-
-
-@dataclass(eq=False)
-class Request:
-    """A goal that waits for a map or for transforms.
-
-    Attributes:
-        goal: pose of the goal.
-        start: pose of the start; None means the pose of the robot.
-        handle: goal handle of the action; None if the goal came from the topic.
-        since: time of arrival [s].
-        reported: error code that has been logged; then a goal of the topic still waits.
-    """
-
-    goal: PoseStamped
-    start: PoseStamped | None
-    handle: Any
-    since: float
-    reported: int = 0
-
-    @property
-    def is_over(self) -> bool:
-        """True if the client has canceled the goal, or the goal has waited too long."""
-        is_canceled = self.handle is not None and self.handle.is_cancel_requested
-        return is_canceled or time.monotonic() - self.since > PATIENCE
 
 
 class PathPlannerNode(ConfiguredNode):
@@ -157,24 +110,17 @@ class PathPlannerNode(ConfiguredNode):
             "source of the robot poses: `tf`, `odometry`, `pose` or `pose_with_covariance`; "
             "`auto` means `tf` if tf2 is installed, else `pose_with_covariance`"
         )
-        source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
+        source = self.read_choice("pose_source", ("auto", "tf", *POSE_TYPES), "auto", about)
         about = "topic of the robot poses; not used with tf"
         topic = self.read_topic("pose_topic", "initial_pose", about)
-        self._next = self._settings = read_fields(self, PlannerSettings, read_only=False)
-        if source == "tf" and not has_tf():
-            remedy = f"{remedy_for(TF)}, or take another pose_source"
-            raise MissingPackageError(TF, "pose_source 'tf'", remedy)
-        source = chosen_source(source, "pose_with_covariance")
-        self._locator = Locator(self, source, topic, self._log)
+        self._settings = read_fields(self, PlannerSettings, read_only=False)
+        self._locator = Locator(self, chosen_source(source, "pose_with_covariance"), topic)
         self._planner: Planner | None = None
-        self._used, self._is_stale, self._failure = time.monotonic(), False, ""
+        self._used, self._stale = time.monotonic(), ""
         self._goal: PoseStamped | None = None
-        # `_tight` are poses that count as blocked although the plan is new; see `Planner.blocked`.
+        self._is_waiting, self._failure = False, ""
         self._plan: Poses = np.empty((0, 4))
-        self._tight: Mask = np.empty(0, np.bool_)
-        self._requests: list[Request] = []
-        self._details = {"plans": 0, "repeated plans": 0, "ms of the last plan": math.nan}
-        self._health.details = lambda: self._details
+        self._tick = Future()
         self._publisher = self.create_publisher(Path, "plan", map_qos())
         self._costs = MapPublisher(self, "cost_to_go", self._cost_to_go, self._log)
         self._goals = LatchedSubscription(
@@ -183,11 +129,9 @@ class PathPlannerNode(ConfiguredNode):
         self.create_service(GetPlan, "make_plan", self._make_plan)
         self._action = self._offer_to_nav2()
         self._subscription = MapSubscription(self, self._map_topic, self._on_map)
-        self.add_on_set_parameters_callback(self._check_changes)
-        self.add_post_set_parameters_callback(self._apply_changes)
+        follow_changes(self, self._settings, self._apply)
         steady_timer(self, WAIT_PERIOD, self._work)
-        topics = self._subscription.topic_name, self._publisher.topic_name
-        self.get_logger().info("plans on {}, publishes the plans on {}".format(*topics))
+        self.get_logger().info(f"plans on the maps of {self._subscription.topic_name}")
 
     def _offer_to_nav2(self) -> ActionServer | None:
         """Create the action and the service of Nav2's planner server, if `nav2_msgs` exists."""
@@ -198,170 +142,106 @@ class PathPlannerNode(ConfiguredNode):
             return None
         service = messages_of("nav2_msgs", "is_path_valid", "srv").IsPathValid
         self.create_service(service, "is_path_valid", self._is_path_valid)
+        execute, name = partial(self._execute, kind.Result), "compute_path_to_pose"
         return ActionServer(
-            self,
-            kind,
-            "compute_path_to_pose",
-            lambda handle: self._execute(handle, kind.Result()),
-            handle_accepted_callback=self._accept,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            self, kind, name, execute, cancel_callback=lambda _: CancelResponse.ACCEPT
         )
 
-    def destroy_node(self) -> None:
-        """Destroy the action and the node."""
-        if self._action is not None:
-            self._action.destroy()
-        Node.destroy_node(self)
-
-    # --- parameters -------------------------------------------------------------------------------
-
-    def _check_changes(self, changes: list[Parameter]) -> SetParametersResult:
-        values = asdict(self._settings)
-        values |= {change.name: change.value for change in changes if change.name in values}
-        try:
-            self._next = build(PlannerSettings, values)
-        except GridMapError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _apply_changes(self, _changes: list[Parameter]) -> None:
+    def _apply(self, settings: PlannerSettings) -> None:
         """Apply changed settings; resubscribe to receive a latched map again."""
-        if self._next != self._settings:
-            self._settings, self._planner = self._next, None
-            self._subscription.destroy()
-            self._subscription = MapSubscription(self, self._map_topic, self._on_map)
-
-    # --- maps -------------------------------------------------------------------------------------
+        self._settings, self._planner = settings, None
+        self._subscription.destroy()
+        self._subscription = MapSubscription(self, self._map_topic, self._on_map)
 
     def _on_map(self, received: ReceivedMap) -> None:
         before, settings = self._planner, self._settings
         self._planner = Planner(received.decode(settings.layers, copy=False), settings)
-        self._used, self._is_stale = time.monotonic(), False
-        self._locator.use(self._planner.frame_id)
-        is_like = before is not None and before.frame_id == self._planner.frame_id
-        if any(request.handle is None for request in self._requests):
-            self._work()
-        elif self._goal is not None and not (is_like and self._is_free()):
-            self._details["repeated plans"] += len(self._plan) > 0
+        self._used, self._stale = time.monotonic(), ""
+        self._locator.map_frame = received.frame_id
+        is_like = before is not None and before.grid_map.frame_id == received.frame_id
+        if not (is_like and len(self._plan) and self._is_free()):
             self._follow()
         self._costs.publish()
 
     def _is_free(self) -> bool:
-        """Return whether there is a plan, and the map is free in the part ahead of the robot."""
-        with dropping(self._log, "cannot check the plan"):
-            planner, ahead = self._fresh(), slice(self._passed(self._plan), None)
-            poses = self._plan[ahead]
-            blocked = planner.blocked(poses) & ~self._tight[ahead] | planner.occupied(poses)
-            # The robot has already reached the first of these poses.
-            return len(poses) > 0 and not blocked[1:].any()
+        """Return whether the part of the plan ahead of the robot is free."""
+        with suppress(*DROPPED):
+            x, y, _ = self._locator.robot(self._settings.base_frame)
+            distances = np.hypot(self._plan[:, 0] - x, self._plan[:, 1] - y)
+            # The robot has already reached the nearest pose.
+            return not self._fresh().blocked(self._plan[distances.argmin() :])[1:].any()
         return False
 
-    def _passed(self, poses: Poses) -> int:
-        """Return the index of the pose nearest to the robot; 0 if the robot's pose is unknown."""
-        try:
-            x, y, _ = self._locator.robot(self._settings.base_frame)
-        except GridMapError:
-            return 0
-        return int(np.argmin(np.hypot(poses[:, 0] - x, poses[:, 1] - y))) if len(poses) else 0
-
     def _fresh(self) -> Planner:
-        """Return the planner on the latest map, or raise `PlanError` if that is stale."""
-        if self._is_stale:
-            raise PlanError(TIMEOUT, self._stale_text())
+        """Return the planner on the latest map, or raise `NoPathError` with `TIMEOUT`."""
         if self._planner is None:
             topic = describe_topic(self, self._map_topic, GridMapMessage)
-            raise PlanError(TIMEOUT, f"no usable map has come on {topic}")
+            text = self._stale or f"no usable map has come on {topic}"
+            raise NoPathError(text, PathFailure.TIMEOUT)
         return self._planner
 
-    def _stale_text(self) -> str:
-        topic, limit = self._subscription.topic_name, self._settings.stale_after
-        return f"no usable map of {topic} for {limit:g} s"
-
     def _work(self) -> None:
-        """Process goals that have waited; note whether the map is stale."""
-        for request in [*self._requests]:
-            missing = self._missing(request)
-            if not missing or (request.is_over and missing != request.reported):
-                request.reported = missing
-                if not missing or request.handle is not None:
-                    self._requests.remove(request)
-                if request.handle is None:
-                    self._follow()
-                else:
-                    request.handle.execute()
+        """Discard a stale map, and let waiting goals try again."""
         limit = self._settings.stale_after
-        if limit and time.monotonic() - self._used > limit and not self._is_stale:
-            self._is_stale = True
+        if limit and time.monotonic() - self._used > limit and not self._stale:
+            self._planner = None
+            self._stale = f"no usable map of {self._subscription.topic_name} for {limit:g} s"
             remedy = "set stale_after to 0 for a map that is published once"
-            self._log.warning(f"{self._stale_text()}, no plans are sent; {remedy}")
-        self._health.problem = self._stale_text() if self._is_stale else self._failure
+            self._log.warning(f"{self._stale}, no plans are sent; {remedy}")
+        if self._is_waiting:
+            self._follow()
+        self._health.problem = self._stale or self._failure
+        self._tick.set_result(None)
+        self._tick = Future()
 
-    # --- plans ------------------------------------------------------------------------------------
-
-    def _ends(self, start: PoseStamped | None, goal: PoseStamped) -> tuple[Planner, Pose, Pose]:
-        """Return the planner, the start and the goal; a start of None is the robot's pose."""
-        planner = self._fresh()
-        robot = self._settings.base_frame
-        begin = self._locator.robot(robot) if start is None else self._locator.pose(start)
-        return planner, begin, self._locator.pose(goal)
-
-    def _missing(self, request: Request) -> int:
-        """Return the error code of missing data that may still arrive; 0 if there is none."""
-        try:
-            self._ends(request.start, request.goal)
-        except PlanError as error:
-            return error.code
-        except DROPPED:
-            return 0
-        return 0
-
-    def _planned(self, start: PoseStamped | None, goal: PoseStamped, tolerance: float) -> Poses:
-        """Return a plan; a start of None is the pose of the robot."""
-        begin = time.perf_counter()
-        planner, first, last = self._ends(start, goal)
-        poses = planner.plan(first, last, tolerance)
-        self._details["plans"] += 1
-        self._details["ms of the last plan"] = round(1e3 * (time.perf_counter() - begin), 1)
-        return poses
+    def _on_goal(self, goal: PoseStamped) -> None:
+        self._goal = goal
+        self._follow()
 
     def _follow(self) -> None:
         """Plan to the goal of the topic; if there is no path, replace the plan by an empty one."""
         if self._goal is None:
             return
-        self._failure = ""
+        self._is_waiting, self._failure = False, ""
         try:
-            self._send(self._planned(None, self._goal, self._settings.tolerance))
+            poses = self._planned(None, self._goal, self._settings.tolerance)
         except DROPPED as error:
-            self._failure = f"no plan: {reason(error)}"
+            poses, self._failure = self._plan[:0], f"no plan: {reason(error)}"
+            self._is_waiting = getattr(error, "reason", UNKNOWN) in MISSING
             self._log.error(self._failure)
-            # While the map is stale, nothing is sent.
-            if code_of(error) != TIMEOUT and len(self._plan):
-                self._send(self._plan[:0])
+        # While the map is stale, nothing is sent.
+        if self._planner is not None and (len(poses) or len(self._plan)):
+            self._send(poses)
+
+    def _planned(self, start: PoseStamped | None, goal: PoseStamped, tolerance: float) -> Poses:
+        """Return a plan; a start of None is the pose of the robot."""
+        planner, robot = self._fresh(), self._settings.base_frame
+        first = self._locator.robot(robot) if start is None else self._locator.pose(start)
+        return planner.plan(first, self._locator.pose(goal), tolerance)
 
     def _send(self, poses: Poses) -> Path:
         """Publish a plan, which later maps can block; return its message."""
-        self._plan, self._tight = poses, self._fresh().blocked(poses)
-        message = self._message(poses)
+        self._plan, message = poses, self._message(poses)
         self._publisher.publish(message)
         self._costs.publish()
         return message
 
     def _message(self, poses: Poses) -> Path:
-        return to_path(poses, self._fresh().frame_id, self.get_clock().now().nanoseconds)
+        frame_id, now = self._fresh().grid_map.frame_id, self.get_clock().now()
+        path = Path(header=Header(stamp=now.to_msg(), frame_id=frame_id))
+        for x, y, z, yaw in poses.tolist():
+            turn = Quaternion(z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
+            pose = PoseMessage(position=Point(x=x, y=y, z=z), orientation=turn)
+            path.poses.append(PoseStamped(header=path.header, pose=pose))
+        return path
 
     def _cost_to_go(self) -> bytes | None:
         """Return the map with the cost to the end of the plan; None if there is no fresh plan."""
-        if self._planner is None or self._is_stale or not len(self._plan):
+        planner = self._planner
+        if planner is None or not len(self._plan):
             return None
-        return to_serialized_message(self._planner.cost_to_go(self._plan[-1]))
-
-    # --- goals ------------------------------------------------------------------------------------
-
-    def _on_goal(self, goal: PoseStamped) -> None:
-        self._goal = goal
-        self._requests = [one for one in self._requests if one.handle is not None]
-        self._requests.append(Request(goal, None, None, time.monotonic()))
-        self._work()
+        costs = planner.graph.cost_to(self._plan[-1, :2]).costs
+        return to_serialized_message(planner.grid_map.with_layers({"cost_to_go": costs}))
 
     def _make_plan(self, request: Any, response: Any) -> Any:
         with dropping(self._log, "make_plan"):
@@ -369,51 +249,46 @@ class PathPlannerNode(ConfiguredNode):
             response.plan = self._message(self._planned(start, request.goal, request.tolerance))
         return response
 
-    def _accept(self, handle: Any) -> None:
-        request = handle.request
-        start = request.start if request.use_start else None
-        self._requests.append(Request(request.goal, start, handle, time.monotonic()))
-        self._work()
-
-    def _execute(self, handle: Any, result: Any) -> Any:
-        if handle.is_cancel_requested:
-            handle.canceled()
-            return result
-        begin, request = time.perf_counter(), handle.request
-        try:
-            start = request.start if request.use_start else None
-            poses = self._planned(start, request.goal, self._settings.tolerance)
-        except DROPPED as error:
-            self._log.error(f"compute_path_to_pose: {reason(error)}")
-            result.error_code = code_of(error)
-            # Not in the first messages of Jazzy.
-            if hasattr(result, "error_msg"):
-                result.error_msg = reason(error)
-            handle.abort()
-        else:
+    async def _execute(self, make_result: Callable[[], Any], handle: Any) -> Any:
+        request, result, begin = handle.request, make_result(), time.monotonic()
+        while not handle.is_cancel_requested:
+            try:
+                start = request.start if request.use_start else None
+                poses = self._planned(start, request.goal, self._settings.tolerance)
+            except DROPPED as error:
+                code = getattr(error, "reason", UNKNOWN)
+                if code in MISSING and time.monotonic() - begin < PATIENCE:
+                    await self._tick
+                    continue
+                self._log.error(f"compute_path_to_pose: {reason(error)}")
+                result.error_code = int(code)
+                handle.abort()
+                return result
             # From now on, the client decides when to plan again.
-            self._goal, self._failure = None, ""
+            self._goal, self._is_waiting, self._failure = None, False, ""
             result.path = self._send(poses)
+            result.planning_time = Duration(seconds=time.monotonic() - begin).to_msg()
             handle.succeed()
-        result.planning_time = Duration(seconds=time.perf_counter() - begin).to_msg()
+            return result
+        handle.canceled()
         return result
 
     def _is_path_valid(self, request: Any, response: Any) -> Any:
-        """Check the part of a path ahead of the robot; an empty path is not valid."""
+        """Check a whole path; an empty path is not valid."""
         with dropping(self._log, "is_path_valid"):
             planner, path = self._fresh(), request.path
             for pose in path.poses:
                 pose.header.frame_id = path.header.frame_id
             poses = np.reshape([self._locator.pose(pose) for pose in path.poses], (-1, 3))
-            poses = np.insert(poses, 2, 0.0, axis=1)
-            first = self._passed(poses)
-            blocked = first + np.flatnonzero(planner.blocked(poses[first:]))
+            (blocked,) = planner.blocked(poses).nonzero()
             response.invalid_pose_indices = blocked.tolist()
             response.is_valid = len(poses) > 0 and not len(blocked)
-            # Not in Jazzy.
-            if hasattr(response, "success"):
-                response.success = True
         return response
+
+
+def _planar(matrix: Matrix) -> Pose:
+    """Return x, y [m] and yaw [rad] of a (4, 4) transform."""
+    return matrix[0, 3], matrix[1, 3], math.atan2(matrix[1, 0], matrix[0, 0])
 
 
 if __name__ == "__main__":

@@ -9,11 +9,11 @@ import array
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, asdict, fields
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar, get_origin, get_type_hints
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from grid_map_core_py._parameters import (
@@ -32,6 +32,7 @@ from grid_map_core_py.plugins import check
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+    from rclpy.parameter import Parameter
 
 T = TypeVar("T")
 
@@ -110,6 +111,38 @@ def read_fields(
         return build(cls, values)
     except ConfigError as error:
         raise ConfigError(f"{prefix[:-1]}: {error}" if prefix else str(error)) from error
+
+
+def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> None:
+    """Call `apply` with the new settings when the user changes parameters.
+
+    Changes that the dataclass rejects are refused.
+
+    Args:
+        node: the node.
+        settings: result of `read_fields` without a prefix and with `read_only=False`.
+        apply: called only if the settings differ.
+    """
+    current = checked = settings
+
+    def check_changes(changes: "list[Parameter]") -> SetParametersResult:
+        nonlocal checked
+        values: dict[str, Any] = asdict(current)  # type: ignore[call-overload]
+        values |= {change.name: change.value for change in changes if change.name in values}
+        try:
+            checked = build(type(settings), values)
+        except GridMapError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def apply_changes(_changes: "list[Parameter]") -> None:
+        nonlocal current
+        if checked != current:
+            current = checked
+            apply(current)
+
+    node.add_on_set_parameters_callback(check_changes)
+    node.add_post_set_parameters_callback(apply_changes)
 
 
 def names_below(node: "Node", prefix: str) -> list[str]:

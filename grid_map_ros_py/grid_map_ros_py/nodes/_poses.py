@@ -64,13 +64,14 @@ class Poses:
     """Base class of pose sources; on its own, it accepts only scans in the map frame.
 
     Attributes:
+        map_frame: frame of the map.
         waits_for: description of the pose or transform missing when `place` last returned None.
     """
 
     waits_for = ""
 
     def __init__(self, map_frame: str) -> None:
-        self._map_frame = map_frame
+        self.map_frame = map_frame
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:  # noqa: ARG002
         """Return the placement of a scan, or None if the pose is not known yet.
@@ -79,8 +80,8 @@ class Poses:
             frame_id: frame of the scan.
             stamp: time of the scan [ns]; 0 selects the latest pose.
         """
-        if frame_id != self._map_frame:
-            expected = f"{self._map_frame!r}, that of the map, as there are no poses"
+        if frame_id != self.map_frame:
+            expected = f"{self.map_frame!r}, that of the map, as there are no poses"
             raise MessageError("header.frame_id", expected, frame_id)
         return Placement(np.eye(4))
 
@@ -144,8 +145,8 @@ class PoseHistory(Poses):
         A pose more than `LONGEST_JITTER` earlier than the last pose indicates a time reset. All
         stored poses are then discarded.
         """
-        if message.header.frame_id.removeprefix("/") != self._map_frame:
-            expected = f"{self._map_frame!r}, that of the map"
+        if message.header.frame_id.removeprefix("/") != self.map_frame:
+            expected = f"{self.map_frame!r}, that of the map"
             raise MessageError("header.frame_id", expected, message.header.frame_id)
         stamp = from_stamp(message.header.stamp)
         matrix = from_pose(message)
@@ -172,14 +173,14 @@ class PoseHistory(Poses):
         if robot is None:
             return None
         center = (robot @ self._track_point)[:2]
-        if frame_id == self._map_frame:
+        if frame_id == self.map_frame:
             return Placement(np.eye(4), robot, center)
         transform = robot @ self._sensor
         covariance = carried(self.covariance_at(stamp), transform[:3, 3] - robot[:3, 3])
         return Placement(transform, robot, center, covariance)
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        return np.eye(4) if frame_id == self._map_frame else self.at(stamp)
+        return np.eye(4) if frame_id == self.map_frame else self.at(stamp)
 
     def latest(self) -> tuple[Matrix, int] | None:
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
@@ -370,7 +371,7 @@ class TfPoses(Poses):
     def _look_up(self, frame_id: str, stamp: int) -> Any:
         time = Time(nanoseconds=stamp)
         try:
-            return self._buffer.lookup_transform(self._map_frame, frame_id, time)
+            return self._buffer.lookup_transform(self.map_frame, frame_id, time)
         except self._tf.TransformException as error:
             # tf2 cannot tell whether the transform will become available.
             self.waits_for = str(error)
