@@ -262,6 +262,8 @@ class PathPlannerNode(ConfiguredNode):
                     continue
                 self._log.error(f"compute_path_to_pose: {reason(error)}")
                 result.error_code = int(code)
+                if hasattr(result, "error_msg"):  # newer than the first messages of Jazzy
+                    result.error_msg = reason(error)
                 handle.abort()
                 return result
             # From now on, the client decides when to plan again.
