@@ -566,7 +566,7 @@ class PlanarRegionsReportNode(ReportNode):
 
 
 def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
-    """Return table rows with the number of planes that have a region, and the height errors."""
+    """Return report rows: how many true planes are regions, and the largest height errors."""
     rows, known = {}, set[float]()
     for name, centers in PLANES.items():
         places = np.array(centers)

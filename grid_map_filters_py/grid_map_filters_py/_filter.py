@@ -38,10 +38,10 @@ class Filter(Protocol):
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        """Return the filtered map, which shares unchanged layers with the input.
+        """Return the filtered map. Unchanged layers are shared with the input, not copied.
 
         Args:
-            grid_map: map with start index (0, 0); the layers must not be changed.
+            grid_map: map with start index (0, 0); a filter must not modify its layers in place.
         """
 
 

@@ -163,7 +163,10 @@ def _worst(
 def _worst_along(
     ranks: npt.NDArray[np.int16], centers: npt.NDArray[np.float64], side: float
 ) -> npt.NDArray[np.int16]:
-    """For each interval of length `side`, return the largest ranks of the rows that it touches."""
+    """Return, for each interval, the elementwise maximum of the rows of `ranks` that it touches.
+
+    Row i spans i - 0.5 to i + 0.5. The intervals have the length `side` and the given centers.
+    """
     reach = 0.5 * (1 + side) - TOLERANCE
     ends = np.stack([np.ceil(centers - reach), np.floor(centers + reach)])
     first, last = np.clip(ends, 0, len(ranks) - 1).astype(np.intp)

@@ -137,8 +137,9 @@ class _Triangles(NamedTuple):
 
     Attributes:
         row, column: (T,) position of the first corner.
-        by_row, by_column: (3, T) slopes of the barycentric coordinates along rows and columns.
-        slacks: (3, T) amount by which a barycentric coordinate of a covered cell may be below 0.
+        by_row, by_column: (3, T) change of each barycentric coordinate per row and per column.
+        slacks: (3, T) tolerance; a cell is covered if each barycentric coordinate is at least
+            -slack.
         heights: (3, T) heights of the corners [m].
         first_row, row_count, first_column, column_count: (T,) bounding rectangles.
         counts: (T,) number of cells in each bounding rectangle.

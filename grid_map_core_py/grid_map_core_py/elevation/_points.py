@@ -78,9 +78,10 @@ class Covariance:
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the mean of the x and y variances of points at height z above the sensor [m^2].
+        """Return the mean of the x and y variances [m^2] that the pose causes at points.
 
-        Unlike `level_of_places`, it includes tilt errors, which move a point by the angle times z.
+        Unlike `level_of_places`, it includes tilt errors. These move a point sideways by the tilt
+        angle times `z`, the height of the point above the sensor.
         """
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
         return self.level_of_places(x, y) + tilt * z * z

@@ -183,10 +183,10 @@ def unit_of(raster: Any) -> str:
 
 
 def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
-    """Return the geometry of an open raster.
+    """Return the grid geometry of an opened raster.
 
     Raises:
-        ValueError: the pixels are not square, north is not up, or the raster has no position.
+        ValueError: the pixels are not square, north is not up, or it is not georeferenced.
     """
     step = raster.transform
     if step.is_identity:

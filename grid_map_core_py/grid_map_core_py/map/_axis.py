@@ -104,13 +104,14 @@ class Axis:
 
         Args:
             x: coordinates on the map [m].
-            closed_above: True if a coordinate on a center belongs to the interval below it (t = 1),
-                not to the one above it (t = 0).
+            closed_above: if True, a coordinate exactly at a cell center belongs to the interval
+                below it (t = 1); otherwise to the one above it (t = 0).
             rounding: module with `trunc`, `floor` and `ceil`: NumPy, or `math` for one coordinate.
 
         Returns:
-            below: number of the cell with the lower coordinate, 0 ... `size`; the other cell is
-                `below` - 1. The numbers -1 and `size` stand for cells beyond the borders.
+            below: index of the cell at the lower end of the interval, from 0 to `size`. The cell
+                at the upper end has the index `below` - 1. The indices -1 and `size` are just
+                outside the map.
             t: position in the interval, from 0 (lower end) to 1.
         """
         cell = rounding.trunc(self.steps(x))

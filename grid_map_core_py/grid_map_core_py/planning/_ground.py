@@ -152,15 +152,15 @@ class Ground:
     def straight(
         self, begin: Floats, end: Floats, most: Floats | float = math.inf
     ) -> tuple[Floats, Integers]:
-        """Return the costs of straight lines, and the number of pieces to sample each in.
+        """Return the cost of each straight line, and the number of pieces to sample it with.
 
         Args:
-            begin, end: (2, M) points on the map.
-            most: (M,) or scalar; lines that cost more are not allowed.
+            begin, end: (2, M) end points of the lines.
+            most: (M,) or scalar maximum cost; more expensive lines are not allowed.
 
         Returns:
             costs: (M,) integral of the cost along each line; inf if the line is not allowed.
-            pieces: (M,) number of equal pieces; the height is linear along each.
+            pieces: (M,) number of equal pieces; the height is linear within a piece.
         """
         pieces = np.maximum(np.ceil(np.abs(end - begin).max(axis=0)), 1.0).astype(np.int64)
         points, extent, first = divided(begin, end, pieces)

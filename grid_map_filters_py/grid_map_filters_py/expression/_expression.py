@@ -91,16 +91,17 @@ class Expression:
         return _shown("this part needs whole layers", self.text, culprit.position)
 
     def for_tiles_of(self, tiled_map: "TiledMap") -> "Expression":
-        """Return the expression for tiles of a map, with reductions replaced by numbers.
+        """Return a copy of the expression that can be evaluated tile by tile.
 
-        Reductions are computed tile by tile, and the partial results are combined in double
-        precision, in tile order. Nested reductions are computed from the inside out.
+        Each reduction is replaced by its value over the whole map. The partial results of the
+        tiles are combined in double precision, in tile order. Nested reductions are computed
+        from the inside out.
 
         Args:
             tiled_map: input map; its layers hide functions and constants of the same name.
 
         Raises:
-            ExpressionError: the rest of the expression is not cellwise.
+            ExpressionError: apart from its reductions, the expression is not cellwise.
         """
         root, layers = self._root, frozenset(tiled_map.layers)
         while nodes := [*Analysis(layers).reductions(root)]:

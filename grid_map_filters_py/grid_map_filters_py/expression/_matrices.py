@@ -60,10 +60,10 @@ def describe(shape: Shape) -> str:
 
 
 class Matrices:
-    """Primitive operations of the language for numbers and matrices.
+    """Primitive operations of the expression language, applied to numbers and matrices.
 
     Args:
-        spare: float32 array into which the first result of the same shape is written, or None.
+        spare: float32 array or None; the buffer for the first result of the same shape.
     """
 
     def __init__(self, spare: NDArray[np.float32] | None = None) -> None:

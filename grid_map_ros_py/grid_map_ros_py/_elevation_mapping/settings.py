@@ -50,8 +50,8 @@ class Settings:
         robot_base_frame_id: frame of the robot.
         track_point_frame_id: frame of the point that the map follows (tf only); empty means the
             robot frame.
-        track_point_x, track_point_y, track_point_z: coordinate of the followed point in its frame
-            [m].
+        track_point_x, track_point_y, track_point_z: coordinates of the followed point in
+            `track_point_frame_id` [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. Without tf, empty means `/pose`.
             With tf, only the covariances are used; if empty, poses are assumed exact.
@@ -59,7 +59,7 @@ class Settings:
         robot_pose_cache_size: maximum number of stored poses.
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
-        position_x, position_y: coordinate of the initial map center [m].
+        position_x, position_y: coordinates of the initial map center [m].
         resolution: cell size [m].
         visibility_cleanup_rate: if nonzero, visibility cleanup runs with every scan.
         enable_continuous_cleanup: clear the map before every scan.
@@ -68,8 +68,8 @@ class Settings:
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
         target_frame_init_submap: frame of the patch (tf only); empty means the robot frame.
-        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where it is
-            NaN stay unchanged.
+        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where the
+            mask is NaN stay unchanged.
         directory: directory in which services load and save maps; empty disables these services.
         storage: file format of saved bags; `auto` is `mcap`, or `sqlite3` if neither `mcap` nor
             `rosbag2_py` is installed.

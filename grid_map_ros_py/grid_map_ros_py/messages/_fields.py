@@ -149,12 +149,14 @@ def check_unrotated(field: str, orientation: "Quaternion") -> None:
 
 
 def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
-    """Return the grid geometry of a message whose `origin` is the corner with the smallest x and y.
+    """Check the grid description of a message and return its geometry.
+
+    The `origin` of the grid is its corner with the smallest x and y.
 
     Args:
         field: path of `info` in the message, for error texts.
-        info: grid description with the number of cells along each axis, `resolution` and `origin`.
-        cells: names of the attributes of `info` with the numbers of cells along x and y.
+        info: part of the message with `resolution`, `origin` and both cell counts.
+        cells: attribute names of the cell counts along x and y.
         values: number of values in the message; must equal the number of cells.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
