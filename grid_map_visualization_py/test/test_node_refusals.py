@@ -99,6 +99,6 @@ def test_viewers_name_the_package_that_is_missing():
     starts = [(main, []) for main in (WEB_VIEWER, RERUN_VIEWER)]
     web_viewer, rerun_viewer = refusals(starts, missing=["viser", "rerun_cli"])
     missing = "_viewer needs the package '{}', which is not installed: "
-    assert "web" + missing.format("viser") + "install viser" in web_viewer
+    assert "web" + missing.format("viser") + "pip install viser" in web_viewer
     assert "rerun" + missing.format("rerun_cli") + "pip install" in rerun_viewer
     assert "or use web_viewer" in rerun_viewer
