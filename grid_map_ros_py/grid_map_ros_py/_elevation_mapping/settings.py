@@ -50,7 +50,7 @@ class Settings:
         robot_base_frame_id: frame of the robot.
         track_point_frame_id: frame of the point that the map follows (tf only); empty means the
             robot frame.
-        track_point_x, track_point_y, track_point_z: coordinates of the followed point in
+        track_point_x, track_point_y, track_point_z: coordinate of the followed point in
             `track_point_frame_id` [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. Without tf, empty means `/pose`.
@@ -59,7 +59,7 @@ class Settings:
         robot_pose_cache_size: maximum number of stored poses.
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
-        position_x, position_y: coordinates of the initial map center [m].
+        position_x, position_y: coordinate of the initial map center [m].
         resolution: cell size [m].
         visibility_cleanup_rate: if nonzero, visibility cleanup runs with every scan.
         enable_continuous_cleanup: clear the map before every scan.
