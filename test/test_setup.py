@@ -114,7 +114,9 @@ def test_make_check_runs_all_tools_and_names_those_that_fail(tmp_path):
     done = run("make", "--no-print-directory", "-o", "build", "check", enter, environ=os.environ)
     assert done.returncode
     *ran, last = done.stdout.replace(f"{tmp_path}/", "").splitlines()
-    assert [line.split()[0] for line in ran] == ["ruff", "ruff", "mypy", "lint-imports", "python3"]
+    assert [line.split()[0] for line in ran] == [
+        *("ruff", "ruff", "mypy", "mypy", "lint-imports", "python3")
+    ]
     assert last == "failed: ruff check, ruff format, lint-imports, python3 tools/api.py"
 
 

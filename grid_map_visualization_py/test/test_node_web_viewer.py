@@ -396,12 +396,13 @@ def test_path_is_drawn_on_the_surface_of_its_frame(page, node, peer):
         path.poses.append(PoseStamped())
         # Far below the surface, where it could not be seen.
         path.poses[-1].pose.position = Point(x=x, y=2.0, z=-1.0)
-    assert pink() == 0
+    before = pink()
+    assert before < 50
     peer.publish("/plan", path)
     page.wait_for(lambda: pink() > 200, "the path")
     path.header.frame_id = "map"
     peer.publish("/plan", path)
-    page.wait_for(lambda: pink() == 0, "no path")
+    page.wait_for(lambda: pink() <= before, "no path")
     text = (
         "dropped a message of /plan: header.frame_id: expected 'odom', that of the map, got 'map'"
     )
@@ -463,7 +464,7 @@ def test_axes_and_frames_are_switched_in_all_browsers(page, beside):
     beside.wait_for(lambda: is_red(beside.picture()).any(), "frames")
     assert gray() < 0.5 * before
     page.control("Axes").check()
-    beside.wait_for(lambda: gray() > 0.8 * before, "axes")
+    beside.wait_for(lambda: gray() > 0.7 * before, "axes")
 
 
 def test_dark_page_is_dark(page, beside):

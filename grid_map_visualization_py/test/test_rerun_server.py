@@ -210,5 +210,7 @@ def test_errors_are_one_line(monkeypatch):
     with pytest.raises(PageError, match=r"has ended with exit code [12]; it says above why"):
         Server(port=0, memory_limit="much")
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(MissingPackageError, match=r"Rerun needs .* 'rerun', .*py\[rerun\]"):
+    with pytest.raises(
+        MissingPackageError, match=r"Rerun needs .* 'rerun', .*pip install rerun-sdk"
+    ):
         Server(port=0)
