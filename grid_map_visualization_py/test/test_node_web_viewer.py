@@ -396,7 +396,7 @@ def test_path_is_drawn_on_the_surface_of_its_frame(page, node, peer):
         path.poses.append(PoseStamped())
         # Far below the surface, where it could not be seen.
         path.poses[-1].pose.position = Point(x=x, y=2.0, z=-1.0)
-    before = pink()
+    before = pink()  # the dot of a selected cell
     assert before < 50
     peer.publish("/plan", path)
     page.wait_for(lambda: pink() > 200, "the path")
@@ -449,9 +449,9 @@ def test_markers_are_drawn_until_they_are_deleted(page, node, peer):
 
 def test_axes_and_frames_are_switched_in_all_browsers(page, beside):
     def gray() -> float:
-        """Return the part of the picture that is gray, as the lines of the axes are."""
+        """Return the part of the picture that is gray, as lines of the axes are, also blurred."""
         levels = beside.picture().astype(int)
-        is_gray = (np.ptp(levels, axis=-1) < 10) & (abs(levels.mean(axis=-1) - 145) < 45)
+        is_gray = (np.ptp(levels, axis=-1) < 10) & (abs(levels.mean(axis=-1) - 145) < 60)
         return float(is_gray.mean())
 
     before = gray()
@@ -464,7 +464,7 @@ def test_axes_and_frames_are_switched_in_all_browsers(page, beside):
     beside.wait_for(lambda: is_red(beside.picture()).any(), "frames")
     assert gray() < 0.5 * before
     page.control("Axes").check()
-    beside.wait_for(lambda: gray() > 0.7 * before, "axes")
+    beside.wait_for(lambda: gray() > 0.8 * before, "axes")
 
 
 def test_dark_page_is_dark(page, beside):
