@@ -22,6 +22,7 @@ def test_healthy_machine_has_no_failures(capfd, monkeypatch):
     assert found["packages"].keys() == doctor.PACKAGES.keys()
     numpy = found["packages"]["numpy"]
     assert (numpy["status"], numpy["gives"]) == ("ok", "arrays")
+    assert numpy["remedy"] == remedy_for("numpy")
     assert numpy["text"].count(".") >= 1
     assert found["settings"]["ROS_DOMAIN_ID"] == "7"
 

@@ -56,14 +56,18 @@ def run(options: argparse.Namespace) -> int:
     settings = sorted(pair for pair in os.environ.items() if pair[0].startswith(beginnings))
     version = platform.python_version()
     if options.json:
-        keys = "status", "text", "gives", "apt", "pip"
         print_json(
             {
                 "ok": not failures,
                 "python": {"version": version, "executable": sys.executable},
                 "packages": {
-                    name: dict(zip(keys, (*found, *PACKAGES[name]), strict=True))
-                    for name, found in packages.items()
+                    name: {
+                        "status": status,
+                        "text": text,
+                        "gives": PACKAGES[name].gives,
+                        "remedy": remedy_for(name),
+                    }
+                    for name, (status, text) in packages.items()
                 },
                 "settings": dict(settings),
             }

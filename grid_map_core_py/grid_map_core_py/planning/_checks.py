@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -150,7 +150,19 @@ def check_pose(
 
 
 def check_path(
-    grid_map: GridMap, footprint: Footprint, poses: ArrayLike, **limits: Any
+    grid_map: GridMap,
+    footprint: Footprint,
+    poses: ArrayLike,
+    *,
+    layer: str,
+    limit: float,
+    mean_limit: float | None = None,
+    unknown: Literal["blocked", "free"] = "blocked",
+    surface: str | None = None,
+    max_roll: float | None = None,
+    max_pitch: float | None = None,
+    body_height: float | None = None,
+    min_clearance: float | None = None,
 ) -> PathCheck:
     """Check whether a robot may move along a path.
 
@@ -161,15 +173,16 @@ def check_path(
 
     Args:
         poses: (N, 3) x, y [m] and yaw [rad] of the footprint along the path, map frame.
-        **limits: `layer`, `limit` and the optional arguments of `check_pose`; they hold at each
-            pose.
+        layer, ..., min_clearance: as for `check_pose`; the limits hold at each pose.
 
     Raises:
         LayerNotFoundError, ConfigError: as for `check_pose`.
         GeometryError: there is no pose, or a pose is not finite.
         LimitError: the footprint or the path is too large.
     """
-    rules = _Rules(**limits)
+    rules = _Rules(
+        layer, limit, mean_limit, unknown, surface, max_roll, max_pitch, body_height, min_clearance
+    )
     samples, indices = _between(_as_poses(poses, "poses"), footprint, grid_map.resolution)
     return _check(grid_map, footprint, samples, indices, rules)[0]
 
