@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Bags without the package `mcap`: through `rosbag2_py`, and without both."""
 
+import shutil
 from importlib import import_module
 
 import pytest
@@ -142,6 +143,24 @@ def test_bags_become_sqlite3_with_a_warning(tmp_path):
     assert number_of(load(bag)) == 1
     save_to_bag(numbered_map(2), bag, TOPIC, storage="sqlite3")  # without a warning
     assert number_of(load(bag)) == 2
+    with (
+        pytest.warns(UserWarning, match="^bags are saved as sqlite3"),
+        pytest.raises(MissingPackageError, match=f"^compression 'zstd' {MISSING}"),
+    ):
+        save_to_bag(numbered_map(3), bag, TOPIC, compression="zstd")
+    assert number_of(load(bag)) == 2
+
+
+@pytest.mark.usefixtures("no_mcap")
+@pytest.mark.filterwarnings("ignore:bags are saved as sqlite3")
+def test_killed_sqlite3_recording_keeps_its_messages(tmp_path):
+    with BagWriter(tmp_path / "bag", in_place=True) as writer:
+        for number in (1, 2):
+            writer.write(TOPIC, numbered_map(number))
+        shutil.copytree(tmp_path / "bag", tmp_path / "killed")
+    killed, whole = bag_maps(tmp_path / "killed", recover=True), bag_maps(tmp_path / "bag")
+    assert [number_of(one) for one in killed] == [number_of(one) for one in whole] == [1, 2]
+    assert {path.name for path in (tmp_path / "bag").iterdir()} == {"bag_0.db3", "metadata.yaml"}
 
 
 def test_mcap_bags_without_packages_raise_errors(tmp_path, request):

@@ -85,8 +85,8 @@ class BagWriter:
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
         in_place: delete an existing bag first, and write directly to `path`. Use this for long
-            MCAP recordings: the bag can be completed even if the disk is full, and readers with
-            `recover=True` can read it after a crash.
+            recordings: readers with `recover=True` can read the bag after a crash, and an MCAP bag
+            can be completed even if the disk is full.
     """
 
     def __init__(
@@ -101,7 +101,9 @@ class BagWriter:
         self._path = Path(path)
         self._overwrite = overwrite
         self._in_place = in_place
-        storage = chosen_storage(storage)
+        asked, storage = storage, chosen_storage(storage)
+        if asked != storage == "sqlite3" and compression in COMPRESSIONS[1:]:
+            raise MissingPackageError("mcap", f"compression {compression!r}")
         self._storage, self._compression = storage, compression
         compressions = ("none",) if storage == "sqlite3" else COMPRESSIONS
         for name, value, known in (
@@ -123,7 +125,7 @@ class BagWriter:
             self._writer: McapWriter | Rosbag2Writer | SqliteWriter = (
                 self._mcap_writer(file, self._compression, reserve=self._in_place)
                 if self._storage == "mcap"
-                else SqliteWriter(file)
+                else SqliteWriter(file, in_place=self._in_place)
             )
             stack.enter_context(closing(self._writer))
             self._topics: dict[str, Topic] = {}

@@ -32,12 +32,16 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 
 
 class SqliteWriter:
-    """Writes serialized messages to a new rosbag2 database at `path`."""
+    """Writes serialized messages to a new rosbag2 database at `path`.
 
-    def __init__(self, path: Path) -> None:
-        self._database = sqlite3.connect(path)
-        # No journal is needed, because the file is moved to its final path only when complete.
-        self._database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;")
+    With `in_place`, each message is committed at once, so that it survives a crash.
+    """
+
+    def __init__(self, path: Path, *, in_place: bool = False) -> None:
+        self._database = sqlite3.connect(path, isolation_level=None if in_place else "")
+        # A file that is moved to its final path only when complete needs no journal.
+        self._database.execute(f"PRAGMA journal_mode = {'WAL' if in_place else 'OFF'}")
+        self._database.execute("PRAGMA synchronous = OFF")
         self._database.executescript(_SCHEMA)
         self._insert("schema", _SCHEMA_VERSION, ros_distro())
         self._types = set[str]()
