@@ -52,18 +52,12 @@ def test_resolution_and_place_are_those_of_the_map(store: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("chunk", "text"),
-    [
-        ([8, 0], r"chunks: expected at least one cell, got \[8, 0\]"),
-        ([22_000, 22_000], "chunk: expected at most 16000000 cells, got 22000 x 22000"),
-    ],
-)
-def test_empty_and_huge_chunks_are_refused(store: Path, chunk: list[int], text: str) -> None:
+def test_huge_chunks_are_refused(store: Path) -> None:
     document = json.loads((store / ".zmetadata").read_text())
-    document["metadata"]["variance/.zarray"]["chunks"] = chunk
+    document["metadata"]["variance/.zarray"]["chunks"] = [22_000, 22_000]
     (store / ".zmetadata").write_text(json.dumps(document))
-    with pytest.raises(GridMapError, match=f"a.zarr: variance: {text}"):
+    text = "a.zarr: variance: chunk: expected at most 16000000 cells, got 22000 x 22000"
+    with pytest.raises(GridMapError, match=text):
         open_map(store)
 
 

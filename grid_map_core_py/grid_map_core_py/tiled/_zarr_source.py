@@ -109,9 +109,6 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
         layers = layers_of(dataset)
         for layer in layers:
             chunk = dataset[layer].encoding.get("chunks") or (1, 1)
-            if not min(chunk):
-                expected = "chunks: expected at least one cell, got"
-                raise GridMapError(f"{layer}: {expected} {[*chunk]}. Write the store again")
             # Reading even a single cell unpacks a whole chunk.
             check_cells(f"{layer}: chunk", chunk)
         stored = dataset[layers[0]].encoding.get("chunks") if layers else None
