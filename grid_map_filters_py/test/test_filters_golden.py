@@ -13,7 +13,7 @@ import pytest
 from filter_cases import assert_bytes_near
 
 from grid_map_core_py import GridMap
-from grid_map_filters_py import FilterChain, FilterConfigError, FilterError
+from grid_map_filters_py import FILTERS, FilterChain, FilterConfigError, FilterError
 
 NAMESPACES = {"InpaintFilter": "gridMapCv"}
 
@@ -278,6 +278,11 @@ def test_windows_of_one_cell_cover_the_whole_map():
 def test_basic_layers_are_read_from_both_parameters():
     for case in deviating("reads layer alone", "SetBasicLayersFilter"):
         assert result_of(case).basic_layers == tuple(case["params"]["layers"])
+
+
+def test_basic_layers_can_be_a_list():
+    grid_map = GridMap((1.0, 1.0), 0.5, layers=["a", "b"])
+    assert FILTERS["SetBasicLayers"](layers=["b"])(grid_map).basic_layers == ("b",)
 
 
 def test_channels_beyond_their_range_are_clamped():

@@ -26,7 +26,7 @@ class SetBasicLayers(CellFilter):
             raise ConfigError("expected either 'layers' or 'layer'")
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        wanted = (self.layers or ()) + (self.layer or ())
+        wanted = [*(self.layers or ()), *(self.layer or ())]
         missing = [name for name in wanted if name not in grid_map]
         if missing:
             warn(f"no layer {', '.join(missing)} to be basic; available: {', '.join(grid_map)}")
