@@ -66,7 +66,7 @@ def join_channels(red: Any, green: Any, blue: Any) -> Any:
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Return three uint32 values with red, green and blue in the low bytes; see `join_channels`.
+    """Return three uint32 values, or arrays, whose low bytes are red, green and blue.
 
     Args:
         bits: uint32 number or array, 0x00RRGGBB.
@@ -94,10 +94,10 @@ def color_value_to_vector(value: ArrayLike) -> NDArray[np.float32]:
 
 
 def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
-    """Unpack layer values into red, green, blue bytes; `value` is as in `color_value_to_vector`.
+    """Unpack layer values, as in `color_value_to_vector`, into one byte per channel.
 
     Returns:
-        Three uint8 arrays (...) in [0, 255]; undefined where `value` is NaN.
+        Red, green and blue, each (...) uint8; undefined where `value` is NaN.
     """
     if value.dtype.kind == "f":
         bits = value.astype(np.float32, copy=False).view(np.uint32)

@@ -19,7 +19,7 @@ from ._shapes import checked_radius, circle_cells, empty_cells
 # Number of rings in the cached spiral (0.8 MB), from which smaller spirals are cut without sorting.
 KEPT_RINGS = 128
 
-# Limit on the row and column of a disc center outside the map; their squares must fit into int64.
+# Disc centers outside the map are limited to this row and column, whose squares fit into int64.
 FAR = 2.0**30
 
 
@@ -40,7 +40,7 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     if limit < (KEPT_RINGS - 2) * grid_map.resolution:
         return _cut_out(grid_map, center, middle, limit)
     cells = circle_cells(grid_map, center, radius)
-    # Sorted in place, one axis at a time, to save memory.
+    # One axis at a time is sorted in place, to save memory.
     axes = list(zip(cells, middle, grid_map.start_index, grid_map.size, strict=True))
     for numbers, cell, start, size in axes:
         place(numbers, -start % size, size)
@@ -68,7 +68,7 @@ def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
 
 
 def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cells:
-    """Cut the cells of a disc out of the cached spiral; only outer rings need a distance test."""
+    """Select the cells of a disc from the cached spiral; only outer rings are distance-tested."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
@@ -80,7 +80,8 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
     )
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # Number of rings entirely on the map and in the disc, which always includes the center cell.
+    # Number of rings that are entirely on the map and in the disc. The center cell, ring 0, counts
+    # as part of the disc.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
