@@ -68,7 +68,7 @@ def with_stairs(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with stairs: `steps` equal steps that rise along their x axis; see `with_box`."""
+    """Return a map with stairs that rise in equal steps along their x axis; see `with_box`."""
     count = as_finite(steps, "steps", "a number of steps", least=1.0)
 
     def profile(share: NDArray[np.float64]) -> NDArray[np.float64]:
