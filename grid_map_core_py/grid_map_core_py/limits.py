@@ -29,10 +29,10 @@ __all__ = [
 ]
 
 FREE_BYTES = 100_000_000
-"""`max_ratio` is ignored up to this size of unpacked data [bytes]: uniform maps compress well."""
+"""Size of unpacked data [bytes] up to which `max_ratio` is ignored; uniform maps compress well."""
 
 VISITS = 4
-"""Overlapping parts of a map may cover at most this many times `max_cells` cells in total."""
+"""Factor of `max_cells` that limits the total number of cells in overlapping parts of a map."""
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,7 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 
 def check_visits(name: str, visits: float) -> None:
-    """Raise `LimitError` if an algorithm would visit too many cells.
-
-    Args:
-        name: subject of the error message.
-        visits: number of visits; a cell may be visited several times.
-    """
+    """Raise `LimitError` if overlapping parts of a map have too many cells in total (`visits`)."""
     if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 

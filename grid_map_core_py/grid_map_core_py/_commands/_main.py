@@ -42,7 +42,7 @@ HELP = {
     "record": "record topics of any type to a bag, until Ctrl-C (needs ROS 2)",
     "play": "publish the messages of a bag at the pace of the recording (needs ROS 2)",
 }
-"""Help texts of the suite's commands, so that `grid-map --help` need not import the commands."""
+"""Help texts of the suite's commands; `grid-map --help` shows them without importing commands."""
 
 _NO_READER = 128 + signal.SIGPIPE
 

@@ -64,8 +64,7 @@ def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[
     """Return statistics and a histogram of the finite values of a layer as JSON values.
 
     For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
-    `each(function, layers)` calls `function` with the map, or with each of its tiles, and returns
-    the list of results.
+    `each(function, layers)` calls `function` with the map or with each tile, and lists the results.
     """
     import numpy as np
 

@@ -57,20 +57,12 @@ def color_channels_to_value(
 
 
 def join_channels(red: Any, green: Any, blue: Any) -> Any:
-    """Combine channels into the bits 0x00RRGGBB; filters compile this function with numba.
-
-    Args:
-        red, green, blue: uint32 numbers or arrays in [0, 255].
-    """
+    """Combine uint32 channels in [0, 255] into the bits 0x00RRGGBB; numba can compile this."""
     return red << _RED | green << _GREEN | blue
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Return three uint32 values, or arrays, whose low bytes are red, green and blue.
-
-    Args:
-        bits: uint32 number or array, 0x00RRGGBB.
-    """
+    """Split uint32 bits 0x00RRGGBB into three values whose low bytes are red, green and blue."""
     return bits >> _RED, bits >> _GREEN, bits
 
 

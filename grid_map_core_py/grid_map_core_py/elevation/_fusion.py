@@ -43,10 +43,10 @@ from ._parameters import Numbers, Parameters
 from ._state import OVERHANG, State, highest_around
 
 SIGHTINGS = 3
-"""Number of scans that must see a candidate before it becomes the surface."""
+"""Number of scans in which a candidate must be seen before it becomes the surface."""
 
 TAIL = 0.1
-"""Share of a neighbor's support below which a cell holds only the tail of the neighbor's noise."""
+"""If a cell has less than this share of a neighbor's support, its points may be its noise."""
 
 CANDIDATE_TIME = 500
 """Maximum time between the first and the last sighting of a candidate [ms]."""

@@ -19,7 +19,7 @@ from ..plugins import check
 from ._parameters import Numbers, Parameters, SensorModel
 
 OUTSIDE = -1
-"""Cell number of points outside the map."""
+"""Cell index of points outside the map."""
 
 LEAST_VARIANCE = 1e-12
 """Lower limit of the variance of a point [m^2], so that weights stay finite."""
@@ -149,8 +149,7 @@ class Scan:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
         variances: (n,) variances of z from the sensor noise alone [m^2].
-        cells: (n,) cell index of each point, column-major in map order; OUTSIDE if it is off the
-            map.
+        cells: (n,) cell index of each point, column-major in map order; OUTSIDE if not on the map.
         places: (n,) indices of the points in the cloud.
         horizontal: (n,) means of the variances along x and y [m^2]; empty if not requested.
         dropped: number of dropped points for each reason.

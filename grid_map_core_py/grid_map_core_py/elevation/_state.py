@@ -54,7 +54,7 @@ class Memory:
 
 
 HIDDEN = tuple(f"# {field.name}" for field in fields(Memory))
-"""Names of the internal layers that store a `Memory`."""
+"""Names of the unpublished layers that store a `Memory`."""
 
 
 @dataclass
@@ -86,12 +86,10 @@ class State:
         return cls(heights, variances, layers["time"], layers, memory, own)
 
     def grow_older(self, milliseconds: int) -> None:
-        """Increase all ages by `milliseconds`."""
         for age in (self.memory.age, self.memory.candidate_age, self.memory.overhang_age):
             np.minimum(age + milliseconds, _OLDEST, out=age)
 
     def lift(self, height: float) -> None:
-        """Raise all heights by `height` [m]."""
         for layer in (self.heights, self.memory.candidate, self.others.get(OVERHANG)):
             if layer is not None:
                 layer += height

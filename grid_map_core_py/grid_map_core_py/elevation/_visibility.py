@@ -5,8 +5,7 @@ Each beam is traced from the sensor to its point, cell by cell (Amanatides and W
 Traversal Algorithm for Ray Tracing", 1987). The height of a beam in a cell is the largest height of
 the beam within the cell. The foot of a cell with height h and variance v is the height
 `h - max(3 sqrt(v), relief)`, where the relief is the resolution times `RELIEF`. A beam below the
-foot clears the cell if the cell was not confirmed for `scanning_duration`. There are four
-exceptions:
+foot clears a cell that was not confirmed for `scanning_duration`. There are four exceptions:
 
 - The point of the beam is in the cell.
 - This scan has a point in the cell or its 8 neighbors that is higher than the beam, or at most one
@@ -43,8 +42,7 @@ from ._state import State, highest_around
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
     """Return the heights (k,) [m] at which beams entered the cells of their points.
 
-    `order` (n,) contains the scan indices of the points on the map. `chosen` (k,) are indices into
-    `order`.
+    `order` (n,) contains the scan indices of the points on the map; `chosen` (k,) indexes `order`.
     """
     chosen = order[chosen]
     rows = geometry.size[0]

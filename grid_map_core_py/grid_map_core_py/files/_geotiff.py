@@ -94,7 +94,6 @@ def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
-    """Open a raster file, and yield its map."""
     with storage_errors(Path(path), "read"), gdal(path), open_raster(path) as raster:
         if unit := unit_of(raster):
             warnings.warn(

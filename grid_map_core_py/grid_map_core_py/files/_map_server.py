@@ -42,7 +42,7 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free) per mode; loading restores all values a mode can store."""
+"""Default thresholds (occupied, free) by mode, with which loading restores the saved values."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
 """Pixel values that nav2's `map_saver` writes in `trinary` mode: occupied, unknown and free."""

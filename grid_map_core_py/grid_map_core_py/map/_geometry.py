@@ -282,11 +282,7 @@ class GridGeometry:
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point on the map nearest to each position (..., 2) [m].
-
-        Raises:
-            GeometryError: a position contains NaN.
-        """
+        """Return the point on the map nearest to each position (..., 2) [m]; reject NaN."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")

@@ -743,9 +743,8 @@ class GridMap(MutableMapping[str, Layer]):
                 one. Scaling, shear and reflection are rejected.
             height_layer: name of the layer that holds z [m].
             frame_id: the new frame.
-            sample_ratio: if positive, each cell adds four points at the same height to close gaps.
-                They are shifted from the center along +x, -x, +y and -y by this fraction of the
-                resolution.
+            sample_ratio: if positive, each cell adds four points at the same height to close gaps,
+                shifted along +x, -x, +y and -y by this fraction of the resolution.
 
         Returns:
             A map with the same resolution, layers, basic layers and time, start index (0, 0) and no
@@ -764,9 +763,8 @@ class GridMap(MutableMapping[str, Layer]):
         and `position` [m] describe the map.
 
         Args:
-            crs: coordinate reference system of the frame, such as "EPSG:25832". If empty, the `crs`
-                of the map is used. It is stored in the coordinate `spatial_ref`, as rioxarray
-                expects.
+            crs: coordinate reference system of the frame, such as "EPSG:25832"; if empty, the `crs`
+                of the map. It is stored in the coordinate `spatial_ref`, as rioxarray expects.
 
         Raises:
             MissingPackageError: xarray, or pyproj for `crs`, is not installed.

@@ -58,7 +58,7 @@ _FALLBACKS = {
     Interpolation.CUBIC_CONVOLUTION: Interpolation.LINEAR,
     Interpolation.CUBIC: Interpolation.LINEAR,
 }
-"""Simpler method that replaces each method where a cell that it needs is not finite."""
+"""For each method, the simpler method that is used where a cell that it needs is not finite."""
 
 
 def interpolate(
@@ -227,10 +227,7 @@ def _shape(method: Interpolation) -> tuple[int, bool]:
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
 ) -> list[tuple[int, float]]:
-    """Return the buffer rows (or columns) around a coordinate, and their weights.
-
-    They are ordered from the lowest coordinate to the highest.
-    """
+    """Return the buffer rows (or columns) next to a coordinate, lowest first, and their weights."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
     weights = _weights(t, reach)

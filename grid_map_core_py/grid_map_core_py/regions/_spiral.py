@@ -80,8 +80,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
     )
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # Number of rings that are entirely on the map and in the disc. The center cell, ring 0, counts
-    # as part of the disc.
+    # Number of rings entirely on the map and in the disc. The center cell counts as in the disc.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]

@@ -37,7 +37,7 @@ _PER_TASK = 8
 """Maximum number of calls per task; a cluster scheduler needs about 1 ms for each task."""
 
 _PERIOD = 1.0
-"""Interval [s] at which the threads of a cluster are counted, because workers come and go."""
+"""Interval [s] at which the threads of a cluster are counted, because their number may change."""
 
 
 def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:

@@ -36,7 +36,7 @@ from ._source import Progress, TiledData, data_errors, tile_name
 
 VERSION_KEY = "grid_map_version"
 VERSION = 1
-"""Version of the store format. It changes when older releases would misread a store."""
+"""Version of the store format. It changes if older releases cannot read new stores correctly."""
 
 _RUN = ".run.json"
 """File that describes the run in an unfinished store; locked by the process that is writing."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray
 
 _OPENED = 16
-"""Number of stores that a process keeps open; opening one takes as long as reading a window."""
+"""Number of stores that a process keeps open. Opening one takes as long as reading a window."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Maximum relative difference between resolutions that count as equal."""
