@@ -112,7 +112,7 @@ def _has_numba() -> bool:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Register all functions that `function` calls, so that compiled code can call them."""
+    """Make all functions that `function` calls known to numba, so that it can compile the calls."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

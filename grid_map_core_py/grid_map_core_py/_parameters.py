@@ -64,7 +64,7 @@ def _check_names(cls: type, parameters: Iterable[str]) -> None:
 
 
 def with_checked_names(cls: type[T]) -> type[T]:
-    """Class decorator: make the constructor of a keyword-only dataclass check parameter names."""
+    """Class decorator that adds a check of parameter names to a keyword-only dataclass."""
     create: Any = cls.__init__
 
     @functools.wraps(create)

@@ -28,7 +28,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Yield a temporary folder and remove it on exit; first remove those of killed processes."""
+    """Yield a temporary folder, removed on exit; first remove folders left by killed processes."""
     for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
         with suppress(OSError), _locked(left):
             remove(left)

@@ -120,7 +120,7 @@ def wrong_crs(crs: object) -> ConfigError:
 
 
 def required(module: str, feature: str, remedy: str = "") -> Any:
-    """Import a module; if it is missing, raise `MissingPackageError` with feature and remedy."""
+    """Import a module, or raise a `MissingPackageError` that names the feature and the remedy."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -165,7 +165,7 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Context manager: make Dask use the threads, processes or cluster that the options select."""
+    """Context manager that makes Dask use the threads, processes or cluster in the options."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles").config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):

@@ -211,7 +211,7 @@ def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integ
 
 
 def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Like `_hits_of_small`, for one large triangle, whose data is not copied for each cell."""
+    """Do the same as `_hits_of_small` for one large triangle, without copying its data per cell."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column

@@ -223,7 +223,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks of whole cells; skip too sparse or too dense cells."""
+        """Yield point indices (n,) of whole cells in chunks; skip cells outside the limits."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -311,7 +311,7 @@ def finite_points(points: npt.ArrayLike) -> Positions:
 def remove_outliers(
     points: npt.ArrayLike, mean_k: int, stddev_threshold: float, *, workers: int = 1
 ) -> Positions:
-    """Remove points far from their neighbors, and return the remaining points (M, 3) in order.
+    """Remove points far from their neighbors; the remaining points (M, 3) keep their order.
 
     This is PCL's statistical outlier removal. For each point, the mean distance to the nearest
     `mean_k` neighbors is computed. A point is removed if this distance exceeds the mean over all
@@ -401,12 +401,12 @@ def _missing_links(
     reach: float,
     workers: int,
 ) -> _Edges:
-    """Return links that join clusters of the same group through their `crowded` points.
+    """Return links between points of different clusters in the same group.
 
-    `crowded` holds the indices of the points that already have the maximum number of links. Few
-    clusters contain such points, so this step is fast. For each pair of clusters, each crowded
-    point of the cluster with fewer such points is linked to the nearest crowded point of the other
-    cluster, if that point is closer than `reach`.
+    Only crowded points need further links: points that already have the maximum number of links.
+    `crowded` contains their indices. For each pair of clusters, each crowded point of one cluster
+    (the one with fewer such points) is linked to the nearest crowded point of the other cluster, if
+    the distance is less than `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 

@@ -35,8 +35,8 @@ class Sorted:
     Attributes:
         order: (n,) indices of the points before sorting.
         heights, variances: (n,) heights [m] and variances [m^2] of the points.
-        cells: (m,) cells that contain points, ascending.
-        begins, ends: (m,) bounds of each cell's slice of points; `ends` is exclusive.
+        cells: (m,) indices of the cells that contain points, in ascending order.
+        begins, ends: (m,) the points of each cell are those from `begins` to `ends` - 1.
     """
 
     order: Integers
@@ -187,11 +187,11 @@ class Clusters:
         return fits
 
     def first(self, chosen: Mask) -> Integers:
-        """Return the highest cluster selected by the mask `chosen` (q,) in each cell, or `NONE`."""
+        """Return each cell's highest cluster (m,) among those in the mask `chosen`, or `NONE`."""
         return self.last(chosen, -1)
 
     def last(self, chosen: Mask, step: int = 1) -> Integers:
-        """Return the lowest cluster selected by the mask `chosen` (q,) in each cell, or `NONE`."""
+        """Return each cell's lowest cluster (m,) among those in the mask `chosen`, or `NONE`."""
         found = np.full(len(self.points.cells), NONE)
         numbers = np.flatnonzero(chosen)[::step]
         found[self.groups[numbers]] = numbers

@@ -105,7 +105,7 @@ class Fusion:
     """Fuses the clusters of a scan into the cells of a map, which are modified in place.
 
     Attributes:
-        entries: function that returns, for point indices, the heights [m] at which the beams
+        entries: function that accepts point indices, and returns the heights [m] at which the beams
             entered the cells of these points.
         outcomes: (m,) `Outcome` of each cell with points.
         chosen: (m,) cluster that determined the outcome.
@@ -155,7 +155,7 @@ class Fusion:
         return used
 
     def _decide(self, surface: Integers, is_large: Mask) -> None:
-        """Set `outcomes` and `chosen`, without considering candidates; `_merge` does this."""
+        """Set `outcomes` and `chosen`, which `_merge` changes later in cells with candidates."""
         clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
         agrees = clusters.agree(old, self.state.variances[self._cells])
         smaller = is_large & (self._numbers < surface[groups])

@@ -163,7 +163,7 @@ class ElevationMapper:
         sensor: SensorModel | None = None,
         limits: Parameters | None = None,
     ) -> UpdateReport:
-        """Fuse the points of a scan into the map; after an error the map is unchanged.
+        """Fuse the points of a scan into the map; if an error occurs, the map stays unchanged.
 
         The result does not depend on the order of the points.
 
@@ -239,7 +239,7 @@ class ElevationMapper:
         return report
 
     def configure(self, **parameters: Any) -> None:
-        """Change parameters, except `horizontal_variances`; after an error, all stay unchanged."""
+        """Change parameters except `horizontal_variances`. If one is invalid, none is changed."""
         new = build(Parameters, {**vars(self._parameters), **parameters})
         has_layer = self._parameters.horizontal_variances
         kept = new.horizontal_variances == has_layer
@@ -250,7 +250,7 @@ class ElevationMapper:
         self._values.alpha = self._parameters.exponential_alpha
 
     def move(self, position: ArrayLike) -> None:
-        """Move the map to a new center (2,) [m], rounded to whole cells; drop cells outside it.
+        """Move the map by whole cells to a new center (2,) [m]. Cells that leave the map are lost.
 
         Raises:
             GeometryError: the position is not finite, or is 2^52 or more cells away.

@@ -142,7 +142,7 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Base class that checks parameters: all are finite, and only those in `_signed` negative."""
+    """Base class, which checks that values are finite and, unless in `_signed`, not negative."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""
@@ -290,7 +290,7 @@ class PerfectModel(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantModel(_Model):
-    """Sensor whose vertical variance is proportional to the squared distance, in any direction.
+    """Sensor whose vertical variance is proportional to the squared distance, in all directions.
 
     Attributes:
         sensor_noise_factor: vertical variance at a distance of 1 m [m^2].

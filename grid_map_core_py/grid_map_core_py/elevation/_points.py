@@ -185,7 +185,7 @@ class Scan:
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n).
 
-    In a matrix product, rounding would depend on the index of a point in the array.
+    This is not a matrix product, whose rounding depends on the index of a point in the array.
     """
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Largest, smallest, mean or last heights of successive point clouds, in a `RollingMap`."""
+"""`RollingMap`, which fuses the heights of successive point clouds in a moving window."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class RollingMap:
         return self._map
 
     def move(self, position: ArrayLike) -> None:
-        """Move the window to a new center (2,) [m], rounded to whole cells; drop cells outside it.
+        """Move the window by whole cells to a new center (2,) [m]. Cells that leave it are lost.
 
         Raises:
             GeometryError: the position is not finite, or is 2^52 or more cells away.
@@ -103,7 +103,7 @@ class RollingMap:
         position: ArrayLike | None = None,
         timestamp: int | None = None,
     ) -> dict[str, int]:
-        """Fuse the points of a cloud into the map; after an error the map is unchanged.
+        """Fuse the points of a cloud into the map; if an error occurs, the map stays unchanged.
 
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the

@@ -77,7 +77,7 @@ class State:
 
     @classmethod
     def of(cls, grid_map: GridMap, hidden: GridMap) -> State:
-        """Create the state from a map in map order, with which some layers share memory."""
+        """Create the state from a map in map order; some layers share memory with the map."""
         layers, own = (
             {name: flat(data) for name, data in part.items()} for part in (grid_map, hidden)
         )

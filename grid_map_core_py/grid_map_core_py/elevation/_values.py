@@ -174,7 +174,7 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of fused points, in an order that depends on values only."""
+    """Return cells, values and weights of fused points, in an order independent of the scan."""
     points = chosen.points
     # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)

@@ -283,8 +283,8 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
             floors: for each candidate, the height above which a beam can clear it.
             normals: surface normals of the candidates, three numbers each.
             guards: for each cell, the height below which a beam ends there.
-            proofs: output: for each candidate, height of the lowest beam that proves it free.
-            crossed: output: 1 for each candidate that a beam crossed below its foot.
+            proofs: output, the height of the lowest beam that proves each candidate to be free.
+            crossed: output, 1 for candidates that a beam crossed below their foot.
     """
     rows, columns = size
     width = ring_width(frame, size)
@@ -333,7 +333,7 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return a beam's first row or column, the beam parameter at its far border, and the step."""
+    """Return a beam's first row (or column), the beam parameter at its end and the step per row."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

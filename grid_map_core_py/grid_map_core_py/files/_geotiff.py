@@ -153,7 +153,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
     """Return the frame origin stored in a raster, in coordinates of the reference system [m].
 
-    If no origin is stored, or if the raster was reprojected since, the result is None.
+    If no origin is stored, or if the raster has been reprojected since, the result is None.
     """
     tags = _tags_of(raster)
     if "origin" not in tags:

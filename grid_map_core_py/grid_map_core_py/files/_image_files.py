@@ -156,7 +156,7 @@ def from_north_up(image: Image) -> Image:
 
 
 def encode_image(image: Image, ending: str) -> bytes:
-    """Encode an image in the format that a file name ending, such as ".png", stands for."""
+    """Encode an image; `ending` is the file name ending of the format, such as ".png"."""
     done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")

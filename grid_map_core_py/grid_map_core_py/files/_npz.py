@@ -78,7 +78,7 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the map metadata of a file, as the item "map", without reading a layer."""
+    """Return {"map": metadata} for the map in a file, without reading a layer."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 

@@ -93,7 +93,7 @@ class Axis:
         return self.first - self.resolution * cell
 
     def centers(self, first: int, stop: int) -> Positions:
-        """Return the centers [m] of the cells `first` ... `stop` - 1."""
+        """Return the centers [m] of the cells from `first` to `stop` - 1."""
         # A range of floats saves the conversion from integers.
         return self.center_of(np.arange(first, stop, dtype=np.float64))
 
@@ -153,7 +153,7 @@ class Axis:
         return self.at(self.center - self.resolution * shift)
 
     def block(self, first: int, stop: int) -> Axis:
-        """Return the axis of the cells `first` ... `stop` - 1."""
+        """Return the axis of the cells from `first` to `stop` - 1."""
         size = stop - first
         corner = self.center + self.half
         center = corner - self.resolution * (first + 0.5 * size)

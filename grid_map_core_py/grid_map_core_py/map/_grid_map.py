@@ -572,7 +572,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return x, y and value at a cell center, (3,) [m]; all NaN if the value is not finite."""
+        """Return the point (3,) x, y and value [m] of a cell; NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
@@ -881,7 +881,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers; it copies the layers of this map on first access."""
+        """Return a map with these layers; those shared with this map are copied on first access."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}
@@ -907,7 +907,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Return `data` reordered to the start index `start`; not copied if already in order."""
+        """Reorder `data` to the start index `start`; if nothing changes, return `data` itself."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

@@ -156,7 +156,7 @@ class Surface:
         return values
 
     def coordinates(self, points: Positions) -> Positions:
-        """Convert (N, 2) positions to coordinates (2, N); raise `OutOfMapError` outside the map."""
+        """Check that positions (N, 2) are on the map, and return them as coordinates (2, N)."""
         check_inside(self._geometry, points)
         return np.ascontiguousarray(points.T)
 
@@ -279,7 +279,7 @@ def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinat
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return the flat buffer offsets of the cells -2 ... count + 1 along an axis.
+    """Return the flat buffer offsets of the cells from -2 to count + 1 along an axis.
 
     Cells beyond the map have the offset of the border cell.
     """

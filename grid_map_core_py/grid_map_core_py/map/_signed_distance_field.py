@@ -155,8 +155,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        These are the derivatives of the interpolated `value`. They jump at planes through nodes.
-        Within 1e-9 m of such a plane, the mean of the derivatives on both sides is returned.
+        These are the derivatives of the interpolated `value`, which are discontinuous at planes
+        through nodes. Within 1e-9 m of such a plane, the mean of both sides is returned.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -167,7 +167,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`; not slower than `gradient` alone."""
+        """Return the results of `value` and `gradient`, in the time that `gradient` alone takes."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):

@@ -216,8 +216,8 @@ def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, 
     Returns:
         first_below: (N,) first row on the -x side of each crossing.
         crossed: (N,) column of each crossing. As in `Polygon.is_inside`, an edge crosses a column
-            if exactly one end has a greater y than the column, so the number of crossings of every
-            column is even.
+            if exactly one of its ends has a greater y than the column. Each column is therefore
+            crossed an even number of times.
     """
     vertices = -polygon._closed.T
     below = y.searchsorted(vertices[1], side="right")
@@ -261,7 +261,7 @@ def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
 
 
 def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) on the line between two buffer indices, both included."""
+    """Return the cells (rows, cols) on the line from one cell to another, including both ends."""
     ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
     for cell in ends:
         grid_map.geometry.check_indices(cell)

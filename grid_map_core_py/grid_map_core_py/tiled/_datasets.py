@@ -271,7 +271,7 @@ def crs_of(dataset: "xarray.Dataset") -> str:
 
 @dataclass(frozen=True, eq=False)
 class DatasetSource:
-    """Source that reads layers from a dataset in memory, in a file or of Dask arrays.
+    """Source that reads layers from a dataset: from memory, from a file or from Dask arrays.
 
     Args:
         dataset: dataset whose variables are layers with the dimensions x and y.

@@ -156,7 +156,7 @@ def within(window: Window, outer: Window) -> Window:
 
 
 def common(one: Window, other: Window) -> Window:
-    """Return the intersection of two windows; if empty, at least one slice has stop <= start."""
+    """Return the intersection of two windows; if it is empty, a slice has stop <= start."""
     rows, columns = (
         slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
     )

@@ -281,7 +281,7 @@ def metadata_file(store: Path) -> Path:
 
 @contextmanager
 def locked(store: Path) -> Iterator[None]:
-    """Context manager: lock a store for this thread, so that other threads and processes wait."""
+    """Lock a store; other threads and processes wait until this context exits."""
     with metadata_file(store).open("r+") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
         yield
