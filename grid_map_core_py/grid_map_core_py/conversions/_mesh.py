@@ -85,7 +85,7 @@ def from_mesh(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Create a map from a mesh. The map is just large enough for all faces with finite vertices.
+    """Create a map from a mesh, just large enough to cover the finite vertices of all faces.
 
     Arguments and errors not listed here are as in `rasterize_triangles`.
 
@@ -161,7 +161,7 @@ class _Triangles(NamedTuple):
 def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
 ) -> _Triangles:
-    """Return the triangles that are finite, not vertical, and have a nonzero area.
+    """Return the triangles that are finite, are not vertical and have a nonzero area.
 
     Args:
         rows, columns: (3, T) positions of the corners [cells]; cell centers are at integers.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`ElevationMapper`; the sibling modules implement the stages of an update."""
+"""Defines `ElevationMapper`; sibling modules implement the stages of an update."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`RollingMap`, which fuses the heights of successive point clouds in a moving window."""
+"""Defines `RollingMap`, which fuses the heights of successive point clouds."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class RollingMap:
 
         Raises:
             GridMapError: an array or the position is invalid, or a column is named like one of the
-                layers `layer`, `variance` and `count`.
+                layers that the fusion computes from heights.
         """
         cloud, reasons = as_points(points), Counter[str]()
         columns = as_columns(columns, len(cloud))

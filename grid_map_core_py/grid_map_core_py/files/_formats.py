@@ -49,8 +49,8 @@ class Format:
         writes: function that returns whether a path can be written. If None, the extension decides.
         load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
         save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
-        describe: `describe(path, **options)` returns the file metadata as JSON values without
-            reading the layers; "map" contains the map metadata. If None, the map is loaded instead.
+        describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
+            "map" contains the map metadata. If None, the map is loaded instead.
         open_maps: for formats with several maps per file. `open_maps(path, **options)` accepts the
             options of `load` except `layers` and `index`, and returns a context manager. It yields
             a sequence of `MapRecord` with an attribute `topic`.

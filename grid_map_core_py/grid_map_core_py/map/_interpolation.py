@@ -227,7 +227,7 @@ def _shape(method: Interpolation) -> tuple[int, bool]:
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
 ) -> list[tuple[int, float]]:
-    """Return the buffer rows (or columns) next to a coordinate, lowest first, and their weights."""
+    """Return (buffer row or column, weight) for cells near a coordinate, lowest x or y first."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
     weights = _weights(t, reach)

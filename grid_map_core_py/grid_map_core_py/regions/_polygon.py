@@ -108,7 +108,7 @@ class Polygon:
     def convex_hull(cls, *polygons: Polygon | ArrayLike) -> Polygon:
         """Return the counter-clockwise convex hull of polygons.
 
-        The first vertex has the smallest x. If several vertices do, it has the smallest y of these.
+        The first vertex has the smallest x, and the smallest y of all vertices with this x.
         Vertices in the middle of an edge are omitted (Andrew's monotone chain).
 
         Args:

@@ -88,8 +88,8 @@ def cast_rays(
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
     """Return the nearest and farthest ranges (2, N) at which each beam can hit the surface.
 
-    Between these ranges, the beam is above or below the map, and its z is at most `highest`. If a
-    beam cannot hit the surface, its nearest range is NaN or exceeds its farthest range.
+    Between these ranges, the x and y of the beam are on the map, and its z is at most `highest`. If
+    a beam cannot hit the surface, its nearest range is NaN or exceeds its farthest range.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
@@ -184,7 +184,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN, without cancellation."""
+    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN (without cancellation)."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0
