@@ -187,11 +187,11 @@ class Clusters:
         return fits
 
     def first(self, chosen: Mask) -> Integers:
-        """Return each cell's highest cluster (m,) among those in the mask `chosen`, or `NONE`."""
+        """Return, for each cell (m,), the highest cluster in the mask `chosen`, or `NONE`."""
         return self.last(chosen, -1)
 
     def last(self, chosen: Mask, step: int = 1) -> Integers:
-        """Return each cell's lowest cluster (m,) among those in the mask `chosen`, or `NONE`."""
+        """Return, for each cell (m,), the lowest cluster in the mask `chosen`, or `NONE`."""
         found = np.full(len(self.points.cells), NONE)
         numbers = np.flatnonzero(chosen)[::step]
         found[self.groups[numbers]] = numbers

@@ -28,9 +28,9 @@ Cells = NDArray[np.float64]
 def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float) -> list[Layer]:
     """Return the height, variance, upper bound and lower bound of each cell, NaN where unknown.
 
-    The height and the variance are the mean and variance of the mixture. The bounds are the 99 %
-    quantile of the neighbors' upper bounds and the 1 % quantile of their lower bounds. Neighbors
-    that are unknown, or more than four cells away, have no weight.
+    The height and the variance are the mean and variance of the weighted mixture of a cell and its
+    neighbors. The bounds are the 99 % quantile of their upper bounds and the 1 % quantile of their
+    lower bounds. Neighbors that are unknown, or more than four cells away, have no weight.
 
     Args:
         heights, variances: heights [m], NaN where unknown, and variances [m^2] of the cells.
