@@ -12,7 +12,7 @@
 - Errors: all derive from `GridMapError`.
 
 The modules `map`, `regions`, `conversions`, `files`, `elevation`, `planning`, `planes`,
-`simulation`, `tiled`, `plugins`, `limits`, `errors` and `testing` provide further names and are
+`simulation`, `tiled`, `plugins`, `limits`, `errors` and `testing` contain further names. They are
 imported lazily.
 """
 
@@ -82,5 +82,5 @@ _OFFERED = {
 } | dict.fromkeys(
     (".elevation", ".limits", ".planes", ".planning", ".plugins", ".simulation", ".testing"), ""
 )
-# Programs such as `grid-map --help` start without NumPy, SciPy and OpenCV.
+# `grid-map --help` starts quickly, because it does not import NumPy, SciPy and OpenCV.
 __all__, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lists the public names of packages, and imports names on first use for fast program starts."""
+"""Lazy imports: a package lists its public names, but imports a name only when it is first used."""
 
 import sys
 from collections.abc import Callable, Iterable, Mapping

@@ -32,7 +32,7 @@ _known: set[Callable[..., Any]] = set()
 
 @dataclass(eq=False)
 class Loop:
-    """Function over flat arrays and numbers that numba can compile; created with `@loop`.
+    """Function of flat arrays and numbers that numba can compile; created with `@loop`.
 
     Attributes:
         function: the Python function. It indexes arrays with integers from 0, writes results to
@@ -48,10 +48,11 @@ class Loop:
     instead: Mapping[Callable[..., Any], Callable[..., Any]] = field(default_factory=dict)
 
     def compiled(self) -> Compiled | None:
-        """Return the compiled function, from numba's cache or after a few seconds of compilation.
+        """Return the compiled function, which releases the GIL.
 
-        The first compilation in a process is logged. The arrays that are passed to the function may
-        have any shape, but must be contiguous. The function releases the GIL.
+        It is loaded from numba's cache or compiled, which takes a few seconds. The first
+        compilation in a process is logged. Array arguments of the function may have any shape, but
+        must be contiguous.
 
         Returns:
             The function, or None if numba is not installed, if NUMBA_DISABLE_JIT is set, or (with a
@@ -63,7 +64,7 @@ class Loop:
     @cached_property
     def _compiled(self) -> Compiled | None:
         failure = None
-        # Numba refuses to cache if it finds no writable folder.
+        # Numba raises an error if it finds no writable folder for its cache.
         for cache in (True, False) if _has_numba() else ():
             try:
                 dispatcher = self._dispatcher(cache=cache)
@@ -99,7 +100,7 @@ def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
 
 @lru_cache
 def _announce() -> None:
-    # A log message, because programs may turn warnings into errors. Nodes forward it to ROS.
+    # Logged rather than warned, because programs may turn warnings into errors.
     logger.warning("numba compiles loops for some seconds, this first time only")
 
 
@@ -111,7 +112,7 @@ def _has_numba() -> bool:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Register all functions that `function` calls, so that compiled code can call them."""
+    """Make all functions that `function` calls known to numba, so that it can compile the calls."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

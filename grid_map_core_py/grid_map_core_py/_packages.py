@@ -53,7 +53,7 @@ PACKAGES = {
 
 
 def remedy_for(module: str) -> str:
-    """Return how to install the package of a module, with commands that work on this machine."""
+    """Return instructions to install the package of a module on this machine."""
     top, _, rest = module.partition(".")
     _, apt, pip = PACKAGES.get(module) or PACKAGES.get(top) or Package("")
     if rest in ("msg", "srv", "action"):
@@ -68,13 +68,13 @@ def remedy_for(module: str) -> str:
         return f"apt install {apt}, or {command}" if apt else command
     if apt:
         return f"apt install {apt}"
-    # Only in a virtual environment does pip install anything (PEP 668).
+    # On a managed Python, pip installs packages only in a virtual environment (PEP 668).
     venv = "python3 -m venv --system-site-packages venv"
     return f"{venv} && venv/bin/{command} (see docs/installation.md)"
 
 
 def _is_managed() -> bool:
-    """Return whether this is the Python of an operating system that refuses `pip install`."""
+    """Return whether the operating system manages this Python and blocks `pip install`."""
     import sysconfig
 
     marker = Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED")

@@ -36,7 +36,7 @@ DEEPEST = 50
 
 
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
-    """Create an instance of the dataclass `cls`, whose fields are set from `parameters`.
+    """Create an instance of the dataclass `cls` with the given field values.
 
     Supported field types are `bool`, `int`, `float`, `str`, `Literal`, `tuple[X, ...]` and
     `list[X]` of these types, and optional types.
@@ -64,7 +64,7 @@ def _check_names(cls: type, parameters: Iterable[str]) -> None:
 
 
 def with_checked_names(cls: type[T]) -> type[T]:
-    """Class decorator: let the constructor of a keyword-only dataclass check parameter names."""
+    """Class decorator that adds a check of parameter names to a keyword-only dataclass."""
     create: Any = cls.__init__
 
     @functools.wraps(create)
@@ -101,11 +101,11 @@ def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[
 def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
     """Convert parameters with dotted names, `a.b: 1`, to nested mappings, `a: {b: 1}`.
 
-    ROS reads an empty mapping as None. Nested parameters of the same name replace this None.
+    ROS reads an empty mapping `a: {}` as None. If `a.b` is also given, it replaces this None.
 
     Args:
         parameters: values by name.
-        above: number of levels above `parameters`, which count towards `DEEPEST`.
+        above: number of levels that enclose `parameters`; they count towards `DEEPEST`.
 
     Raises:
         ConfigError: a parameter has both a value and nested parameters, or is nested more than
@@ -132,7 +132,7 @@ def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
 
 
 def cast(name: str, value: object, kind: Any) -> Any:
-    """Return the value of a parameter, cast to a declared type; raise `ConfigError` if impossible.
+    """Cast the value of a parameter to a declared type, or raise `ConfigError`.
 
     Args:
         name: name of the parameter, for the error message.
@@ -150,13 +150,13 @@ def cast(name: str, value: object, kind: Any) -> Any:
 
 
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
-    """Return a `ConfigError` that states the expected and the actual value."""
+    """Return a `ConfigError` that states what was expected and which value was found."""
     found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
     return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 
 
 def check(condition: bool, name: str, expected: str, value: object) -> None:
-    """Raise a `ConfigError` about a parameter's value unless `condition` is true."""
+    """Raise a `ConfigError` for the parameter `name` unless `condition` is true."""
     if not condition:
         raise mismatch(name, expected, value)
 

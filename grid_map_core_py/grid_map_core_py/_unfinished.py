@@ -28,19 +28,19 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Yield a temporary folder, removed on exit; also remove folders that killed processes left."""
+    """Yield a temporary folder, removed on exit; first remove folders left by killed processes."""
     for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
         with suppress(OSError), _locked(left):
             remove(left)
     new = Path(tempfile.mkdtemp(prefix=".grid-map-scratch-"))
-    # Other processes find the folder only once it is locked.
+    # The folder is locked before it gets the name that other processes look for.
     with _locked(new), unfinished(new.with_name(new.name[1:])) as folder:
         yield new.rename(folder)
 
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder; raise `OSError` if a process uses it, or if it belongs to another user."""
+    """Lock a folder; raise `OSError` if another process has locked it or it cannot be opened."""
     number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -58,7 +58,7 @@ def remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
         if not path.exists():
             return
-        # After an error, Zarr threads may still be writing to the folder.
+        # After an error, Zarr threads may still write to the folder, so try again.
         time.sleep(0.02)
 
 

@@ -2,9 +2,9 @@
 """Building blocks for `grid-map` commands in other packages.
 
 A command is a module with `add_arguments(parser)` and `run(options)`, which returns the exit code.
-A package adds a command through an entry point in the group `grid_map_core_py.commands`. The entry
-point is named after the command and refers to the module. `grid-map NAME --help` shows the first
-line of the module's docstring.
+A package adds a command through an entry point in the group `grid_map_core_py.commands`. The name
+of the entry point is the command, and its value is the module. `grid-map NAME --help` shows the
+first line of the module's docstring.
 
 Data goes to standard output, messages to standard error. Exit codes are 0 for success,
 1 for an error, 2 for invalid arguments, and 128 plus the signal number after a signal.

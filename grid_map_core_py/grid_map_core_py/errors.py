@@ -87,9 +87,9 @@ class MissingPackageError(GridMapError, ImportError):
 
 
 _LONGEST = 80  # maximum number of characters of a value in a message
-_LONGEST_TEXT, _END = 500, 100  # maximum length of a message, and of its end if it is shortened
+_LONGEST_TEXT, _END = 500, 100  # maximum length of a message; length of the end that `cut` keeps
 _MOST_NAMES = 1000  # maximum number of names compared with a wrong name
-_MOST_ELEMENTS = 4  # maximum number of elements of an array that is shown in full
+_MOST_ELEMENTS = 4  # arrays with more elements are not shown in full
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxlong = _repr.maxother = _LONGEST
@@ -108,8 +108,8 @@ def short(value: object) -> str:
 
 
 def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
-    """Return `; did you mean a or b?` with at most `most` similar names; "" if there are none."""
-    # A message may contain any number of names, so only the first ones are compared.
+    """Return `; did you mean a or b?` with at most `most` similar names; "" if none is similar."""
+    # A ROS message may contain any number of names, so only the first ones are compared.
     close = difflib.get_close_matches(str(wrong)[:_LONGEST], islice(known, _MOST_NAMES), most)
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
@@ -120,7 +120,7 @@ def wrong_crs(crs: object) -> ConfigError:
 
 
 def required(module: str, feature: str, remedy: str = "") -> Any:
-    """Import a module; if it is missing, raise `MissingPackageError` with feature and remedy."""
+    """Import a module, or raise a `MissingPackageError` that names the feature and the remedy."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Limits on the size of messages, files and requests, checked before memory is allocated.
 
-A message of a few bytes can declare a map of any size. The size passed to `GridMap(...)` is not
-limited. Set limits for the process, or for a `with` block::
+A message of a few bytes can declare a map of any size. `GridMap(...)` itself accepts any size. Set
+limits permanently or for a `with` block::
 
     from grid_map_core_py.limits import changed_limits, set_limits
 
@@ -29,10 +29,10 @@ __all__ = [
 ]
 
 FREE_BYTES = 100_000_000
-"""`max_ratio` is ignored up to this size of unpacked data [bytes]: uniform maps compress well."""
+"""Size of unpacked data [bytes] up to which `max_ratio` is ignored; uniform maps compress well."""
 
 VISITS = 4
-"""Overlapping parts of a map may cover at most this many times `max_cells` cells in total."""
+"""Factor of `max_cells` that limits the total number of cells in overlapping parts of a map."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,10 @@ class Limits:
 
     Attributes:
         max_cells: largest number of cells (rows times columns) in a map, or of pixels in an image.
-        max_bytes: largest size [bytes] of all layers of a map together, of data that is unpacked
-            at once (a message or a chunk of a bag), or of an octomap file.
-        max_ratio: largest ratio of unpacked to packed bytes; ignored up to 100 MB of unpacked data.
+        max_bytes: largest size [bytes] of a map with all its layers, of a message or bag chunk
+            after unpacking, and of an octomap file.
+        max_ratio: largest ratio of unpacked to packed bytes. Data that unpacks to at most 100 MB
+            may have any ratio.
     """
 
     max_cells: float = 16_000_000
@@ -79,7 +80,7 @@ def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
 
 @contextmanager
 def changed_limits(**changes: float) -> Iterator[None]:
-    """Change limits, as `set_limits` does, for the duration of a `with` block."""
+    """Context manager that changes limits, as `set_limits` does, and restores them on exit."""
     before = set_limits(**changes)
     try:
         yield
@@ -104,18 +105,13 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 
 def check_visits(name: str, visits: float) -> None:
-    """Raise `LimitError` if parts of a map, which may overlap, cover too many cells in total.
-
-    Args:
-        name: subject of the error message.
-        visits: number of cells, summed over all parts.
-    """
+    """Raise `LimitError` if overlapping parts of a map have too many cells in total (`visits`)."""
     if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 
 
 def most_bytes(packed: float) -> float:
-    """Return the maximum size of data unpacked from `packed` bytes."""
+    """Return how many bytes may be unpacked from `packed` bytes."""
     return min(current_limits().max_bytes, _most_by_ratio(packed))
 
 

@@ -21,12 +21,12 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Registry(Generic[T]):
-    """Mapping from type names to classes: built-in classes and classes from entry points.
+    """Mapping from type names to classes, which are built in or loaded through entry points.
 
     Attributes:
-        built_in: classes by type name.
-        group: entry-point group, searched on first use. Each entry point is named after a type and
-            refers to its class.
+        built_in: built-in classes by type name.
+        group: entry-point group, which is searched on first use. The name of an entry point is the
+            type name, and its value refers to the class.
     """
 
     built_in: Mapping[str, type[T]]

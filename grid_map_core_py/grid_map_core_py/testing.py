@@ -79,7 +79,7 @@ def grid_maps(
     allow_infinity: bool = True,
     allow_moved: bool = True,
 ) -> "SearchStrategy[GridMap]":
-    """Return a strategy that generates maps; some have a single cell or values that are not finite.
+    """Return a strategy that generates maps; some have a single cell, NaN or infinities.
 
     Args:
         layers: names of the layers; the first one is sometimes a basic layer.

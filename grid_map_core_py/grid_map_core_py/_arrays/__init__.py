@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array types, argument checks, piecewise computation, memory reuse, and statistics."""
+"""Array types, argument checks, piecewise computation, memory reuse and statistics."""
 
 from ._checks import (
     Cells as Cells,

@@ -65,7 +65,7 @@ def as_pair(values: ArrayLike, name: str) -> Pair:
 
 
 def as_crs(crs: Any) -> str:
-    """Return a CRS as text, given text, an EPSG number, an object with `to_wkt` or None."""
+    """Convert a CRS to text; `crs` is text, an EPSG number, an object with `to_wkt`, or None."""
     if isinstance(crs, int | np.integer):
         return f"EPSG:{crs}"
     text = crs.to_wkt() if hasattr(crs, "to_wkt") else crs or ""
@@ -86,7 +86,7 @@ def as_point(values: ArrayLike, name: str) -> Pair:
 
 
 def plain_pair(values: Any) -> Pair | None:
-    """Fast path: return `values` as two floats if it is a plain pair of numbers, else None."""
+    """Return `values` as two floats if it is a tuple, list or array of two numbers, else None."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind not in "fiu":
@@ -160,17 +160,17 @@ def as_floats(values: ArrayLike, name: str) -> NDArray[Any]:
 
 
 def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
-    """Return points as a float32 or float64 array (N, 3) or wider; masked values become NaN."""
+    """Return points as a float array (N, C) with C >= 3 columns; masked values become NaN."""
     values = as_floats(points, name)
     if values.ndim != 2 or values.shape[1] < 3:
         raise GeometryError(f"{name}: expected x, y, z of shape (N, 3), got {values.shape}")
-    if len(values) in (3, 4) and values.shape[1] > 16:  # no cloud has so many fields
+    if len(values) in (3, 4) and values.shape[1] > 16:  # no cloud has that many fields
         raise GeometryError(f"{name}: expected shape (N, 3), got {values.shape}. Transpose it")
     return values
 
 
 def as_rigid(transform: ArrayLike) -> Positions:
-    """Return a transform as (4, 4) float64 after checking that it is rigid."""
+    """Check that a transform is rigid, and return it as (4, 4) float64."""
     matrix: Positions = as_array(transform, np.float64, "transform")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         text = f"transform: expected (4, 4) finite numbers, got {short(transform)}"
@@ -201,7 +201,7 @@ def as_size(values: ArrayLike, name: str) -> Size:
 
 
 def plain_cell(values: Any) -> Size | None:
-    """Fast path: return `values` as two `int` if it is a plain pair of integers, else None."""
+    """Return `values` as two `int` if it is a tuple, list or array of two integers, else None."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind != "i":
@@ -244,7 +244,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or (rows, cols) array to a new layer; warn if it overflows or loses digits."""
+    """Copy a scalar or (rows, cols) array to a new layer; warn if it overflows or is rounded."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""
@@ -264,9 +264,9 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
         layer[...] = data
     if max(abs(float(choose.reduce(data, None))) for choose in (np.fmin, np.fmax)) > _EXACT_FLOAT32:
         sizes = np.abs(layer)
-        # Above 2**53, float64 cannot represent every integer either.
+        # Values from 2**53 on are skipped, because even float64 cannot hold every such integer.
         is_large = (sizes >= _EXACT_FLOAT32) & (sizes < _EXACT)
-        # NumPy 1.26 would compare with a 0-D number in float32.
+        # NumPy 1.26 would compare a 0-D array in float32.
         if (layer != np.atleast_1d(data))[is_large].any():
             text = f"layer {name!r}: values above 2**24 lose digits in float32"
             warnings.warn(f"{text}. Subtract a constant first", RuntimeWarning, stacklevel=3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Piecewise computation on arrays, which keeps temporaries small enough for the CPU cache."""
+"""Computes on arrays piece by piece, so that temporary arrays fit into the CPU cache."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -45,13 +45,13 @@ def elementwise(
 def piece_of(count: int) -> int:
     """Return the number of elements per piece for an array with `count` elements.
 
-    Small arrays are split into smaller pieces, so that temporaries stay smaller than the array.
+    Small arrays get smaller pieces, so that temporary arrays stay smaller than the array.
     """
     return max(_SMALL_PIECE, min(PIECE, count // 16))
 
 
 def slices(count: int, step: int) -> Iterator[slice]:
-    """Yield slices of `step` items that cover `count` items; the last slice may be shorter."""
+    """Split `count` items into slices of `step` items; the last slice may be shorter."""
     for first in range(0, count, max(1, step)):
         yield slice(first, min(first + max(1, step), count))
 

@@ -15,7 +15,7 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
 
     Args:
         parser: parser of the command.
-        which: help text that tells which maps of a bag are read without `--index`.
+        which: maps of a bag that are read without `--index`, for the help text.
     """
     parser.add_argument("source", help="file or folder of any format, or - for .npz from a pipe")
     group = parser.add_argument_group("reading")
@@ -96,7 +96,7 @@ def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> N
     action.completer = completer  # type: ignore[attr-defined]
 
 
-# If an error occurs, a completer returns nothing; the command itself reports the error.
+# If an error occurs, a completer returns nothing. The command itself then reports the error.
 
 
 def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:

@@ -42,7 +42,7 @@ HELP = {
     "record": "record topics of any type to a bag, until Ctrl-C (needs ROS 2)",
     "play": "publish the messages of a bag at the pace of the recording (needs ROS 2)",
 }
-"""Help texts of the suite's commands, so that `grid-map --help` need not import the commands."""
+"""Help texts of the suite's commands; `grid-map --help` shows them without importing commands."""
 
 _NO_READER = 128 + signal.SIGPIPE
 
@@ -50,10 +50,10 @@ Handler: TypeAlias = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser that reports errors in one line and accepts negative numbers such as -1e-3."""
+    """Parser with one-line error messages, which accepts negative numbers such as -1e-3."""
 
     def __init__(self, **options: Any) -> None:
-        # An abbreviation that is unique today may become ambiguous with a new option.
+        # An abbreviated option that is unique today may become ambiguous when an option is added.
         super().__init__(allow_abbrev=False, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d|-inf(inity)?$")
 
@@ -68,7 +68,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def make_parser(words: Sequence[str]) -> Parser:
-    """Create the command-line parser; only the command in `words` gets arguments."""
+    """Create the command-line parser; only the command in `words` is imported, for speed."""
     parser = Parser(
         prog=PROGRAM, description="Look at grid maps in files, convert, filter and draw them."
     )
@@ -82,7 +82,7 @@ def make_parser(words: Sequence[str]) -> Parser:
         if name == wanted:
             try:
                 module = entry.load()
-            # Any error raised by a plug-in is reported with the plug-in's name.
+            # A plug-in may raise any error; it is reported with the name of the plug-in.
             except Exception as error:
                 remedy = ". Source ROS 2, then the workspace" if "needs ROS 2" in text else ""
                 text = f"{name}: the command of {entry.value} cannot be loaded: {error}"
@@ -94,7 +94,7 @@ def make_parser(words: Sequence[str]) -> Parser:
 
 
 def _commands() -> dict[str, EntryPoint]:
-    """Return the commands of all packages by name, starting with this package."""
+    """Return the commands of all packages by name; those of this package come first."""
     known = {name: EntryPoint(name, f"{__package__}.{name}", GROUP) for name in BUILT_IN}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         known.setdefault(entry.name, entry)
@@ -108,12 +108,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", UserWarning)
-            # The warning filter "once" of CPython shows a warning once per module.
+            # The warning filter "once" would show a warning once per module.
             once = cache(lambda text: message(f"warning: {text}"))
             warnings.showwarning = lambda warning, *_, **__: once(str(warning))
             return _run(sys.argv[1:] if arguments is None else arguments)
     except OSError as error:
-        # Standard output is broken; redirect it, or Python would try to flush it again at exit.
+        # Standard output is broken. Redirect it, because Python flushes it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NO_READER if isinstance(error, BrokenPipeError) else _failed(_text_of(error))
     finally:
@@ -122,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """Signal handler: remove temporary files and end the process without raising an exception."""
+    """Signal handler that removes temporary files and ends the process without an exception."""
     remove_all()
     for note in notes:
         # The signal may have interrupted `print`, which is not reentrant.
@@ -167,7 +167,7 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _text_of(error: Exception) -> str:
-    """Return the message of an error that the user can correct; raise any other error."""
+    """Return the message for an error that the user can fix; raise any other error again."""
     if "AMENT_PREFIX_PATH" in str(error):
         return f"{error}. Source ROS 2, then the workspace"
     if isinstance(error, OSError):
@@ -187,7 +187,7 @@ def _failed(text: str) -> int:
 def on_end(handler: Handler) -> dict[signal.Signals, Any]:
     """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
-    A SIGHUP that is ignored, as under `nohup`, stays ignored. A handler must not acquire locks, as
+    If SIGHUP is ignored, as under `nohup`, it stays ignored. The handler must not acquire locks, as
     `threading.Event` does, because the interrupted thread may hold them.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
@@ -199,7 +199,7 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
     """Return a `preexec_fn` that makes Linux signal the child when the parent thread ends."""
     set_parent_death_signal = 1
-    # Load libc before the fork, so that the child does little before it starts its program.
+    # libc is loaded before the fork, because the child should do little before it calls `exec`.
     parent, control = os.getpid(), ctypes.CDLL(None).prctl
 
     def prepare() -> None:

@@ -50,14 +50,14 @@ def _choose(
 
     Args:
         options: the arguments.
-        of_source: names of the options that the source uses. If given, the destination format is
-            returned; if None, the source format.
+        of_source: None for the source format. For the destination format, the names of the options
+            that the source uses.
     """
     from ..files._formats import find_format, formats, options_of
 
     writes = of_source is not None
-    # `--black` and `--white` may apply to the source or to the destination. If neither format uses
-    # them, choosing the destination format raises an error.
+    # `--black` and `--white` may be for the source or for the destination. If neither format
+    # accepts them, the call for the destination raises an error.
     shared = ("lower", "upper") if hasattr(options, "destination") else ()
     elsewhere = shared if of_source is None else of_source
 
@@ -128,10 +128,10 @@ def _is_address(source: str) -> bool:
 def open_records(
     options: argparse.Namespace, destination: "Destination", layers: Iterable[str] | None = None
 ) -> "Iterator[Sequence[MapRecord]]":
-    """Yield a sequence with one record per map to copy from the source to the destination.
+    """Yield the sequence of map records to copy from the source to the destination.
 
-    The sequence has one record per map of a bag if the destination can store several maps and
-    `--index` is not given. Otherwise, it has a single record.
+    It contains all maps of a bag if the destination can store several maps and `--index` is not
+    given. Otherwise, it contains a single map.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)
@@ -168,7 +168,7 @@ def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]
 
 @contextmanager
 def _source(path: str) -> Iterator[Path | str]:
-    """Yield the source path or address; standard input is copied to a temporary, seekable file."""
+    """Yield the path or address of the source; standard input is copied to a temporary file."""
     if path != STANDARD:
         yield path if _is_address(path) else Path(path)
         return
@@ -213,7 +213,7 @@ class Destination:
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:
-        """Return True if no part of the bag is selected and the format can copy whole bags."""
+        """Return whether a whole bag is selected and the format can copy whole bags."""
         chosen = (options.topic, options.index, options.layers)
         is_whole = all(one is None for one in chosen)
         return self.format.save_all is not None and self._holds_many and is_whole
@@ -225,7 +225,7 @@ class Destination:
         message(f"{count} messages in {self.path}")
 
     def write(self, maps: Iterable[TimedMap]) -> int:
-        """Write maps one at a time, and return their number."""
+        """Write maps one by one, and return their number."""
         if self.format.save_maps is not None:
             topic = {"topic": self.usual_topic or "/grid_map"}
             return self.format.save_maps(self.path, maps, **topic | self._given)
@@ -235,7 +235,7 @@ class Destination:
             if self.path != STANDARD:
                 self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
                 continue
-            # `save` needs a path, and replaces the file there; standard output may be a pipe.
+            # `save` can only write to a path, where it replaces the file.
             with scratch_folder() as folder:
                 path = folder / "map.npz"
                 self.format.save(grid_map, path, **self._given)  # type: ignore[misc]
@@ -246,13 +246,13 @@ class Destination:
         return count
 
     def tell(self, count: int) -> None:
-        """Print the number of maps written, unless the destination is a pipe."""
+        """Print the number of written maps, unless the destination is standard output."""
         if self.path != STANDARD:
             message(f"{count} {'map' if count == 1 else 'maps'} in {self.path}")
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Raise `CommandError` if `path` exists; `force` accepts existing files and folders."""
+    """Raise `CommandError` if `path` exists, unless `force` is set and it is a file or folder."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)

@@ -21,7 +21,7 @@ class CommandError(GridMapError):
 
 
 class UsageError(CommandError):
-    """Raised for arguments that are invalid regardless of the file contents; exit code 2."""
+    """Invalid arguments, whatever the files contain; exit code 2."""
 
 
 def message(text: str) -> None:
@@ -56,7 +56,7 @@ def number(value: float) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Format a length or coordinate [m] to 12 significant digits; UTM values keep millimeters."""
+    """Format a length or coordinate [m] with 12 significant digits, so UTM keeps millimeters."""
     return f"{value:.12g}"
 
 
@@ -79,10 +79,10 @@ class ProgressBar:
         stream: stream to write to; None means standard error, or standard output for `as_json`.
         clock: function that returns the time [s].
         quiet: whether to hide the progress; ignored for `as_json`.
-        unit: name of the counted items.
-        cells: number of cells per unit. If given, the rate is shown in cells per second. Call the
-            bar once before the work begins, with the number of units that were already finished;
-            the rate does not count them.
+        unit: plural name of the counted items.
+        cells: number of cells per unit. If given, the rate is shown in cells per second. Before the
+            work begins, call the bar with the number of units that are already finished. The rate
+            does not include them.
         as_json: print a JSON line every second and at the end.
     """
 

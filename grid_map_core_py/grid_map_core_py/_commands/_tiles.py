@@ -56,7 +56,7 @@ def _count(text: str) -> int:
 
 
 def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
-    """Add the options that select a rectangle of a map; the map may be larger than memory."""
+    """Add the options that select a rectangle of a map, which may be larger than memory."""
     group = parser.add_argument_group("rectangle")
     about = "its center [m] in the frame of the map"
     group.add_argument("--position", type=float, nargs=2, metavar=("X", "Y"), help=about)
@@ -72,7 +72,7 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
     """Read the rectangle that the `add_rectangle` arguments select.
 
-    From a Zarr store or GeoTIFF file, only the chunks that overlap the rectangle are read.
+    If the source is a Zarr store or GeoTIFF file, only chunks that overlap the rectangle are read.
     """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
@@ -103,11 +103,11 @@ def has_rectangle(options: argparse.Namespace) -> bool:
 def tiled_source(
     options: argparse.Namespace, destination: Destination | None = None, *, also_small: bool = False
 ) -> "TiledMap | None":
-    """Return the source as a `TiledMap` if it is to be read window by window, else None.
+    """Return the source as a `TiledMap` if it should be read window by window, else None.
 
     Windows can be read only if the source and the destination, if any, are Zarr stores or GeoTIFF
-    files. Without a destination, or if both are GeoTIFF files, a source within `max_cells` is read
-    as a whole, unless `also_small` or an option in `_OPTIONS` is set.
+    files. A map of at most `max_cells` cells is read as a whole if there is no destination or if
+    both are GeoTIFF files, unless `also_small` or an option in `_OPTIONS` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -165,14 +165,14 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Context in which Dask runs on the threads, processes or cluster that the options select."""
+    """Context manager that makes Dask use the threads, processes or cluster in the options."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles").config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):
             yield
         return
     distributed = required("distributed", "a cluster")
-    # Errors are also raised, so logging would only repeat them.
+    # Logging would only repeat errors that are also raised.
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     if options.scheduler is None:
@@ -188,7 +188,7 @@ def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[Non
     try:
         yield
     finally:
-        # A lost scheduler does not answer.
+        # If the connection to the scheduler is lost, closing would wait for it.
         client.close(timeout=2)
 
 
@@ -202,7 +202,7 @@ def _processes(distributed: Any, count: int, memory: str) -> Iterator[None]:
     except ValueError as error:
         text = f"--memory: expected a size such as 1GB, got {memory}"
         raise UsageError(text) from error
-    # Suppresses a harmless warning: the resource tracker removes semaphores left after a signal.
+    # Hides a harmless warning of the resource tracker about semaphores left after a signal.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
     with scratch_folder() as folder:
         cluster = distributed.LocalCluster(

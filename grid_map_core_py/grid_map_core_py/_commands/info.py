@@ -115,7 +115,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Format a time [ns] as a date; return "" before 2001 or after 2106 (not a system time)."""
+    """Format a time [ns] as a date; return "" if it is not a system time between 2001 and 2106."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show range, mean, missing values and histogram of every layer."""
+"""Show the range, mean, missing values and histogram of every layer."""
 
 import argparse
 import math
@@ -64,11 +64,11 @@ def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[
     """Return statistics and a histogram of the finite values of a layer as JSON values.
 
     For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
-    `each(function, layers)` calls `function` with the map or each tile, and returns the results.
+    `each(function, layers)` calls `function` with the map or with each tile, and lists the results.
     """
     import numpy as np
 
-    # Double precision, so that neither sums nor bin widths overflow.
+    # In double precision, neither sums nor bin widths overflow.
     def finite_of(tile: "GridMap") -> Any:
         return tile[name][np.isfinite(tile[name])].astype(np.float64)
 
@@ -114,6 +114,6 @@ def _row(layer: dict[str, Any]) -> tuple[str, ...]:
 
 
 def sparkline(counts: list[int]) -> str:
-    """Return a bar character for each number; only zeros are blank."""
+    """Return one bar character per number; only the number 0 is shown as a blank."""
     highest, steps = max(counts, default=0), len(BLOCKS) - 1
     return "".join(BLOCKS[-(-steps * count // highest)] if count else BLOCKS[0] for count in counts)

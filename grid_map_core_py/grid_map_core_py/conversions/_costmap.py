@@ -38,7 +38,7 @@ class CostCodec(Protocol):
 
 @dataclass(frozen=True)
 class CostTable:
-    """Maps layer values to the named costs of costmap_2d and nav2.
+    """Maps layer values to the costs of costmap_2d and Nav2: free, inscribed, lethal, unknown.
 
     Values between `free` and `inscribed` are mapped linearly. The defaults suit layers with the
     values of occupancy grids: 0 to 100, and -1 for unknown. For layers that store costs, use
@@ -89,7 +89,7 @@ class CostTable:
         values = values.astype(np.float32)
         value_per_cost = np.float32((self.inscribed - self.free) / INSCRIBED)
         steps = (values - np.float32(self.free)) / value_per_cost
-        # `fmax` maps NaN to free; the last line sets NaN to unknown.
+        # `fmax` turns NaN into free; the last line then sets these cells to unknown.
         nearest = np.rint(np.fmin(np.fmax(steps, FREE), INSCRIBED))
         costs: Costs = nearest.astype(np.uint8)
         costs[values >= 0.5 * (self.inscribed + self.lethal)] = LETHAL
@@ -196,7 +196,7 @@ def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int
     """Convert a costmap to a map with one layer.
 
     Args:
-        costmap: a `Costmap`, or an object with its attributes, such as Nav2's `PyCostmap2D` of
+        costmap: a `Costmap`, or an object with the same attributes, such as `PyCostmap2D` in Nav2
             Kilted and later.
         layer: name of the layer.
         codec: converts costs to values, such as a `CostTable` or `CostRange`.

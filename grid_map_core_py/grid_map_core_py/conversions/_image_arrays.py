@@ -157,7 +157,7 @@ def _encoder(
     extent = high - low if high != low else np.float32(1)
 
     def gray(values: Layer) -> Layer:
-        # Same order of operations as in the C++ library, for bitwise equal results.
+        # The operations are in the same order as in C++, so that results are bitwise equal.
         share: Layer = second(first(values, low), high)
         share -= low
         share /= extent
@@ -173,7 +173,7 @@ def _range(
     """Return `lower` and `upper`, with None replaced by the smallest or largest finite value."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
-    # If one bound is given and no finite value lies on its inner side, both become this bound.
+    # If only one bound is given, and all finite values lie beyond it, both bounds are equal.
     if lower is None:
         low = float(np.fmin(min_of_finites(values), high))
     if upper is None:
@@ -257,7 +257,7 @@ def add_color_layer_from_image(
     alpha_threshold: float = 0.5,
     order: Order = "bgr",
 ) -> None:
-    """Store the colors of an image, packed, in a new or existing layer of a map.
+    """Store the packed colors of an image in a new or existing layer of a map.
 
     Args:
         grid_map: map with as many rows and columns as the image; it may have moved.
@@ -330,8 +330,8 @@ def change_resolution(
 
     Args:
         resolution: new side of a cell [m].
-        interpolation: "nearest", "linear", "cubic", "area" or "lanczos", the `Interpolation` of the
-            same name, or a flag of `cv2.resize`.
+        interpolation: "nearest", "linear", "cubic", "area" or "lanczos"; an `Interpolation` with
+            one of these names; or an interpolation flag of `cv2.resize`.
 
     Returns:
         A map with `size * old / new` cells, rounded half away from zero, and start index (0, 0).

@@ -45,8 +45,8 @@ def rasterize_triangles(
 
     Raises:
         GeometryError: an array has the wrong shape or type, or a vertex index is out of range.
-        LimitError: the bounding rectangles of the triangles contain more cells in total than 4
-            times the limit `max_cells`.
+        LimitError: the total number of cells in the bounding rectangles of the triangles exceeds
+            four times the limit `max_cells`.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -85,7 +85,7 @@ def from_mesh(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Create a map from a mesh, just large enough for the finite vertices of all faces.
+    """Create a map from a mesh, just large enough to cover the finite vertices of all faces.
 
     Arguments and errors not listed here are as in `rasterize_triangles`.
 
@@ -161,7 +161,7 @@ class _Triangles(NamedTuple):
 def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
 ) -> _Triangles:
-    """Return the triangles that are finite, not vertical, and have a nonzero area.
+    """Return the triangles that are finite, are not vertical and have a nonzero area.
 
     Args:
         rows, columns: (3, T) positions of the corners [cells]; cell centers are at integers.
@@ -192,13 +192,13 @@ def _prepared(
 
 
 def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield column-major numbers (n,) of covered cells, and heights (n,) of the triangles there."""
+    """Yield column-major indices (n,) of covered cells, and heights (n,) of the triangles there."""
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides
         cell_rows = triangles.first_row[numbers] + members - beside * strides
         cell_columns = triangles.first_column[numbers] + beside
-        # Offsets from a corner keep their precision far from the first cell.
+        # Offsets from a corner are precise even far from the first cell.
         row, column = cell_rows - triangles.row[numbers], cell_columns - triangles.column[numbers]
         first, second = (
             row * triangles.by_row[n][numbers] + column * triangles.by_column[n][numbers]
@@ -211,7 +211,7 @@ def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integ
 
 
 def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the cells and heights of one large triangle, without copying its data per cell."""
+    """Do the same as `_hits_of_small` for one large triangle, without copying its data per cell."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column
@@ -243,7 +243,7 @@ def _inside(
 def _heights(
     weights: Iterable[Positions], hits: Integers, corners: Iterable[Positions]
 ) -> Positions:
-    """Return heights (n,) in covered cells, given the corner heights of one or n triangles."""
+    """Interpolate the corner heights of one or n triangles to heights (n,) in covered cells."""
     heights, total = np.zeros(len(hits)), np.zeros(len(hits))
     for weight, height in zip(weights, corners, strict=True):
         # Clamped, because extrapolating a steep triangle beyond an edge causes large errors.

@@ -57,20 +57,12 @@ def color_channels_to_value(
 
 
 def join_channels(red: Any, green: Any, blue: Any) -> Any:
-    """Combine channels into the bits 0x00RRGGBB; filters compile this function with numba.
-
-    Args:
-        red, green, blue: uint32 numbers or arrays in [0, 255].
-    """
+    """Combine uint32 channels in [0, 255] into the bits 0x00RRGGBB; numba can compile this."""
     return red << _RED | green << _GREEN | blue
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Return three uint32 values with red, green and blue in the low bytes; see `join_channels`.
-
-    Args:
-        bits: uint32 number or array, 0x00RRGGBB.
-    """
+    """Split uint32 bits 0x00RRGGBB into three values whose low bytes are red, green and blue."""
     return bits >> _RED, bits >> _GREEN, bits
 
 
@@ -94,10 +86,10 @@ def color_value_to_vector(value: ArrayLike) -> NDArray[np.float32]:
 
 
 def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
-    """Unpack layer values into red, green, blue bytes; `value` is as in `color_value_to_vector`.
+    """Unpack layer values, as in `color_value_to_vector`, into one byte per channel.
 
     Returns:
-        Three uint8 arrays (...) in [0, 255]; undefined where `value` is NaN.
+        Red, green and blue, each (...) uint8; undefined where `value` is NaN.
     """
     if value.dtype.kind == "f":
         bits = value.astype(np.float32, copy=False).view(np.uint32)

@@ -20,8 +20,8 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import fitting_geometry
 
-_POINTS = 1 << 16  # points per chunk, to bound memory; cells are never split
-_NEIGHBORS = 8  # number of nearest neighbors to which clustering links each point initially
+_POINTS = 1 << 16  # approximate number of points per chunk, which limits the memory use
+_NEIGHBORS = 8  # maximum number of nearest neighbors to which clustering first links a point
 
 _Triple = tuple[float, ...]
 _Edges: TypeAlias = list[tuple[Integers, Integers]]
@@ -223,7 +223,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks of whole cells whose number of points is allowed."""
+        """Yield point indices (n,) of whole cells in chunks; skip cells outside the limits."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -311,7 +311,7 @@ def finite_points(points: npt.ArrayLike) -> Positions:
 def remove_outliers(
     points: npt.ArrayLike, mean_k: int, stddev_threshold: float, *, workers: int = 1
 ) -> Positions:
-    """Remove points far from their neighbors; return the others (M, 3) in their original order.
+    """Remove points far from their neighbors; the remaining points (M, 3) keep their order.
 
     This is PCL's statistical outlier removal. For each point, the mean distance to the nearest
     `mean_k` neighbors is computed. A point is removed if this distance exceeds the mean over all
@@ -335,7 +335,7 @@ def remove_outliers(
         return cloud
     from scipy.spatial import cKDTree  # slow to import
 
-    # A search tree cannot split identical points, and sensors may deliver thousands of them.
+    # A search tree is slow with many identical points, which sensors may deliver by the thousand.
     places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
     # SciPy marks a missing neighbor with infinite distance and the index `len(points)`.
     copies = np.append(copies, neighbors)
@@ -345,7 +345,7 @@ def remove_outliers(
         distances, found = tree.query(places[part], k=nearest_ones, workers=workers)
         others = np.cumsum(copies[found], axis=1) - 1
         counts = np.diff(np.minimum(others, neighbors), axis=1, prepend=0)
-        # 0 times an infinite distance is NaN.
+        # A missing neighbor has weight 0, but 0 times its infinite distance would be NaN.
         distances[counts == 0] = 0.0
         means[part] = (distances * counts).sum(axis=1) / neighbors
     distances = means[numbers.reshape(-1)]
@@ -372,7 +372,7 @@ def euclidean_clusters(
 
     if not len(points):
         return np.zeros(0, np.int64)
-    # A search tree cannot split identical points, and sensors may deliver thousands of them.
+    # A search tree is slow with many identical points, which sensors may deliver by the thousand.
     distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
     points, groups = distinct[:, :3], distinct[:, 3].astype(np.int64)
     reach = tolerance + BORDER_TOLERANCE
@@ -401,12 +401,12 @@ def _missing_links(
     reach: float,
     workers: int,
 ) -> _Edges:
-    """Return links that join clusters of the same group through their `crowded` points.
+    """Return links between points of different clusters in the same group.
 
-    `crowded` are the indices of points that already have the maximum number of links. Few clusters
-    contain such points, so this is cheap. In each pair of clusters, the cluster with fewer crowded
-    points is chosen. Each of its crowded points is linked to the nearest crowded point of the other
-    cluster if that point is closer than `reach`.
+    Only crowded points need further links: points that already have the maximum number of links.
+    `crowded` contains their indices. For each pair of clusters, each crowded point of one cluster
+    (the one with fewer such points) is linked to the nearest crowded point of the other cluster, if
+    the distance is less than `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 

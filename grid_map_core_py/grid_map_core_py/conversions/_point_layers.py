@@ -134,16 +134,16 @@ def from_points(
 ) -> GridMap:
     """Create a map from points; arguments not listed here are as in `rasterize`.
 
-    Without `length` and `position`, the map is the smallest one that covers all points within the
-    height limits and has its borders at multiples of the resolution. Maps of different clouds then
-    have aligned cells.
+    Without `length` and `position`, the result is the smallest map that covers all points within
+    the height limits and whose borders are at multiples of the resolution. The cells of maps from
+    different clouds are then aligned.
 
     Args:
         resolution: side of a cell [m].
         length: (2,) side lengths of the map [m]; if None, just large enough for all points.
         position: (2,) center of the map [m]; if None and `length` is given, the map is centered on
             the extent of the points.
-        tight: True to center the map on the extent of the points instead of aligning its borders;
+        tight: if True, center the map on the extent of the points instead of aligning its borders;
             ignored if `length` or `position` is given.
         timestamp: timestamp of the map [ns].
 
@@ -191,7 +191,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
         return (given.astype(np.uint32) & _RGB).view(np.float32)
     floats = np.ascontiguousarray(as_floats(values, name), np.float32)
     colors = floats.view(np.uint32) & _RGB
-    # Opaque colors are also NaN, but with different bits.
+    # Opaque colors are also NaN as floats, but with different bits.
     missing = np.isnan(floats) & (colors == _NO_COLOR)
     return np.where(missing, np.float32(np.nan), colors.view(np.float32))
 
@@ -210,11 +210,11 @@ def fitting_geometry(
     Args:
         lower, upper: (2,) smallest and largest x, y [m].
         resolution: side of a cell [m].
-        hold_edges: True to include positions on the -x and -y edges. A map does not contain its -x
-            and -y borders, so a rectangle of whole cells then needs one more row and column.
-        align: True to align the borders with multiples of the resolution, False to center the grid
-            on the rectangle.
-        layers: number of layers to be created, for the memory limit check.
+        hold_edges: if True, include positions on the -x and -y edges. A map does not contain its
+            -x and -y borders, so a rectangle of whole cells then needs one more row and column.
+        align: if True, align the borders with multiples of the resolution; if False, center the
+            grid on the rectangle.
+        layers: number of layers to be created, to check the memory limit.
 
     Raises:
         LimitError: the grid or the layers would be too large.
@@ -238,7 +238,7 @@ def fitting_geometry(
         return GridGeometry(size * resolution, resolution, lower + 0.5 * (upper - lower))
     geometry = GridGeometry(size * resolution, resolution, (first + 0.5 * size) * resolution)
     if hold_edges and not geometry.is_inside(upper):
-        # Rounding has moved a border below the largest position.
+        # Due to rounding, the largest position is beyond the border.
         size = np.ceil(upper / resolution + tolerance) - first
         geometry = GridGeometry(size * resolution, resolution, (first + 0.5 * size) * resolution)
     return geometry
@@ -273,9 +273,9 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return the flat cell indices (n,) of the points on the map and within the height limits.
+    """Return flat cell indices (n,) of the points on the map and within the height limits.
 
-    The second result is a mask (N,) that selects these points.
+    The second result is the mask (N,) of these points.
     """
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)

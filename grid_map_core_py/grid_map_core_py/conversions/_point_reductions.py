@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions that reduce the point values in each cell to one value.
 
-A reduction takes the flat cell index (n,) and the value (n,) of each point, and the number of
-cells. It returns one float32 per cell: for a cell without points, `count` returns 0, and all other
-reductions return NaN.
+The arguments of a reduction are the flat cell index (n,) and the value (n,) of each point, and the
+number of cells. The result is one float32 per cell. For cells without points, it is 0 for `count`
+and NaN for all other reductions.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,7 +33,7 @@ def _extreme(choose: np.ufunc) -> Reduction:
 
 
 def _last(cells: Integers, values: _Values, size: int) -> _Flat:
-    # Plain assignment has no guaranteed order for repeated cells.
+    # With plain assignment, NumPy does not guarantee that the last value of a cell is kept.
     places = np.full(size, -1)
     np.maximum.at(places, cells, np.arange(len(cells)))
     layer = np.full(size, np.nan, np.float32)
@@ -62,8 +62,8 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
     if find := ready(find_medians):
         find(cells, values, np.cumsum(numbers) - numbers, np.empty_like(values), layer)
         return layer
-    # A 64-bit key, with the cell in the upper half and the value in the lower half, sorts by cell
-    # and value at once. This is more than ten times as fast as `np.lexsort`.
+    # The upper half of a 64-bit key is the cell, and the lower half is the value. Sorting the keys
+    # is more than ten times as fast as `np.lexsort`.
     bits = values.view(np.uint32)
     keys = cells.astype(np.uint64) << np.uint64(32)
     keys |= np.where(bits & _SIGN, ~bits, bits | _SIGN)  # integers that sort like the values
@@ -79,7 +79,7 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
 
 
 def mean_color(cells: Integers, values: npt.NDArray[Any], size: int) -> _Flat:
-    """Return the rounded mean color of each cell, channel by channel."""
+    """Return the mean color of each cell; the mean of each channel is rounded."""
     numbers = np.bincount(cells, minlength=size)
     means = [
         (np.bincount(cells, channel, size) + numbers // 2) // np.maximum(numbers, 1)

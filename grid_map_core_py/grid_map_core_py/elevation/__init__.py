@@ -2,10 +2,10 @@
 """Elevation maps that move with a robot.
 
 `ElevationMapper` fuses range sensor scans into heights with variances, and clears cells that beams
-pass through. An `UpdateReport` summarizes one update. A `SensorModel` describes the sensor noise:
+pass through. `UpdateReport` summarizes one update. A `SensorModel` describes the sensor noise:
 `LaserModel`, `StructuredLightModel`, `StereoModel`, `ConstantModel`, or `PerfectModel` (no noise).
 
-`RollingMap` stores the largest, smallest, mean or last height of each cell.
+`RollingMap` keeps the largest, smallest, mean or last height in each cell.
 """
 
 from .. import _lazy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sort the points of a scan by cell, and cluster points with consistent heights.
+"""Sorts the points of a scan by cell, and clusters points with consistent heights.
 
 The results do not depend on the order of the points in the scan.
 
@@ -35,8 +35,8 @@ class Sorted:
     Attributes:
         order: (n,) indices of the points before sorting.
         heights, variances: (n,) heights [m] and variances [m^2] of the points.
-        cells: (m,) cells that contain points, ascending.
-        begins, ends: (m,) bounds of each cell's slice of points; `ends` is exclusive.
+        cells: (m,) indices of the cells that contain points, in ascending order.
+        begins, ends: (m,) the points of each cell are those from `begins` to `ends` - 1.
     """
 
     order: Integers
@@ -53,7 +53,7 @@ class Sorted:
 
 
 def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: int) -> Sorted:
-    """Sort points (n,) by cell; `size` is the number of cells."""
+    """Sort points (n,) by cell, height and variance; `size` is the number of cells."""
     if compiled := deal.compiled():
         count = len(cells)
         order, dealt = np.empty(count, np.int64), np.empty((2, count))
@@ -71,7 +71,7 @@ def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: 
 
 
 def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
-    """Return `points.order` with ties in height and variance broken by `values` (n,)."""
+    """Return `points.order`, with points of equal height and variance sorted by `values` (n,)."""
     order = points.order
     same = np.zeros(len(order) + 1, np.bool_)
     same[1:-1] = (np.diff(points.heights) == 0) & (np.diff(points.variances) == 0)
@@ -95,8 +95,8 @@ def deal(
         cells: (count,) cells of the points.
         points: (count,) heights and variances of the points.
         size: number of cells.
-        borders: (size + 1,) zeros; receives the end of each cell's points.
-        order, dealt: (count,) receive the sorted indices, and the sorted heights and variances.
+        borders: (size + 1,) zeros; output: the end of each cell's points.
+        order, dealt: (count,) output: the sorted indices, and the sorted heights and variances.
     """
     heights, variances = points
     sorted_heights, sorted_variances = dealt
@@ -122,8 +122,8 @@ def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) ->
 
     Args:
         begin, end: the slice.
-        order, heights: point numbers and heights; sorted in place.
-        variances: variances, indexed by point number.
+        order, heights: indices and heights of the points; sorted in place.
+        variances: variances by point index.
     """
     gap = (end - begin) // 2 if end - begin > 12 else 1
     while gap > 0:
@@ -137,7 +137,7 @@ def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) ->
                 heights[place], order[place] = heights[place - gap], before
                 place -= gap
             heights[place], order[place] = height, number
-        # Gap sequence of Gonnet and Baeza-Yates: 5 / 11 of the previous gap, and 1 at the end.
+        # Gap sequence of Gonnet and Baeza-Yates: each gap is 5 / 11 of the previous one.
         gap = 1 if gap == 2 else (gap * 5 - 1) // 11
 
 
@@ -147,15 +147,14 @@ class Clusters:
 
     Attributes:
         points: the points on the map.
-        threshold, relief: parameters of the gate; see `agree`.
+        threshold, relief: parameters of the gate in `agree`.
         groups: (q,) index of each cluster's cell in `points.cells`.
         firsts: (q,) index in `points` of each cluster's highest point.
         counts: (q,) number of points in each cluster.
         means: (q,) mean heights, weighted by inverse variance [m].
         variances: (q,) variances of the means [m^2]. They include the variance that all points of
-            a cell share, and grow if the points scatter more than their variances explain.
-        spreads: (q,) sample variance that the point variances do not explain [m^2]; it widens the
-            gate.
+            a cell share, and are larger if the points scatter more than their variances predict.
+        spreads: (q,) sample variance in excess of the point variances [m^2]; it widens the gate.
     """
 
     points: Sorted
@@ -180,7 +179,7 @@ class Clusters:
         `max(threshold * sqrt(height variance + cluster variance + spread), relief)`.
 
         Args:
-            heights, variances: (m,) map values of the cells with points; unknown heights are NaN.
+            heights, variances: (m,) map values in the cells with points; unknown heights are NaN.
         """
         gate = self.threshold * np.sqrt(variances[self.groups] + self.variances + self.spreads)
         away = np.abs(self.means - heights[self.groups])
@@ -188,18 +187,18 @@ class Clusters:
         return fits
 
     def first(self, chosen: Mask) -> Integers:
-        """Return, for each cell (m,), the highest cluster that `chosen` (q,) selects, or `NONE`."""
+        """Return, for each cell (m,), the highest cluster in the mask `chosen`, or `NONE`."""
         return self.last(chosen, -1)
 
     def last(self, chosen: Mask, step: int = 1) -> Integers:
-        """Return, for each cell (m,), the lowest cluster that `chosen` (q,) selects, or `NONE`."""
+        """Return, for each cell (m,), the lowest cluster in the mask `chosen`, or `NONE`."""
         found = np.full(len(self.points.cells), NONE)
         numbers = np.flatnonzero(chosen)[::step]
         found[self.groups[numbers]] = numbers
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the concatenated point indices of clusters, and the start (k,) of each cluster."""
+        """Return the point indices of k clusters, concatenated, and where each cluster starts."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -208,8 +207,8 @@ class Clusters:
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
     """Group the points of each cell into clusters of consistent heights.
 
-    `common` (m,) holds for each of the m cells in `points.cells` the variance [m^2] that all its
-    points share, such as the pose variance.
+    `common` (m,) is the height variance [m^2] that all points of a cell share, due to the pose. It
+    has one value per cell in `points.cells`.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances
@@ -222,13 +221,13 @@ def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Param
     firsts = np.flatnonzero(counts)
     counts, (weights, lifts, squares) = counts[firsts], sums[:, firsts]
     offsets = lifts / weights
-    # Ratio of the sample variance to the expected variance; 1 if noise alone scatters the points.
+    # Ratio of the sample variance to the expected variance; about 1 if the points are only noisy.
     others = np.maximum(counts - 1, 1)
     ratio = np.maximum(squares - lifts * offsets, 0.0) / others
     is_wide = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
     excess = np.where(is_wide, ratio - 1.0, 0.0) / weights
     groups = np.searchsorted(points.begins, firsts, side="right") - 1
-    # Limited, so that relief alone never raises the variance above `max_variance`.
+    # The excess is limited, so that relief alone never raises the variance above `max_variance`.
     variances = (1.0 / weights + np.minimum(excess, given.largest_share)) + common[groups]
     means = z[firsts] + offsets
     return Clusters(
@@ -248,7 +247,7 @@ def _grow_arrays(
         places = np.arange(lengths.sum()) + np.repeat(starts - heads, lengths)
         offsets = z[places] - np.repeat(z[starts], lengths)
         weights = 1.0 / r[places]
-        # For each point, sums over the higher points of its cell.
+        # For each point, the sums over the higher points in its cell.
         above = [np.cumsum(part) - part for part in (weights, weights * offsets)]
         weight, lift = (part - np.repeat(part[heads], lengths) for part in above)
         weight[heads] = 1.0
@@ -267,10 +266,10 @@ def _grow_arrays(
 
 @loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
-    """Form clusters, and write the results of each one at the index of its first point.
+    """Form clusters, and write the results of each cluster at the index of its first point.
 
-    `counts` receives the number of points. `sums` receives the sums of w, w h and w h^2 over the
-    points, where w is the weight and h the height relative to the first point.
+    The output `counts` is the number of points. The output `sums` consists of the sums of w, w h
+    and w h^2 over the points, where w is the weight and h the height above the first point.
     """
     begins, ends = borders
     z, r = points

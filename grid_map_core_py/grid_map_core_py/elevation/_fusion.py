@@ -1,29 +1,29 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fuse the points of a scan with the heights of their cells.
+"""Fuses the points of a scan with the heights of their cells.
 
 The surface of a cell depends only on the scan: it is the highest cluster with support. A cluster
 has support if it contains at least `conflict_points` points, and at least `min_support` times as
 many points as the cell's densest cluster. `Clusters.agree` defines when a cluster agrees with a
-height. Each cell with points gets one of these outcomes:
+height. Each cell with points has one of these outcomes:
 
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
-- `STARTED`: the cell was unknown, and gets the height of the surface.
-- `RAISED`: the surface is higher than the old height and replaces it, or a candidate replaces it. A
-  candidate is a smaller cluster above the surface that has at least `conflict_points` points, and
-  was seen at the same height in three scans within half a second.
-- `LOWERED`: the surface is lower than the old height, and replaces it in two cases. (a) The height
+- `STARTED`: the cell was unknown. The height of the surface becomes the height of the cell.
+- `RAISED`: a surface above the old height replaces it, or a candidate does. A candidate is a
+  smaller cluster above the surface. It must have at least `conflict_points` points in each of three
+  scans within half a second, at the same height.
+- `LOWERED`: a surface below the old height replaces it. This happens in two cases. (a) The height
   was not confirmed for `scanning_duration`, and the beams of at least `conflict_points` points of
   the surface entered the cell above the height. (b) At most `conflict_points` points ever supported
   the height, and no neighbor is more than one resolution higher than the surface.
-- `CONTRADICTED`: none of the above; the height stays.
+- `CONTRADICTED`: none of the above applies. The height does not change.
 
-If no cluster has support, any cluster can confirm the height, and the highest cluster takes the
-place of the surface in `STARTED` and case (b). `RAISED`, `LOWERED` and `CONTRADICTED` are
+If no cluster has support, any cluster can confirm the height. In `STARTED` and case (b), the
+highest cluster is then used instead of the surface. `RAISED`, `LOWERED` and `CONTRADICTED` are
 conflicts: `multi_height_noise` is added to the variance.
 
 Drift compensation first shifts the whole map by a share of the offset between scan and map. It then
-shifts the scan by the rest, so that both match. The map lags behind the odometry by
+shifts the scan by the rest of the offset, so that both match. The map lags behind the odometry by
 `drift per scan / drift_compensation_alpha`.
 """
 
@@ -43,10 +43,10 @@ from ._parameters import Numbers, Parameters
 from ._state import OVERHANG, State, highest_around
 
 SIGHTINGS = 3
-"""Number of scans that must see a candidate before it becomes the surface."""
+"""Number of scans in which a candidate must be seen before it becomes the surface."""
 
 TAIL = 0.1
-"""Share of a neighbor's support below which a cell holds only the tail of the neighbor's noise."""
+"""If a cell has less than this share of a neighbor's support, its points may be its noise."""
 
 CANDIDATE_TIME = 500
 """Maximum time between the first and the last sighting of a candidate [ms]."""
@@ -58,13 +58,13 @@ LEVEL = 0.03
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
     """Return the vertical offset of a scan from the map [m], or 0 if the cells do not agree.
 
-    Cells vote if their variance is small, and their eight neighbors are known and level with them,
-    because points and map differ near steps and edges even without drift. Each cluster in such a
-    cell casts one vote, its offset from the map. Its tolerance is
-    `threshold * sqrt(height variance + cluster variance)`. A vote is ignored if it exceeds
-    `max_drift` by more than the tolerance, or differs from the median vote by more than the
-    tolerance. The result is the mean of the remaining votes, weighted by inverse variance. It is 0
-    if fewer than `min_drift_cells` votes or fewer than half of the votes remain, or if the mean
+    A cell votes if its variance is small, and its eight neighbors are known and about as high. Near
+    steps and edges, points and map differ even without drift. Each cluster in such a cell has one
+    vote, its offset from the map. The tolerance of a vote is
+    `threshold * sqrt(height variance + cluster variance)`. Votes that exceed `max_drift` by more
+    than their tolerance, or that differ from the median vote by more than their tolerance, are
+    ignored. The result is the mean of the remaining votes, weighted by inverse variance. It is 0 if
+    fewer than `min_drift_cells` votes or fewer than half of the votes remain, or if the mean
     exceeds `max_drift`.
     """
     heights, variances = state.heights, state.variances
@@ -102,10 +102,10 @@ class Outcome(IntEnum):
 
 @dataclass
 class Fusion:
-    """Fuses the clusters of a scan into the cells of a map, in place.
+    """Fuses the clusters of a scan into the cells of a map, which are modified in place.
 
     Attributes:
-        entries: function that takes point indices, and returns the heights [m] at which the beams
+        entries: function that accepts point indices, and returns the heights [m] at which the beams
             entered the cells of these points.
         outcomes: (m,) `Outcome` of each cell with points.
         chosen: (m,) cluster that determined the outcome.
@@ -155,7 +155,7 @@ class Fusion:
         return used
 
     def _decide(self, surface: Integers, is_large: Mask) -> None:
-        """Set `outcomes` and `chosen`, except for candidates, which `_merge` evaluates."""
+        """Set `outcomes` and `chosen`, which `_merge` changes later in cells with candidates."""
         clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
         agrees = clusters.agree(old, self.state.variances[self._cells])
         smaller = is_large & (self._numbers < surface[groups])
@@ -174,7 +174,7 @@ class Fusion:
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
         """Return a mask (k,) of the cells whose height a lower cluster may replace."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
-        # A higher neighbor indicates an obstacle that covers part of the cell.
+        # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
         alone = beside <= self.clusters.means[chosen] + self.geometry.resolution
         gives = alone & (self.state.memory.support[cells] <= given.conflict_points)
@@ -194,7 +194,7 @@ class Fusion:
         old, before = state.heights[cells], state.variances[cells]
         means, new = clusters.means[self.chosen], clusters.variances[self.chosen]
         rise, merged = means - old, before * new / (before + new)
-        # A cluster that agrees only within the relief shows that the variances are too small.
+        # If a cluster agrees only because of the relief, the variances are too small.
         doubt = np.maximum((rise / clusters.threshold) ** 2 / (before + new), 1.0)
         fits, stays = self.outcomes == Outcome.CONFIRMED, ~self.is_seen
         heights = np.where(fits, old + rise * merged / new, np.where(stays, old, means))
@@ -211,9 +211,9 @@ class Fusion:
 
         state.heights[cells], state.memory.support[cells] = heights, support
         # Points are spread over the cell. Let u be the largest height difference to a neighbor,
-        # limited to the resolution: the mean height of n points then has the variance u^2 / (12 n)
-        # around the height at the center. A cell with far fewer points than a neighbor contains
-        # only the tail of the neighbor's noise, which does not average out.
+        # limited to the resolution. The mean height of n points then differs from the height at the
+        # center with the variance u^2 / (12 n). If a cell has far fewer points than a neighbor, its
+        # points come from the tail of the neighbor's noise, which does not average out.
         size, low = self.geometry.size, heights.astype(np.float32)
         above = highest_around(state.heights, size)[cells] - low
         below = low + highest_around(-state.heights, size)[cells]
@@ -227,21 +227,21 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the candidate (m,) of each cell that enough scans have seen, or `NONE`.
+        """Return the candidate (m,) of each cell that was seen in enough scans, or `NONE`.
 
-        Candidates that need further scans are stored in the state.
+        Candidates that were seen in too few scans are stored in the state.
         """
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])
         candidates &= ~clusters.agree(heights, variances)
         waits = (memory.candidate_age[cells] <= CANDIDATE_TIME)[groups]
-        # This gate accepts the points of a pole and rejects outliers.
+        # With this gate, the points of a pole are accepted and outliers are rejected.
         spreads = 1.5 * (clusters.variances + clusters.spreads)
         gate = np.maximum(clusters.threshold * np.sqrt(spreads), clusters.relief)
         away = np.abs(means - memory.candidate[cells][groups])
         again = clusters.first(candidates & waits & (away <= gate))
-        # A candidate that was seen only once is replaced.
+        # If a candidate was seen only once, and not in this scan, a new candidate replaces it.
         waits &= ((again != NONE) | (memory.sightings[cells] > 1.0))[groups]
         new = clusters.first(candidates & ~waits)
         sightings = np.where(new != NONE, 1.0, memory.sightings[cells] + (again != NONE))
@@ -256,7 +256,7 @@ class Fusion:
     def _overhangs(self, is_large: Mask) -> Integers:
         """Return the lowest overhanging cluster (m,) of each cell, or `NONE`.
 
-        The layer `overhang` is updated, and heights that belong to an overhang become NaN.
+        Also update the layer `overhang`, and set heights that belong to an overhang to NaN.
         """
         clusters, state, cells = self.clusters, self.state, self._cells
         groups, heights = clusters.groups, clusters.points.heights

@@ -2,8 +2,8 @@
 """Heights and bounds that account for the horizontal uncertainty of cells.
 
 Each cell becomes a mixture of itself and the cells around it. The weight of a neighbor is the
-probability that the position error of the cell shifts it there. This error is normally distributed,
-with the cell's `horizontal_variance` along each axis.
+probability that the true position of the cell is in this neighbor. The position error is normally
+distributed, with the cell's `horizontal_variance` along each axis.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ Cells = NDArray[np.float64]
 def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float) -> list[Layer]:
     """Return the height, variance, upper bound and lower bound of each cell, NaN where unknown.
 
-    Height and variance are the mean and variance of the mixture. The bounds are the 99 % quantile
-    of the neighbors' upper bounds and the 1 % quantile of the neighbors' lower bounds. Neighbors
-    that are unknown, or more than four cells away, have no weight.
+    The height and the variance are the mean and variance of the weighted mixture of a cell and its
+    neighbors. The bounds are the 99 % quantile of their upper bounds and the 1 % quantile of their
+    lower bounds. Neighbors that are unknown, or more than four cells away, have no weight.
 
     Args:
         heights, variances: heights [m], NaN where unknown, and variances [m^2] of the cells.
@@ -63,7 +63,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """For each offset, yield weights, heights and variances (k,) of the known cells' neighbors."""
+    """For each offset, yield weight, height and variance (k,) of each known cell's neighbor."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
@@ -81,14 +81,14 @@ def _neighbors(
 
 
 def _share(step: int, deviations: Cells) -> Cells:
-    """Return the probability that a position error rounds to `step` cells along an axis."""
+    """Return the probability that the position error along an axis rounds to `step` cells."""
     with np.errstate(divide="ignore"):
         share: Cells = ndtr((step + 0.5) / deviations) - ndtr((step - 0.5) / deviations)
     return share
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the smallest value (k,) above which the total weight is at most `_TAIL`."""
+    """Return the smallest value such that larger values have a total weight of at most `_TAIL`."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.argmax(above > _TAIL, axis=0)

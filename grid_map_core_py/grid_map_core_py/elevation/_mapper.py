@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Implements `ElevationMapper`; sibling modules implement the stages of an update."""
+"""Defines `ElevationMapper`; sibling modules implement the stages of an update."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class UpdateReport:
     Attributes:
         points_used: number of points that were fused into the height of a cell.
         points_dropped: number of points that were ignored.
-        points_gated: number of points on the map that do not agree with their cell.
+        points_gated: number of points on the map whose height does not agree with their cell.
         reasons: number of dropped points for each reason.
         conflicts: number of cells whose previous height the scan contradicts or replaces.
         cells_cleared: number of cells that the visibility cleanup cleared.
@@ -86,11 +86,11 @@ class ElevationMapper:
     Args:
         geometry: size, resolution and initial position of the map.
         frame_id: frame of the map.
-        sensor: noise model of the sensor, used by `update` unless another model is passed.
+        sensor: noise model of the sensor. A call of `update` may use another model.
         value_fusions: maps value names or regular expressions to fusion methods: `average`,
             `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is `color` for
             `rgb`, `rgba` and `color`, and `average` for all other values.
-        parameters: elevation mapping parameters, such as `min_variance`; the property `parameters`
+        parameters: elevation mapping parameters, such as `min_variance`. The property `parameters`
             lists all of them.
 
     Raises:
@@ -163,7 +163,7 @@ class ElevationMapper:
         sensor: SensorModel | None = None,
         limits: Parameters | None = None,
     ) -> UpdateReport:
-        """Fuse the points of a scan into the map; after an error the map is unchanged.
+        """Fuse the points of a scan into the map; if an error occurs, the map stays unchanged.
 
         The result does not depend on the order of the points.
 
@@ -172,17 +172,17 @@ class ElevationMapper:
                 at the origin are dropped.
             transform: (4, 4) transform from the sensor to the map frame.
             timestamp: time of the scan [ns]. If it is earlier than the previous timestamp, the
-                previous one is used. After a jump of more than `max_time_jump`, or once timestamps
-                have been too early for more than a second, the map clock restarts at this time, and
-                all cells count as just confirmed. If the previous timestamp exceeds
-                `max_time_jump`, a timestamp of 0 counts as missing, and all points are dropped.
-                Restarts and missing timestamps cause a `RuntimeWarning`.
+                previous timestamp is used. After a jump of more than `max_time_jump`, or if
+                timestamps are too early for more than a second, the map clock restarts at this
+                time, and all cells count as just confirmed. If the timestamp is 0 and the previous
+                timestamp exceeds `max_time_jump`, all points are dropped. Restarts and dropped
+                scans cause a `RuntimeWarning`.
             pose_covariance: (6, 6) covariance of x, y, z [m], roll, pitch, yaw [rad] of the sensor;
                 rotations are about the map axes. None means an exact pose.
             values: additional point values (N,) by layer name.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             sensor: noise model; None uses the model passed to the constructor.
-            limits: parameters whose range and height limits apply to this scan, such as
+            limits: parameters that contain the range and height limits for this scan, such as
                 `dataclasses.replace(mapper.parameters, max_range=5.0)`; None uses `parameters`.
 
         Raises:
@@ -218,7 +218,7 @@ class ElevationMapper:
             hidden = in_map_order(self._hidden, moved.position)
             height, noise = self._noise, covariance
             if covariance is not None:
-                # Odometry drift is not noise: drift compensation shifts the map with the odometry.
+                # Odometry drift does not count as noise, because drift compensation shifts the map.
                 height = min(height, float(covariance.matrix[0, 0]))
                 noise = covariance.with_height(min(height, self._parameters.largest_share))
             limits = limits or self._parameters
@@ -239,7 +239,7 @@ class ElevationMapper:
         return report
 
     def configure(self, **parameters: Any) -> None:
-        """Change parameters, except `horizontal_variances`; after an error, all stay unchanged."""
+        """Change parameters except `horizontal_variances`. If one is invalid, none is changed."""
         new = build(Parameters, {**vars(self._parameters), **parameters})
         has_layer = self._parameters.horizontal_variances
         kept = new.horizontal_variances == has_layer
@@ -250,7 +250,7 @@ class ElevationMapper:
         self._values.alpha = self._parameters.exponential_alpha
 
     def move(self, position: ArrayLike) -> None:
-        """Move the map by whole cells to a new center (2,) [m]; drop the cells that leave the map.
+        """Move the map by whole cells to a new center (2,) [m]. Cells that leave the map are lost.
 
         Raises:
             GeometryError: the position is not finite, or is 2^52 or more cells away.
@@ -268,8 +268,8 @@ class ElevationMapper:
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace the layers of this map with the layers of another map where the maps overlap.
 
-        Layers that exist in both maps are replaced. Each cell gets the value (even NaN) of the
-        other map's cell that contains its center. A variance that is then unknown or too small
+        Layers that exist in both maps are replaced. Each cell gets the value (even NaN) of the cell
+        in the other map that contains its center. A variance that is then unknown or too small
         becomes `min_variance`. `time` and the bounds are not copied: the bounds are recomputed, and
         replaced heights count as confirmed by the last scan.
 
@@ -332,7 +332,7 @@ class ElevationMapper:
     # Stages
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
-        """Age the cells; return the clock start and the scan time [ns]."""
+        """Update the age of all cells; return the start of the clock and the scan time [ns]."""
         start = stamp if self._start is None else self._start
         first = stamp if self._late is None else self._late
         self._late = first if stamp < last else None

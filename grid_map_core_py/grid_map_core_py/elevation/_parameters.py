@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation mapping parameters, and sensor models, which predict the variance of heights.
 
-If S (3, 3) is the covariance of a point in the sensor frame, a model returns the variance
-`axis @ S @ axis` along an axis of the map. For heights, `axis` (3,) is the map's vertical in the
-sensor frame: the third row of the rotation from the sensor to the map frame.
+Let S (3, 3) be the covariance of a point in the sensor frame. A model returns the variance
+`axis @ S @ axis` along an axis of the map. For heights, `axis` (3,) is the vertical axis of the map
+in the sensor frame, which is the third row of the rotation from the sensor to the map frame.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Upper limit [m^2] of the variance that relief or pose adds; too small to clear a cell."""
+        """Largest variance [m^2] that relief or the pose may add without ever clearing a cell."""
         return 0.25 * self.largest_variance
 
 
@@ -142,7 +142,7 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Base class; checks that parameters are finite and, unless in `_signed`, not negative."""
+    """Base class, which checks that values are finite and, unless in `_signed`, not negative."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""
@@ -162,7 +162,7 @@ class _Model:
 
 @dataclass(frozen=True, kw_only=True)
 class LaserModel(_Model):
-    """Lidar whose beams widen with distance, with noise along and across each beam.
+    """Lidar with noise along and across each beam; the noise across the beam grows with distance.
 
     Each point has its own beam direction, so the model also fits spinning lidars.
 
@@ -177,7 +177,7 @@ class LaserModel(_Model):
     beam_angle: float = 0.0006
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
-        # Not a matrix product, whose rounding depends on the index of a point in the array.
+        # In a matrix product, rounding would depend on the index of a point in the array.
         x, y, z = map(float, axis)
         slope = (points[0] * x + points[1] * y + points[2] * z) / distances
         slope *= slope
@@ -290,7 +290,7 @@ class PerfectModel(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantModel(_Model):
-    """Sensor whose vertical variance grows with the squared distance, regardless of direction.
+    """Sensor whose vertical variance is proportional to the squared distance, in all directions.
 
     Attributes:
         sensor_noise_factor: vertical variance at a distance of 1 m [m^2].

@@ -19,7 +19,7 @@ from ..plugins import check
 from ._parameters import Numbers, Parameters, SensorModel
 
 OUTSIDE = -1
-"""Cell number of points outside the map."""
+"""Cell index of points outside the map."""
 
 LEAST_VARIANCE = 1e-12
 """Lower limit of the variance of a point [m^2], so that weights stay finite."""
@@ -44,10 +44,10 @@ class Covariance:
     level: NDArray[np.float64]
 
     def of_points(self, x: Any, y: Any) -> Any:
-        """Return the height variance [m^2] that the uncertainty of the pose causes at points.
+        """Return the height variance [m^2] of points due to the uncertainty of the pose.
 
         A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
-        result is the variance of this lift, plus the variance of z.
+        result is the variance of this lift plus the variance of z.
 
         Args:
             x, y: positions relative to the sensor [m], map frame.
@@ -62,7 +62,7 @@ class Covariance:
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the height variance [m^2] that the uncertainty of the pose causes at cells.
+        """Return the height variance [m^2] of cells due to the uncertainty of the pose.
 
         Unlike `of_points`, it includes the covariances of z with roll and with pitch.
         """
@@ -70,7 +70,7 @@ class Covariance:
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the mean of the x and y variances of cells [m^2] that the pose causes.
+        """Return the mean of the x and y variances of cells [m^2] due to the pose.
 
         A yaw error moves a cell by `yaw * (-y, x)`.
         """
@@ -78,10 +78,10 @@ class Covariance:
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the mean of the x and y variances [m^2] that the pose causes at points.
+        """Return the mean of the x and y variances of points [m^2] due to the pose.
 
-        Unlike `level_of_places`, it includes tilt errors. These move a point sideways by the tilt
-        angle times `z`, the height of the point above the sensor.
+        Unlike `level_of_places`, it includes tilt errors. A tilt error moves a point horizontally
+        by the tilt angle times `z`, the height of the point above the sensor.
         """
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
         return self.level_of_places(x, y) + tilt * z * z
@@ -117,8 +117,8 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
     """Return the covariance that the motion from one pose to the next adds.
 
-    The old covariance is propagated to the new position: a tilt lifts the sensor by
-    `roll * dy - pitch * dx`. Nothing is added where the new covariance is smaller.
+    The old covariance is propagated to the new position, where a tilt lifts the sensor by
+    `roll * dy - pitch * dx`. In directions in which the new covariance is smaller, the result is 0.
 
     Args:
         old, new: covariances of the previous and the new pose.
@@ -149,10 +149,9 @@ class Scan:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
         variances: (n,) variances of z from the sensor noise alone [m^2].
-        cells: (n,) cell number of each point, column by column in map order; OUTSIDE off the map.
+        cells: (n,) cell index of each point, column-major in map order; OUTSIDE if not on the map.
         places: (n,) indices of the points in the cloud.
-        horizontal: (n,) horizontal variances, each the mean of the variances along x and y [m^2];
-            (0,) if not requested.
+        horizontal: (n,) means of the variances along x and y [m^2]; empty if not requested.
         dropped: number of dropped points for each reason.
         noise: pose covariance, shared by all points; None means an exact pose.
     """
@@ -172,7 +171,7 @@ class Scan:
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
     def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return the height variances (k,) [m^2] that the uncertainty of the pose causes.
+        """Return height variances (k,) [m^2] due to the uncertainty of the pose.
 
         `x` and `y` (k,) are positions in the map frame [m].
         """
@@ -184,9 +183,9 @@ class Scan:
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotate points (n, 3) or wider by a matrix (3, 3); return x, y, z (3, n).
+    """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n).
 
-    Unlike in a matrix product, rounding does not depend on the index of a point in the array.
+    This is not a matrix product, whose rounding depends on the index of a point in the array.
     """
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))
@@ -208,7 +207,7 @@ def distances_of(points: NDArray[np.float64]) -> Numbers:
 
 
 def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
-    """Return a copy of a map in map order, moved to `position` by whole cells unless it is None."""
+    """Return a copy of a map in map order; if `position` is not None, move the copy there."""
     result = grid_map.copy()
     if position is not None:
         result.move(position)
@@ -217,7 +216,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 
 
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
-    """Return per-point values by name as arrays (count,), after checking types and shapes."""
+    """Check additional point values, and return them by name as arrays (count,)."""
     columns = {}
     check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():
@@ -244,7 +243,7 @@ def located(
         noise: pose covariance, shared by all points; None means an exact pose.
         sensor: noise model of the sensor.
         geometry: geometry of the map.
-        given: parameters of the mapper, with the range and height limits.
+        given: parameters that contain the range and height limits.
     """
     count, kept, dropped = len(cloud), 0, dict[str, int]()
     points, variances = np.empty((3, count)), np.empty(count)
@@ -295,7 +294,7 @@ def _located_part(
     given: Parameters,
     dropped: dict[str, int],
 ) -> tuple[Integers, NDArray[np.float64], Numbers, Integers]:
-    """Return cloud indices, positions (3, n), variances and cells of the points within limits."""
+    """Return cloud indices, positions (3, n), variances and cells of points within all limits."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)

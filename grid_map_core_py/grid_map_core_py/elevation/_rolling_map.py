@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`RollingMap` keeps the largest, smallest, mean or last height of successive point clouds."""
+"""Defines `RollingMap`, which fuses the heights of successive point clouds."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class RollingMap:
         geometry: size, resolution and initial position of the window.
         frame_id: frame of the points and of the map.
         layer: name of the height layer [m]; the only basic layer.
-        fusion: `max` and `min` keep the highest or lowest height of all clouds; `last` keeps the
-            height from the last cloud with points in the cell. `mean` gives all points of all
-            clouds the same weight, and adds the layers `variance` (population variance [m^2]) and
-            `count` (number of points).
-        reduction: reduces the points of one cloud in a cell to one height: `max`, `min`, `mean`,
-            `median`, `first` or `last`. `mean` fusion ignores the reduction.
-        max_count: with `mean` fusion, the earlier points of a cell have at most the weight of this
-            number of points, so that the map follows changes in the ground; 0 means no limit.
+        fusion: `max` and `min` keep the largest or smallest height of all clouds. `last` keeps the
+            height from the last cloud with points in the cell. `mean` averages all points of all
+            clouds with equal weights, and adds the layers `variance` (population variance [m^2])
+            and `count` (number of points).
+        reduction: how the points of one cloud in a cell are reduced to one height: `max`, `min`,
+            `mean`, `median`, `first` or `last`. It has no effect with `mean` fusion.
+        max_count: with `mean` fusion, the largest total weight of the earlier points of a cell
+            [points], so that the map follows changes in the ground; 0 means no limit.
         min_height, max_height: height range [m], map frame; points outside it are ignored.
 
     Raises:
@@ -79,11 +79,11 @@ class RollingMap:
 
     @property
     def grid_map(self) -> GridMap:
-        """The current map; copy the map to keep it, because `fuse` and `move` modify it."""
+        """The current map. `fuse` and `move` modify it, so copy it to keep it."""
         return self._map
 
     def move(self, position: ArrayLike) -> None:
-        """Move the window by whole cells to a new center (2,) [m]; drop the cells that leave it.
+        """Move the window by whole cells to a new center (2,) [m]. Cells that leave it are lost.
 
         Raises:
             GeometryError: the position is not finite, or is 2^52 or more cells away.
@@ -103,13 +103,13 @@ class RollingMap:
         position: ArrayLike | None = None,
         timestamp: int | None = None,
     ) -> dict[str, int]:
-        """Fuse the points of a cloud into the map; after an error the map is unchanged.
+        """Fuse the points of a cloud into the map; if an error occurs, the map stays unchanged.
 
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
                 map are ignored.
-            columns: additional point values (N,) by layer name. Each cell of such a layer holds the
-                mean value in the last cloud that had values in the cell.
+            columns: additional point values (N,) by layer name. In such a layer, each cell contains
+                the mean value of the last cloud that had values there.
             transform: (4, 4) transform from the sensor to the map frame; None if the points are in
                 the map frame.
             min_range, max_range: smallest and largest distance of points from the sensor [m];
@@ -121,8 +121,8 @@ class RollingMap:
             The number of ignored points by reason, such as `outside the map`.
 
         Raises:
-            GridMapError: an array or the position is invalid, or a column has the name of a height
-                layer.
+            GridMapError: an array or the position is invalid, or a column is named like one of the
+                layers that the fusion computes from heights.
         """
         cloud, reasons = as_points(points), Counter[str]()
         columns = as_columns(columns, len(cloud))
@@ -188,7 +188,7 @@ def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
     seen = np.flatnonzero(flat(new[_COUNT]))
     mean_1, variance_1, count_1 = (flat(new[name])[seen].astype(np.float64) for name in new)
     mean_0, variance_0, count_0 = (flat(old[name])[seen].astype(np.float64) for name in new)
-    # Unknown values have weight 0, but NaN times 0 is NaN.
+    # Unknown values have weight 0, but 0 times NaN would be NaN.
     mean_0[count_0 == 0] = variance_0[count_0 == 0] = 0.0
     total = np.minimum(count_0, max_count) + count_1
     share, step = count_1 / total, mean_1 - mean_0

@@ -34,7 +34,7 @@ _OLDEST = 2.0**24
 
 @dataclass
 class Memory:
-    """Unpublished state of the cells, as arrays (cells,); NaN marks values that are not set.
+    """Unpublished state of the cells, as arrays (cells,); values that are not set are NaN.
 
     Attributes:
         support: number of points that have ever supported the height.
@@ -54,7 +54,7 @@ class Memory:
 
 
 HIDDEN = tuple(f"# {field.name}" for field in fields(Memory))
-"""Names of the internal layers that store a `Memory`."""
+"""Names of the unpublished layers that store a `Memory`."""
 
 
 @dataclass
@@ -63,9 +63,9 @@ class State:
 
     Attributes:
         heights, variances, times: (cells,) values of the cells; unknown heights are NaN.
-        others: layers of the map by name; the method `layers` recomputes those in `OWN`.
-        memory: internal state of the cells.
-        weights: internal layers with the weights of point values; see `ValueFusion.fuse`.
+        others: layers of the map by name. The method `layers` recomputes those in `OWN`.
+        memory: unpublished state of the cells.
+        weights: unpublished layers with the weights of point values; see `ValueFusion.fuse`.
     """
 
     heights: Numbers
@@ -86,18 +86,16 @@ class State:
         return cls(heights, variances, layers["time"], layers, memory, own)
 
     def grow_older(self, milliseconds: int) -> None:
-        """Increase all ages by `milliseconds`."""
         for age in (self.memory.age, self.memory.candidate_age, self.memory.overhang_age):
             np.minimum(age + milliseconds, _OLDEST, out=age)
 
     def lift(self, height: float) -> None:
-        """Raise all heights by `height` [m]."""
         for layer in (self.heights, self.memory.candidate, self.others.get(OVERHANG)):
             if layer is not None:
                 layer += height
 
     def hidden(self) -> dict[str, NDArray[np.float32]]:
-        """Return the internal layers by name, flat."""
+        """Return the unpublished layers by name, as flat arrays."""
         return dict(zip(HIDDEN, vars(self.memory).values(), strict=True)) | self.weights
 
     def is_stale(self, given: Parameters) -> Mask:
@@ -110,7 +108,7 @@ class State:
         self.times[cells], self.memory.age[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
-        """Return all layers, flat; cells whose variance exceeds `max_variance` become NaN."""
+        """Return all layers as flat arrays; set cells whose variance exceeds the limit to NaN."""
         with np.errstate(over="ignore", invalid="ignore"):
             heights = self.heights.astype(np.float32)
             least = np.float32(parameters.min_variance)
@@ -172,10 +170,10 @@ def at_centers(
 ) -> Numbers:
     """Return the heights (n,) of points after moving them along the slope to the cell centers [m].
 
-    Along each axis, the map gives two slopes: from the preceding cell to this one, and from this
-    one to the following cell. The less steep one is used. If the two have opposite signs, or if one
-    of the height differences is at most `threshold` standard deviations, the slope is 0: the cell
-    is then level or next to a step. It is also 0 next to unknown cells and map borders.
+    Along each axis, there are two slopes: from the previous cell to this cell, and from this cell
+    to the next. The less steep slope is used. If the two have opposite signs, or if one of the
+    height differences is at most `threshold` standard deviations, the slope is 0, because the cell
+    is level or next to a step. It is also 0 next to unknown cells and map borders.
 
     Args:
         points: (3, n) points on the map.
@@ -204,7 +202,7 @@ def at_centers(
         smaller = np.where(np.abs(one) < np.abs(other), one, other)
         slopes[known] = np.where(one * other > 0.0, smaller, 0.0)
         sloping = np.flatnonzero(slopes[cells])
-        # Rows and columns run along descending x and y.
+        # Rows and columns are in the order of descending x and y.
         away = (centers[place[sloping]] - points[axis, sloping]) / geometry.resolution
         result[sloping] -= slopes[cells[sloping]] * away
     return result

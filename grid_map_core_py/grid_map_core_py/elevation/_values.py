@@ -8,10 +8,10 @@ height is replaced loses its earlier values. Fusion methods:
 - `latest`: mean over the last scan with points in the cell, with the same weights.
 - `exponential`: weighted mean of `latest` (weight `exponential_alpha`) and the old value.
 - `max`: the largest value.
-- `color`: packed colors; the mean of each channel over the last scan with points in the cell.
+- `color`: packed colors. Each channel is the mean over the last scan with points in the cell.
 - `class_bayesian`: class probabilities. All layers that match one pattern form a set of classes.
-  The layers hold the means of a Dirichlet distribution that starts with one count per class; each
-  point adds its probabilities.
+  They contain the means of a Dirichlet distribution, which starts with one count per class. Each
+  point adds its probabilities to the counts.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ FUSIONS = ("average", "latest", "exponential", "max", "color", "class_bayesian")
 
 @dataclass(frozen=True)
 class Chosen:
-    """Points of a scan, and which of them were fused into the heights of their cells.
+    """Points of a scan, with a mask of those that were fused into the heights of their cells.
 
     Attributes:
         points: all points on the map.
@@ -54,9 +54,9 @@ class ValueFusion:
     """Fuses point values into layers.
 
     Args:
-        fusions: maps value names, or regular expressions that match the whole name, to a fusion
-            method. Names are looked up first, then the expressions in order. The default is
-            `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
+        fusions: maps value names, or regular expressions that match whole names, to fusion methods.
+            Exact names take precedence; then the first expression that matches is used. The default
+            is `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
         exponential_alpha: weight of the last scan in `exponential`.
     """
 
@@ -84,7 +84,7 @@ class ValueFusion:
         """Fuse point values (n,) into flat layers (cells,).
 
         Args:
-            values: values of all points on the map by layer name, in the order before sorting.
+            values: values of all points on the map, in the order before sorting, by layer name.
             layers: layers by name; updated in place.
             weights: weights of `average` by layer name, and counts of `class_bayesian` by class
                 pattern; updated in place.
@@ -163,7 +163,7 @@ class ValueFusion:
 def _forgotten(
     layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
 ) -> NDArray[np.float32]:
-    """Return a copy of a layer with NaN and the values of `fresh` cells replaced by `nothing`."""
+    """Return a copy of a layer in which `nothing` replaces NaN and the values of `fresh` cells."""
     if layer is None:
         return np.full(len(fresh), nothing, np.float32)
     copy = layer.copy()
@@ -174,7 +174,7 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of fused points, sorted independently of the scan order."""
+    """Return cells, values and weights of fused points, in an order independent of the scan."""
     points = chosen.points
     # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)

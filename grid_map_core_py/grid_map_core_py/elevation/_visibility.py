@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Visibility cleanup: clear the cells that beams have passed through.
+"""Visibility cleanup: clears the cells that beams have passed through.
 
 Each beam is traced from the sensor to its point, cell by cell (Amanatides and Woo, "A Fast Voxel
 Traversal Algorithm for Ray Tracing", 1987). The height of a beam in a cell is the largest height of
-the beam within the cell. A cell of height h and variance v has its foot at
+the beam within the cell. The foot of a cell with height h and variance v is the height
 `h - max(3 sqrt(v), relief)`, where the relief is the resolution times `RELIEF`. A beam below the
-foot clears a cell that was not confirmed for `scanning_duration`, with these exceptions:
+foot clears a cell that was not confirmed for `scanning_duration`. There are four exceptions:
 
-- The point of the beam lies in the cell.
+- The point of the beam is in the cell.
 - This scan has a point in the cell or its 8 neighbors that is higher than the beam, or at most one
-  resolution lower. The beam then passed next to a remaining obstacle, such as a wall that covers
-  part of the cell.
+  resolution lower. The beam then passed next to an obstacle that still exists, such as a wall that
+  covers part of the cell.
 - Another cell, at most two cells away, still contains an obstacle. This is assumed if no beam
   crossed that cell below its foot, and the foot is higher than the beam or at most one resolution
   lower. The foot must also be more than one resolution above the lowest height in and next to the
@@ -18,9 +18,9 @@ foot clears a cell that was not confirmed for `scanning_duration`, with these ex
 - The beam grazes the surface: the angle between the beam and the plane through the neighbors is
   less than `cleanup_min_angle`.
 
-The end of a beam is raised by three standard deviations of its point. If a beam leaves a cell
-below the feet of all cells in the 3 x 3 neighborhood that this scan confirmed, it counts as
-reflected there, and clears no cells farther away.
+The end of a beam is raised by three standard deviations of its point. If a beam leaves a cell below
+the feet of all cells in the 3 x 3 neighborhood that this scan confirmed, it is assumed to end
+there, and does not clear cells farther away.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from ._state import State, highest_around
 
 
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
-    """Return the heights (k,) at which beams entered the cells of their points [m].
+    """Return the heights (k,) [m] at which beams entered the cells of their points.
 
-    `order` (n,) holds the scan indices of the points on the map. `chosen` (k,) indexes `order`.
+    `order` (n,) contains the scan indices of the points on the map; `chosen` (k,) indexes `order`.
     """
     chosen = order[chosen]
     rows = geometry.size[0]
@@ -107,7 +107,7 @@ def cleared_cells(
         _trace_arrays(ways, frame, size, surface)
     proven = np.flatnonzero(proofs < np.inf)
     found, beams = candidates[proven], proofs[proven]
-    # Keep cells next to an obstacle that no beam crossed; they may be part of the obstacle.
+    # Do not clear cells next to an obstacle that no beam crossed, as they may be part of it.
     feet[candidates[crossed.view(np.bool_)]] = np.nan
     ground = -highest_around(-heights, size)[found]
     beside = highest_around(feet, size, 2)[found]
@@ -129,7 +129,7 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
         off = (still & ((start < 0.0) | (start > limits))).any(axis=0) | still.all(axis=0)
         ends = np.where(still, np.array([-np.inf, np.inf])[:, None, None], ends)
         t = np.maximum(ends.min(axis=0).max(axis=0), 0.0)
-        # Rounding must not put the end beyond the border.
+        # Rounding must not move the end beyond the border.
         last = np.minimum(ends.max(axis=0).min(axis=0) * (1.0 - 1e-9), 1.0)
         last = np.minimum(last, frame[5] / length)
         on_map = ~off & (t < last)
@@ -163,8 +163,8 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
 def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
     """Return the upward unit normals (3, k) of the surface in `cells`, along rows, columns and z.
 
-    The surface is the plane through the neighbors along rows and columns. The cell itself replaces
-    a neighbor that is unknown or outside the map.
+    The surface is the plane through the neighbors along rows and columns. A neighbor that is
+    unknown or outside the map is replaced with the cell itself.
     """
     here, normals = heights[cells], np.ones((3, len(cells)))
     lines = cells % size[0], cells // size[0]
@@ -191,21 +191,21 @@ def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, 
 
 
 MARGIN = 1e-9
-"""Height [m] by which `last_ring` lowers beams, so that rounding errors cannot skip a ring."""
+"""Height [m] by which `last_ring` lowers beams, so that no ring is skipped due to rounding."""
 
 SECTORS, RINGS = 512, 32
 """Size of the polar grid around the sensor, in which `last_ring` looks up where beams end."""
 
 
 def direction(x: Any, y: Any) -> Any:
-    """Map a nonzero vector to a number in [0, `SECTORS`] that increases with its angle."""
+    """Convert a nonzero vector to a number in [0, `SECTORS`] that increases with its angle."""
     part = y / (abs(x) + abs(y))
     turn = 2.0 - part if x < 0.0 else (part if y >= 0.0 else 4.0 + part)
     return turn * (SECTORS / 4)
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the width [cells] of the `RINGS` rings that cover the part of the map in reach."""
+    """Return the width [cells] of a ring; `RINGS` rings cover the part of the map in reach."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -237,16 +237,16 @@ def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any
 
 
 def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
-    """Clip the range of beam parameters [`first`, `last`] to the map along one axis."""
+    """Clip the range [`first`, `last`] of the beam parameter to the map, along one axis."""
     if way == 0.0:
         return first, (last if 0.0 <= start <= size else -1.0)
     one, other = -start / way, (size - start) / way
-    # Rounding must not put the end beyond the border.
+    # Rounding must not move the end beyond the border.
     return max(first, min(one, other)), min(last, max(one, other) * (1.0 - 1e-9))
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the beam parameter after which a beam cannot clear cells; 0 if it clears none."""
+    """Return the beam parameter beyond which a beam cannot clear cells; 0 if it clears none."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))
@@ -283,8 +283,8 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
             floors: for each candidate, the height above which a beam can clear it.
             normals: surface normals of the candidates, three numbers each.
             guards: for each cell, the height below which a beam ends there.
-            proofs: result; height of the lowest beam that proves a candidate to be free.
-            crossed: result; 1 if a beam crossed the candidate below its foot.
+            proofs: output, the height of the lowest beam that proves each candidate to be free.
+            crossed: output, 1 for candidates that a beam crossed below their foot.
     """
     rows, columns = size
     width = ring_width(frame, size)
@@ -294,14 +294,14 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
         x, y = -x / frame[3], -y / frame[3]
         t, last = within(frame[0], x, rows, 0.0, min(frame[5] / length, 1.0))
         t, last = within(frame[1], y, columns, t, last)
-        # A vertical beam stays in the cell of its point and clears nothing.
+        # A vertical beam stays in the cell of its point, so it clears no cell.
         if t < last and x * x + y * y > 0.0:
             last = last_ring(frame, table, width, x, y, rise, last)
             follow((x, y, rise), (t, last), frame, size, surface)
 
 
 def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
-    """Trace one beam along `way`, within the range `span` of beam parameters; see `trace`."""
+    """Trace one beam along `way`, within the range `span` of the beam parameter; see `trace`."""
     ceilings, places, floors, normals, guards, proofs, crossed = surface
     x, y, rise = way
     t, last = span
@@ -321,19 +321,19 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
             crossed[place] = 1
             passes = beam > floors[place]
             if passes and faces(normals, 3 * place, x, y, rise, frame[3], frame[4]):
-                # From now on, only lower beams matter.
+                # For this cell, only lower beams matter from now on.
                 proofs[place] = ceilings[cell] = beam
         if frame[2] + rise * min(out, last) < guards[cell]:
             break
         t = out
-        # Branch-free, because the processor cannot predict these branches.
+        # There is no branch here, because the processor could not predict it.
         cell += by_row if is_row else by_column
         next_row += step_row if is_row else 0.0
         next_column += 0.0 if is_row else step_column
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return a beam's first row or column, the beam parameter at its far border, and the step."""
+    """Return a beam's first row (or column), the beam parameter at its end and the step per row."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

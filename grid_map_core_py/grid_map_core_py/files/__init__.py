@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Loads and saves maps, and loads point clouds and meshes; file names select the format."""
+"""Loads and saves maps, and loads point clouds and meshes. The file name selects the format."""
 
 from .. import _lazy
 from ._clouds import (

@@ -35,17 +35,17 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
 
     Returns:
         points: (N, 3) x, y, z, float32 or float64 as in the file; may contain NaN. The viewpoint of
-            a PCD file is not applied.
+            a PCD file is ignored.
         fields: other values of each point in a PCD or PLY file, such as `intensity`. Colors are
-            returned as one field `rgb` of packed colors, ready for `rasterize`. A PCD field with
-            several numbers per point is split into the fields `name__0000`, `name__0001` ...
+            packed into one field `rgb`, which `rasterize` accepts. A PCD field with several numbers
+            per point is split into the fields `name__0000`, `name__0001` ...
     """
     file = Path(path)
     if file.suffix.lower() == ".pcd":
         pypcd4 = package_for(file, "PCD", "pypcd4")
         with storage_errors(file, "read"):
             cloud = pypcd4.PointCloud.from_path(file)
-            # For a file with a single point, the reader may return a 0-D array.
+            # If a file has a single point, the reader may return a 0-D array.
             rows = np.atleast_1d(cloud.pc_data)
             if len(rows) != cloud.points:
                 raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
@@ -71,7 +71,7 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
         table.pop("alpha", None)
         table["rgb"] = color_vector_to_value(rgb)
     for name in COLOR_FIELDS:
-        # Packed colors with alpha may be NaN when read as float.
+        # Packed colors with alpha may be NaN as floats.
         if name in table and table[name].dtype.itemsize == 4:
             table["rgb"] = as_colors(table.pop(name))
     return points, table
@@ -120,7 +120,7 @@ def load_cloud(
         resolution: side of a cell [m]; required.
         kind: "points" or "mesh"; None means "mesh" if the file has faces, else "points".
         height_layer: name of the height layer.
-        reduction: reduces the point heights in a cell to one height, such as "max"; see
+        reduction: reduction of the point heights in a cell to one height, such as "max"; see
             `rasterize`.
         min_height, max_height: points below or above these heights [m] are ignored.
         tight: for points only. If True, center the map on the points; if False, align its
@@ -178,7 +178,7 @@ def _mesh(
     try:
         return load_mesh(path)
     except GridMapError:
-        # A file without faces may contain points. Any other error recurs when the points are read.
+        # The file may contain only points. Any other error recurs when the points are read.
         if required:
             raise
         return None
@@ -201,11 +201,11 @@ def _read_meshes(file: Path) -> list[Any]:
     trimesh = package_for(file, ending, "trimesh")
     with storage_errors(file, "read"):
         try:
-            # Unprocessed: no vertex is merged or dropped.
+            # Without processing, no vertex is merged or dropped.
             options = {"process": False, "skip_materials": True}
             scene = trimesh.load_scene(BytesIO(file.read_bytes()), ending, **options)
         except ImportError as error:
-            # For text that is not UTF-8, trimesh tries to import a package to guess the encoding.
+            # If text is not UTF-8, trimesh imports a package that may be missing.
             raise ValueError("neither valid nor text in UTF-8") from error
         except ValueError as error:
             hint = " (the faces of a binary PLY file must all have the same number of vertices)"
@@ -220,7 +220,7 @@ def _read_meshes(file: Path) -> list[Any]:
 
 
 def _check_complete(mesh: Any) -> None:
-    """Raise ValueError for truncated PLY text, invalid faces or missing x, y, z."""
+    """Raise ValueError if PLY text is truncated, a face is invalid, or x, y or z is missing."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(getattr(mesh, "faces", ()))
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"expected x, y, z of every vertex, got an array {vertices.shape}")

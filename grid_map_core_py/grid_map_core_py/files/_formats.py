@@ -25,7 +25,7 @@ GROUP = "grid_map_core_py.formats"
 
 
 class MapRecord(Protocol):
-    """A map in a file; the map is read on demand."""
+    """A map in a file, which is read on demand."""
 
     time: int
     """Recording time [ns]."""
@@ -44,19 +44,19 @@ class Format:
         name: unique short name, such as "npz".
         description: short description for tables and messages.
         endings: file extensions, in lower case, such as ".npz".
-        reads: function that returns whether a path can be read; used for folders, and for
-            extensions that several formats share. If None, the extension decides.
+        reads: function that returns whether a path can be read, for folders and for extensions
+            that several formats share. If None, the extension decides.
         writes: function that returns whether a path can be written. If None, the extension decides.
         load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
         save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
         describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
-            "map" contains the map metadata. If None, the map is loaded to describe it.
-        open_maps: for formats with several maps per file: `open_maps(path, **options)` accepts the
-            options of `load` except `layers` and `index`, and returns a context manager that yields
+            "map" contains the map metadata. If None, the map is loaded instead.
+        open_maps: for formats with several maps per file. `open_maps(path, **options)` accepts the
+            options of `load` except `layers` and `index`, and returns a context manager. It yields
             a sequence of `MapRecord` with an attribute `topic`.
-        save_maps: for formats with several maps: `save_maps(path, maps, **options)` writes an
-            iterable of (time [ns] or None, map) pairs one by one, and returns the number of pairs.
-        save_all: for formats that also store other messages: `save_all(source, path, **options)`
+        save_maps: for formats with several maps per file. `save_maps(path, maps, **options)` writes
+            (time [ns] or None, map) pairs from an iterable, and returns their number.
+        save_all: for formats that also store other messages. `save_all(source, path, **options)`
             copies all messages of the file `source`, such as the clouds and poses of a bag, to
             `path`, and returns their number.
     """
@@ -75,7 +75,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the option names of a format's function: all parameters after the first `given`."""
+    """Return the option names of a format's function: its parameters without the first `given`."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 
@@ -137,17 +137,18 @@ def save(
 def formats() -> dict[str, Format]:
     """Return all formats by name: first built-in formats, then formats from entry points.
 
-    An entry point in the group `grid_map_core_py.formats` adds a format. The entry point is named
-    after the format and refers to a `Format`. Formats that fail to load are skipped with a warning.
+    An entry point in the group `grid_map_core_py.formats` adds a format. Its name is the name of
+    the format, and its value refers to a `Format`. If a format fails to load, it is skipped, and a
+    warning is issued.
     """
     known = {one.name: one for one in _BUILT_IN}
-    # Formats of this package come first, because any folder may be a bag.
+    # Formats of this package come first, because the bag format accepts any folder.
     own = f"{__package__.partition('.')[0]}."
     entries = entry_points(group=GROUP)
     for entry in sorted(entries, key=lambda one: (not one.value.startswith(own), one.name)):
         try:
             known.setdefault(entry.name, entry.load())
-        # An error in a plug-in must not make other formats unusable.
+        # A broken plug-in must not make other formats unusable.
         except Exception as error:
             warnings.warn(
                 f"format {entry.name!r} of {entry.value}: cannot be loaded: {error}", stacklevel=2

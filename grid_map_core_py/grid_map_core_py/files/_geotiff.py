@@ -2,9 +2,9 @@
 """GeoTIFF files with one float32 band per layer; the band description is the layer name.
 
 NaN means no data. Raster rows run towards -y and columns towards +x. A tag stores the frame, time
-and basic layers. The geotransform defines the position, so rasters cropped by other programs load
-correctly. The first part of this module reads and writes whole maps. `grid_map_core_py.tiled` uses
-the second part to read and write windows.
+and basic layers. The geotransform defines the position, so rasters are also loaded correctly after
+another program has cropped them. The first part of this module reads and writes whole maps.
+`grid_map_core_py.tiled` uses the second part to read and write windows.
 """
 
 import json
@@ -56,7 +56,7 @@ def save_geotiff(
     if not grid_map.layers:
         raise GridMapError(f"{path}: cannot be written: the map has no layers")
     grid_map = grid_map._in_crs(crs)
-    # Python writes the file, because GDAL does not report a full disk when it closes a file.
+    # Python writes the file, because GDAL does not report if the disk is full.
     with storage_errors(Path(path), "written"), rasterio.MemoryFile() as memory:
         profile = raster_profile(grid_map, len(grid_map.layers), compress=compress)
         with memory.open(**profile) as raster:
@@ -70,9 +70,9 @@ def save_geotiff(
 def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
     """Load a map from a GeoTIFF file written by `save_geotiff` or another program.
 
-    An unnamed band becomes the layer `elevation` if it is the only band. Otherwise it is named
-    after its number: `band_1` and so on. Masked pixels become NaN. Band scales and offsets are
-    applied. The function warns if the coordinates are not in meters.
+    If the only band is unnamed, it becomes the layer `elevation`. If there are several bands,
+    unnamed bands become the layers `band_1`, `band_2` and so on. Masked pixels become NaN. Band
+    scales and offsets are applied. The function warns if the coordinates are not in meters.
 
     Args:
         path: the file, or a GDAL virtual file, such as `/vsicurl/https://...`.
@@ -94,7 +94,6 @@ def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
-    """Open a raster file; yield the map in it."""
     with storage_errors(Path(path), "read"), gdal(path), open_raster(path) as raster:
         if unit := unit_of(raster):
             warnings.warn(
@@ -113,14 +112,14 @@ def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
 
 
 def gdal(path: str | PathLike[str], **options: Any) -> Any:
-    """Return a rasterio environment that limits the block cache and logs GDAL errors."""
+    """Return a rasterio environment with a limited block cache; it also logs GDAL errors."""
     if "GDAL_CACHEMAX" not in os.environ:
         options["GDAL_CACHEMAX"] = _CACHE
     return package_for(path, "GeoTIFF", "rasterio").Env(**options)
 
 
 def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
-    """Open a file with rasterio; `overview` 0 is the largest overview, None the full resolution."""
+    """Open a file with rasterio; None opens the full resolution, 0 the most detailed overview."""
     level = {} if overview is None else {"overview_level": overview}
     return import_module("rasterio").open(os.fspath(path), **level)
 
@@ -154,7 +153,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
     """Return the frame origin stored in a raster, in coordinates of the reference system [m].
 
-    The result is None if no origin is stored, or if the raster was reprojected afterwards.
+    If no origin is stored, or if the raster has been reprojected since, the result is None.
     """
     tags = _tags_of(raster)
     if "origin" not in tags:
@@ -186,7 +185,8 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     """Return the grid geometry of an opened raster.
 
     Raises:
-        ValueError: the pixels are not square, north is not up, or it is not georeferenced.
+        ValueError: the pixels are not square, the first row is not the northernmost, or the raster
+            is not georeferenced.
     """
     step = raster.transform
     if step.is_identity:
@@ -222,7 +222,7 @@ def read_pixels(
         ValueError: a band contains complex numbers, or its scale or offset is not finite.
     """
     rectangle = import_module("rasterio.windows").Window.from_slices(*window)
-    # Each access of a property visits all bands.
+    # Access each property only once, because each access visits all bands.
     terms = [*zip(raster.scales, raster.offsets, strict=True)]
     for band in bands:
         scale, offset = terms[band - 1]
@@ -247,7 +247,7 @@ def read_pixels(
 
 
 def _warn_of_fill(raster: Any, values: Layer) -> None:
-    """Warn if many pixels share an extreme value, probably a nodata value that is not declared."""
+    """Warn if many pixels have the same extreme value, probably an undeclared nodata value."""
     for fill in map(float, (values.min(initial=0.0), values.max(initial=0.0))):
         # Common nodata values are at least 999 away from 0.
         others = values[values != fill].astype(np.float64) if abs(fill) > 900.0 else values[:0]
@@ -263,9 +263,9 @@ def checked_crs(crs: Any) -> str:
     if text := as_crs(crs):
         rasterio = required("rasterio", "crs")
         try:
-            with rasterio.Env():  # else PROJ prints its own message
+            with rasterio.Env():  # keeps PROJ from printing its own message
                 rasterio.crs.CRS.from_user_input(text)
-        except ValueError:  # base class of rasterio's CRSError; a malformed number
+        except ValueError:  # a malformed number, or rasterio's CRSError, which is a subclass
             raise wrong_crs(crs) from None
     return text
 
@@ -296,7 +296,7 @@ def describe_raster(raster: Any, described: Any, layers: Sequence[str]) -> None:
     Args:
         raster: the open dataset.
         described: a `GridMap` or a tiled map. If its frame and its reference system have different
-            origins, `crs` and `origin` [m] are stored as well.
+            origins, `crs` and `origin` [m] are also stored.
         layers: names of the bands.
     """
     facts = {

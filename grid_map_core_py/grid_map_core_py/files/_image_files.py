@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Height maps stored as gray images, and functions to read and write images of any kind.
 
-In files, up is +y and right is +x, as in GeoTIFF, nav2's `map_server` and the RViz top-down view.
-In the arrays of `grid_map_core_py.conversions`, up is +x, as in the images of the C++ package.
+In files, up is +y and right is +x, as in GeoTIFF files, in Nav2's `map_server` and in the top-down
+view of RViz. In the arrays of `grid_map_core_py.conversions`, up is +x, as in C++.
 
-A height image stores only pixels. The caller provides the resolution and the heights of black and
-white.
+A height image stores only pixels. The caller provides the resolution, and the heights for black
+and white.
 """
 
 import re
@@ -58,8 +58,8 @@ def load_height_image(
         path: a PNG, TIFF, BMP or PGM file with uint8, uint16, float32 or float64 pixels.
         layers: names of the layers to load; only `height_layer` exists. None means all.
         resolution: side of a pixel [m]; required.
-        lower, upper: heights of black and white [m]. Not allowed for floating-point images,
-            which store the heights themselves.
+        lower, upper: heights of black and white pixels [m]. Floating-point images contain heights,
+            so these arguments are not allowed.
         height_layer: name of the layer.
         position: (2,) center of the map [m].
         frame_id: frame of the map.
@@ -108,8 +108,8 @@ def save_height_image(
         path: the file; its name ends in .png, .tif or .tiff.
         layer: name of the layer; None means `elevation` if it exists, else the only layer.
         bits: bits per pixel: 8, 16, or 32 (float32, TIFF only); None means 16, or 32 for TIFF.
-        lower, upper: heights of black and white [m]; None means the smallest and the largest
-            finite value. Not allowed for float32 images, which store the heights themselves.
+        lower, upper: heights of black and white pixels [m]; None means the smallest and the largest
+            finite value. Float32 images contain heights, so these arguments are not allowed.
     """
     file = Path(path)
     ending = file.suffix.lower()
@@ -146,17 +146,17 @@ def chosen_layer(grid_map: GridMap, layer: str | None, usual: str) -> str:
 
 
 def to_north_up(image: Image) -> Image:
-    """Turn an image in map order (+x up, +y left) so that +y is up and +x is to the right."""
+    """Rotate an image in map order (+x up, +y left) so that +y is up and +x is right."""
     return image.swapaxes(0, 1)[:, ::-1]
 
 
 def from_north_up(image: Image) -> Image:
-    """Turn an image with +x right and +y up back to map order; inverse of `to_north_up`."""
+    """Rotate an image with +y up and +x right to map order; the inverse of `to_north_up`."""
     return image[:, ::-1].swapaxes(0, 1)
 
 
 def encode_image(image: Image, ending: str) -> bytes:
-    """Encode an image in the format of a file name ending, such as ".png"."""
+    """Encode an image; `ending` is the file name ending of the format, such as ".png"."""
     done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")
@@ -189,7 +189,7 @@ def read_image(file: Path) -> Image:
     check_cells(f"{file}: image", pixels.shape)
     head = _PNM_HEAD.match(data)
     if head and head[1] in b"25":
-        # OpenCV ignores the white value in the file header, so scale the pixels here.
+        # OpenCV ignores the maximum value in the file header, so the pixels are scaled here.
         white, largest = int(head[4]), 255 if pixels.dtype == np.uint8 else 65535
         if white != largest:
             pixels = np.rint(pixels * (largest / white)).astype(pixels.dtype)
@@ -197,7 +197,7 @@ def read_image(file: Path) -> Image:
 
 
 def _claimed_size(data: bytes) -> tuple[int, int]:
-    """Return the rows and columns that a PNG, BMP, PNM or TIFF header declares; (0, 0) if none."""
+    """Return the rows and columns in a PNG, BMP, PNM or TIFF header, or (0, 0) if not found."""
     if data.startswith(b"\x89PNG"):
         columns, rows = struct.unpack_from(">II", data, 16)
         return rows, columns

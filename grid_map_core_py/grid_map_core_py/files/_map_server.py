@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Occupancy maps of nav2's `map_server`: a YAML file and an image next to it.
+"""Occupancy maps of Nav2's `map_server`: a YAML file, and an image in the same folder.
 
 The YAML file defines how pixels are converted to occupancies. Let `shade` be the mean of the color
 channels, from 0 (black) to 1 (white), and `occ` be `1 - shade`, or `shade` if `negate` is set:
 
 - `trinary`: 100 if `occ` is above `occupied_thresh`, 0 if it is below `free_thresh`, otherwise
   unknown. An alpha channel counts as a fourth color channel.
-- `scale`: as `trinary`, but from `free_thresh` to `occupied_thresh`, the occupancy rises linearly
-  from 0 to 100, computed in float32 and rounded (ties up), as in Nav2. Pixels that are not opaque
-  are unknown.
+- `scale`: as `trinary`, but between `free_thresh` and `occupied_thresh`, the occupancy rises
+  linearly from 0 to 100. It is computed in float32 and rounded (ties up), as in Nav2. Pixels that
+  are not opaque are unknown.
 - `raw`: the 8-bit pixel value if it is at most 100, otherwise unknown. `negate` has no effect.
 
 In the map, occupancies range from 0 to 100. Unknown cells are NaN.
@@ -42,7 +42,7 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free) per mode; loading restores all values a mode can store."""
+"""Default thresholds (occupied, free) by mode, with which loading restores the saved values."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
 """Pixel values that nav2's `map_saver` writes in `trinary` mode: occupied, unknown and free."""
@@ -76,7 +76,7 @@ def load_map_server(
     image = file.parent / settings.image
     with storage_errors(image, "read"):
         pixels = read_image(image)
-        # Convert a few rows at a time: temporary arrays are many times as large as the pixels.
+        # A few rows at a time, because temporary arrays are many times as large as the pixels.
         parts = slices(len(pixels), PIECE // pixels.shape[1])
         values = np.concatenate([_occupancy(pixels[part], settings) for part in parts])
     occupancy = from_north_up(values)
@@ -104,24 +104,24 @@ def save_map_server(
 ) -> None:
     """Write a layer as an occupancy map of nav2's `map_server`.
 
-    The image is written next to the YAML file, as PGM or, in `scale` mode, as PNG with alpha. The
-    YAML file is replaced last. Until then, an old map stays intact.
+    The image is written to the same folder, as PGM or, in `scale` mode, as PNG with alpha. The YAML
+    file is replaced last. Until then, an existing map stays intact.
 
     Args:
         grid_map: the map; it is stored in map order.
         path: the YAML file.
-        layer: layer with whole numbers from 0 (free) to 100 (occupied), and NaN or -1 for unknown;
-            other layers need `data_min` and `data_max`. None means `occupancy` if it exists, else
-            the only layer.
+        layer: layer with whole numbers from 0 (free) to 100 (occupied), and NaN or -1 for unknown.
+            Other layers require `data_min` and `data_max`. None means `occupancy` if it exists,
+            else the only layer.
         mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw`
             keep the occupancies.
-        negate: if True, white means occupied; has no effect in `raw` mode.
+        negate: if True, white means occupied. This has no effect in `raw` mode.
         occupied_thresh, free_thresh: thresholds for occupied and free cells, 0 to 1. None means
             0.65 and 0.196, or 1 and 0 in `scale` mode. In `scale` mode, loading restores all
             occupancies exactly if the thresholds are at least 0.4 apart.
-        data_min, data_max: layer values that become occupancy 0 and 100; `data_max` may be the
-            smaller one. Values between them are scaled linearly and rounded to whole occupancies;
-            values outside are clamped. Only NaN means unknown.
+        data_min, data_max: layer values that become occupancy 0 and 100; `data_max` may be less
+            than `data_min`. Values between them are scaled linearly and rounded to whole numbers.
+            Other values are clamped. If these arguments are given, only NaN means unknown.
 
     Raises:
         GridMapError: an option is invalid, a file cannot be written, or a value is not an occupancy
@@ -214,7 +214,7 @@ def _occupancy(pixels: Image, settings: _Settings) -> Layer:
     occ = shade if settings.negate else number(1) - shade
     if settings.mode == "scale" and occupied != free:
         extent = number(settings.occupied_thresh - settings.free_thresh)
-        # In float32, adding 0.5 would round up a value just below a tie.
+        # In float32, adding 0.5 to a value just below a tie would round it up.
         between = np.floor(((occ - free) / extent * number(100)).astype(np.float64) + 0.5)
     else:
         between = np.full(occ.shape, np.nan)
@@ -247,7 +247,7 @@ def _as_occupancies(
 
 
 def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
-    """Return the image that `_occupancy` converts back to the values."""
+    """Convert occupancies to an image, from which `_occupancy` restores them."""
     known = ~np.isnan(values)
     rounded = np.where(known, np.rint(values.astype(np.float64)), 0.0)
     if mode == "raw":
@@ -256,7 +256,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
         gray = np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5))
         return np.dstack([gray, gray, gray, 255 * known]).astype(np.uint8)
-    # The pixel value of unknown cells must be between the thresholds; 205 may be outside them.
+    # The usual pixel value of unknown cells, 205, may not be between the thresholds.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)
@@ -266,7 +266,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the path of a map's image; None if missing or not named by `save_map_server`."""
+    """Return the image path of an existing map; None unless `save_map_server` wrote the image."""
     if not file.exists():
         return None
     document = load_yaml(file)

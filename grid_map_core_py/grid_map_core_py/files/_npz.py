@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Stores maps without loss in NumPy's `.npz` files.
+"""Stores complete maps in `.npz` files.
 
-NumPy alone can read such a file: `np.load("map.npz")["layers/elevation"]` is a layer
-in map order, and the entry `metadata` is a JSON string with all other attributes.
+NumPy can read these files: `np.load("map.npz")["layers/elevation"]` is a layer in map order, and
+the entry `metadata` is a JSON string with all other attributes.
 """
 
 import json
@@ -36,7 +36,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
     Args:
         grid_map: the map.
         path: path of the file; `.npz` is not appended.
-        compress: if True, compress the file; saving then takes several times as long.
+        compress: if True, compress the file. Saving then takes several times as long.
     """
     check_ending(path, ".npz")
     arrays = {_LAYERS + name: grid_map.unwrapped(name) for name in grid_map}
@@ -78,7 +78,7 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the metadata of the map in a file, under the key "map"; no layer is read."""
+    """Return {"map": metadata} for the map in a file, without reading a layer."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 

@@ -40,7 +40,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Turn errors in reading or writing a file into a `GridMapError` that names its path.
+    """Replace errors from reading or writing a file with a `GridMapError` that names its path.
 
     Args:
         file: path of the file.
@@ -57,7 +57,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or error.__cause__ or error
         raise GridMapError(f"{file}: cannot be {doing}: {reason}{similar(file)}") from error
-    # For damaged files, libraries raise errors of many classes.
+    # Libraries raise errors of many classes if a file is damaged.
     except Exception as error:
         text = f"{error} is missing" if isinstance(error, KeyError) else str(error).strip()
         first_line = text.splitlines()[0] if text else type(error).__name__
@@ -65,9 +65,9 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 
 def similar(file: Path) -> str:
-    """Return a hint with a similar name in the folder if `file` does not exist, otherwise ""."""
+    """If `file` does not exist, return a hint with a similar name in its folder, otherwise ""."""
     known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
-    # An equal ending alone is not similar.
+    # Names that have only the ending in common are not similar.
     names = (one.name for one in known if errors.hint(one.stem, [file.stem]))
     return errors.hint(file.name, names)
 
@@ -83,12 +83,12 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Import the package for a kind of file; if this fails, the error says how to install it."""
+    """Import a package that a kind of file needs; if it is missing, say how to install it."""
     return errors.required(name, f"{path}: {kind}")
 
 
 def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
-    """Warn if a map has a reference system, which this kind of file or message cannot hold."""
+    """Warn if a map has a reference system, which this kind of file or message cannot store."""
     if grid_map.crs:
         text = f"crs: {kind} cannot hold the coordinate reference system of the map; it is lost. "
         warnings.warn(f"{text}A GeoTIFF, Zarr or .npz file keeps it", stacklevel=stacklevel)
@@ -97,7 +97,7 @@ def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
 def map_facts(grid_map: GridMap) -> dict[str, Any]:
     """Return all attributes of a map except the layer values, in types that JSON supports."""
     crs = grid_map.crs
-    with suppress(Exception):  # pyproj is missing, or the system has no code
+    with suppress(Exception):  # pyproj is missing, or `crs` is invalid
         crs = ":".join(import_module("pyproj").CRS.from_user_input(crs).to_authority() or [crs])
     facts: dict[str, Any] = {"crs": crs} if crs else {}
     facts |= {"origin": [*grid_map.origin]} if any(grid_map.origin) else {}
@@ -116,7 +116,7 @@ def map_facts(grid_map: GridMap) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class StoredMap:
-    """A map in a file; its layers are read on demand."""
+    """A map in a file, whose layers are read on demand."""
 
     empty: GridMap
     """The map without its layers."""
@@ -135,7 +135,7 @@ class StoredMap:
         return grid_map
 
     def facts(self) -> dict[str, Any]:
-        """Return `map_facts` of the whole map, without reading a layer."""
+        """Return the result of `map_facts` for the whole map, without reading a layer."""
         names = {"layers": [*self.layers], "basic_layers": [*self.basic_layers]}
         return map_facts(self.empty) | names
 
@@ -158,11 +158,11 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
     Args:
         path: path of the folder.
-        check_old: function that raises an error if the folder or file that exists at `path` must
-            not be replaced; called before anything is written and again before the replacement.
+        check_old: function that raises an error if the existing file or folder must not be
+            replaced. It is called before anything is written, and again before the replacement.
 
     Raises:
-        OSError: the parent folder is missing or not writable; the error names `path`.
+        OSError: the parent folder is missing or not writable. The error names `path`.
     """
     with _beside(path) as (temporary, target):
         if target.exists():
@@ -192,7 +192,7 @@ def replace_folder(temporary: Path, target: Path) -> None:
 
 @contextmanager
 def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
-    """Yield a temporary path next to the target, and the target with symbolic links resolved."""
+    """Yield a temporary path in the folder of `path`, and `path` with symbolic links resolved."""
     target = Path(path).resolve()
     if not target.parent.is_dir():
         raise FileNotFoundError(2, f"there is no folder {Path(path).parent}", str(path))
@@ -201,7 +201,7 @@ def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
         with unfinished(name) as temporary:
             yield temporary, target
     except OSError as error:
-        # An OSError about the temporary path names `path` instead.
+        # Users know `path`, but not the temporary path.
         if str(name) in str(error.filename):
             error.filename, error.filename2 = str(path), None
         raise
@@ -220,7 +220,7 @@ def _sync(path: Path) -> None:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML loader that reads `1e-3` as a number and refuses duplicate keys."""
+    """YAML loader that reads `1e-3` as a number and rejects duplicate keys."""
 
     def flatten_mapping(self, node: Any) -> None:
         """Check a mapping for duplicate keys before merge keys (`<<`) are expanded."""
@@ -262,7 +262,7 @@ def parse_yaml(text: str | bytes, name: object) -> Any:
     """
     try:
         return yaml.load(text, _Loader)
-    # Values that do not fit their tags, such as `!!int x`, raise errors of many classes.
+    # A value that does not match its tag, such as `!!int x`, may cause an error of any class.
     except Exception as error:
         problem = " ".join(str(error).split())
         raise GridMapError(f"{name}: no valid YAML: {problem:.300}") from error

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Grid maps: `GridMap`, its geometry, interpolation and signed distance fields.
 
-- `GridMap`: layers over a grid, with moves, submaps, merging, transforms and interpolation.
+- `GridMap`: named layers over a grid. It can be moved, cut, merged, transformed and interpolated.
 - `GridGeometry`: size, resolution and position of a grid; converts positions to cells and back.
 - `Interpolation`: interpolation methods of `GridMap.at_position`.
 - `BufferRegion`: a rectangle of the circular buffer in which layers are stored.

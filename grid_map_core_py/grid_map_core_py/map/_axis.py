@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    Attributes are plain numbers, because NumPy scalars are several times slower. In the result of
-    `both_axes`, however, all attributes except `resolution` are arrays.
+    Attributes are Python numbers, because NumPy scalars are several times slower. Only in the
+    result of `both_axes`, all attributes except `resolution` are arrays.
 
     Attributes:
         size: number of cells.
@@ -49,21 +49,21 @@ class Axis:
     def contains(self, x: Coordinate) -> bool | Mask:
         """Return whether coordinates are on the map; False for NaN.
 
-        The border with the larger coordinate (the + border) belongs to the map, the other does
-        not. A position on a border is rounded to the same side as in the C++ library.
+        The border with the larger coordinate (the + border) belongs to the map, the other border
+        does not. Coordinates near a border are rounded as in the C++ library.
         """
         offset = self.offset(x)
         return (offset >= 0.0) & (offset < self.length)
 
     def offset(self, x: Coordinate) -> Coordinate:
-        """Return the distances [m] of coordinates from the + border, as `contains` uses them."""
+        """Return the distances [m] of coordinates from the + border, rounded as in `contains`."""
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
         """Return the distances of coordinates from the + border [cells].
 
-        Rounding is as in the C++ library, but differs from `contains`: for a coordinate on the map,
-        the distance may be slightly below 0, or equal to `size`.
+        The distances are rounded as in the C++ library, but not as in `contains`: for a coordinate
+        on the map, the result may be slightly below 0, or equal to `size`.
         """
         steps = x - self.half
         steps -= self.center
@@ -77,7 +77,7 @@ class Axis:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Smallest and largest coordinate on the map [m], up to `precision`."""
+        """Smallest and largest coordinate on the map [m], accurate to `precision`."""
         lower, upper, step = self.center - self.half, self.center + self.half, self.precision
         while not self.offset(lower) < self.length:
             lower += step
@@ -93,8 +93,8 @@ class Axis:
         return self.first - self.resolution * cell
 
     def centers(self, first: int, stop: int) -> Positions:
-        """Return the centers [m] of the cells `first` ... `stop` - 1."""
-        # A range of floats needs no conversion from integers.
+        """Return the centers [m] of the cells from `first` to `stop` - 1."""
+        # A range of floats saves the conversion from integers.
         return self.center_of(np.arange(first, stop, dtype=np.float64))
 
     def between(
@@ -105,7 +105,7 @@ class Axis:
         Args:
             x: coordinates on the map [m].
             closed_above: if True, a coordinate exactly at a cell center belongs to the interval
-                below it (t = 1); otherwise to the one above it (t = 0).
+                below the center (t = 1); if False, to the interval above it (t = 0).
             rounding: module with `trunc`, `floor` and `ceil`: NumPy, or `math` for one coordinate.
 
         Returns:
@@ -124,9 +124,9 @@ class Axis:
         return cell, t
 
     def overlapped(self, lower: float, upper: float) -> slice:
-        """Return the slice of cells that an interval overlaps; it may be empty.
+        """Return the slice, possibly empty, of the cells that an interval overlaps.
 
-        An end within `BORDER_TOLERANCE` of a cell border adds no cell.
+        A cell counts only if the interval extends into it by more than `BORDER_TOLERANCE`.
         """
         size, tolerance = self.size, BORDER_TOLERANCE / self.resolution
         near, far = self.steps(upper) + tolerance, self.steps(lower) - tolerance
@@ -153,7 +153,7 @@ class Axis:
         return self.at(self.center - self.resolution * shift)
 
     def block(self, first: int, stop: int) -> Axis:
-        """Return the axis of the cells `first` ... `stop` - 1."""
+        """Return the axis of the cells from `first` to `stop` - 1."""
         size = stop - first
         corner = self.center + self.half
         center = corner - self.resolution * (first + 0.5 * size)

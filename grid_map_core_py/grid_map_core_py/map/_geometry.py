@@ -35,7 +35,7 @@ _SUBNORMAL = float(np.nextafter(np.finfo(np.float64).tiny, 0.0))
 """Largest subnormal number; a resolution [m] must be larger, as subnormals are imprecise."""
 
 _LARGEST_SIDE = 2**31  # largest number of cells along a side; larger layers cannot be addressed
-_LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot count single cells
+_LARGEST_SHIFT = 2.0**52  # largest shift [cells]; float64 is too imprecise for larger shifts
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -88,7 +88,7 @@ class GridGeometry:
         return cls((rows * resolution, columns * resolution), resolution, position)
 
     def at(self, position: ArrayLike) -> GridGeometry:
-        """Return a grid with the same cells, centered at `position` (2,) [m]."""
+        """Return a grid of the same size and resolution, centered at `position` (2,) [m]."""
         x, y = as_pair(position, "position")
         return self._of(self._x.at(x), self._y.at(y))
 
@@ -134,7 +134,7 @@ class GridGeometry:
         return inside.reshape(positions.shape[:-1])
 
     def contains(self, position: Pair) -> bool:
-        """Return whether one position x, y [m] is on the map; scalar form of `is_inside`."""
+        """Return whether one position x, y [m] is on the map; `is_inside` accepts arrays."""
         x, y = position
         return bool(self._x.contains(x) and self._y.contains(y))
 
@@ -155,7 +155,7 @@ class GridGeometry:
             start_index: buffer index of cell (0, 0); if (0, 0), the result is in map order.
 
         Returns:
-            cells: (rows, cols), each (...) int64. Positions outside the map get the border cell
+            cells: (rows, cols), each (...) int64. For positions outside the map, the border cell
                 that is nearest along each axis.
             inside: (...) bool, True for positions on the map.
         """
@@ -169,10 +169,10 @@ class GridGeometry:
                 for number, axis in enumerate((self._x, self._y)):
                     coordinates, size = points[part, number], axis.size
                     steps = axis.steps(coordinates)
-                    # Checking all cells at once is faster than searching for the few outside.
+                    # Usually all are inside, and this check is faster than clamping.
                     if not (steps.min() > self._rounding and steps.max() < size - self._rounding):
                         inside[part] &= axis.contains(coordinates)
-                        # NaN gets cell 0. Just inside the far border, steps may round to `size`.
+                        # NaN becomes cell 0. Just inside the far border, steps may round to `size`.
                         np.fmax(steps, 0.0, out=steps)
                         np.minimum(steps, size - 1, out=steps)
                     found = cells[number, part]
@@ -183,7 +183,7 @@ class GridGeometry:
         return (rows, columns), inside.reshape(positions.shape[:-1])
 
     def center_of(self, cell: Size, start_index: Size = (0, 0)) -> Pair:
-        """Return the center x, y [m] of one cell on the map; scalar form of `centers`."""
+        """Return the center x, y [m] of one cell on the map; `centers` accepts arrays."""
         x, y = self._x, self._y
         row, column = (cell[0] - start_index[0]) % x.size, (cell[1] - start_index[1]) % y.size
         return x.center_of(row), y.center_of(column)
@@ -248,8 +248,8 @@ class GridGeometry:
     def box(self, lower: ArrayLike, upper: ArrayLike) -> tuple[slice, slice]:
         """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
 
-        An edge within 1e-9 m of a cell border adds no cell. A rectangle without area overlaps the
-        cell that contains it. If no cell is overlapped, both slices are empty.
+        A cell counts only if the rectangle extends into it by more than 1e-9 m. A rectangle without
+        area overlaps the cell that contains it. If there is no overlap, both slices are empty.
 
         Args:
             lower: (2,) smallest x, y of the rectangle [m].
@@ -282,7 +282,7 @@ class GridGeometry:
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point of the map nearest to each position (..., 2) [m]; NaN is an error."""
+        """Return the point on the map nearest to each position (..., 2) [m]; reject NaN."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
@@ -306,7 +306,7 @@ class GridGeometry:
         return self._of(self._x.shifted(shift[0]), self._y.shifted(shift[1]))
 
     def __reduce__(self) -> tuple[object, ...]:
-        # With the default pickling, unpickled arrays would be writable.
+        # Default unpickling would return writable arrays.
         return GridGeometry, (self._sides, self.resolution, self._middle)
 
     def __eq__(self, other: object) -> bool:
@@ -351,7 +351,7 @@ class GridGeometry:
 
     @cached_property
     def _rounding(self) -> float:
-        """Largest difference between `Axis.steps` and `Axis.offset` due to rounding [cells]."""
+        """Largest difference due to rounding between `Axis.steps` and `Axis.offset` [cells]."""
         return 4.0 * max(self._x.precision, self._y.precision) / self.resolution
 
 

@@ -42,7 +42,7 @@ from ._transform import transformed_map
 if TYPE_CHECKING:
     import xarray
 
-_LARGEST_REST = 1e-3  # largest rounding of a length or coordinate that is accepted silently [cells]
+_LARGEST_REST = 1e-3  # largest rounding of a length or coordinate without a warning [cells]
 _NO_DATA = np.array(nan, np.float32)  # NumPy assigns an array faster than a number
 
 
@@ -50,15 +50,15 @@ class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
-    and writing into this array changes the map. `map[layer] = values` adds or replaces a layer. An
-    xarray array is aligned by its coordinates. NaN means "no data". A `RuntimeWarning` is issued if
-    finite values are beyond the float32 range and become infinite, or if values above 2**24 lose
-    digits.
+    and writing to this array changes the map. `map[layer] = values` adds or replaces a layer. If
+    `values` is an xarray array, it is aligned by its coordinates. NaN means "no data". A
+    `RuntimeWarning` is issued if finite values beyond the float32 range become infinite, or if
+    float32 rounds values above 2**24.
 
     In map order, cell (0, 0) is at the corner with the largest x and y. Rows run towards -x and
     columns towards -y. Layers of a new map are in map order. After `move`, they are circular
-    buffers, in which this cell is stored at `start_index`. The methods for positions, `axes()` and
-    `grid_map_core_py.regions` account for this. To read or write a layer in map order, use
+    buffers, in which this cell is stored at `start_index`. `axes()`, `grid_map_core_py.regions` and
+    all methods that convert positions account for this. To read or write a layer in map order, use
     `unwrapped(layer)` and `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
@@ -66,9 +66,9 @@ class GridMap(MutableMapping[str, Layer]):
     not hashable.
 
     Args:
-        length: (2,) side lengths along x and y in meters, not cells: 4.0 and 3.0 at a resolution of
-            0.05 make 80 x 60 cells. A length that is not a whole number of cells is rounded, with a
-            `UserWarning`.
+        length: (2,) side lengths along x and y [m], not cells: at a resolution of 0.05, the lengths
+            4.0 and 3.0 result in 80 x 60 cells. A length that is not a whole number of cells is
+            rounded, and a `UserWarning` is issued.
         resolution: side of a cell [m].
         position: (2,) center of the map [m], in `frame_id`.
         layers: names of layers to add without data, or a mapping from names to values.
@@ -76,10 +76,10 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: coordinate frame that all positions refer to.
         timestamp: time of the data [ns].
 
-    Unless stated otherwise, methods raise `LayerNotFoundError` for a missing layer, and
-    `OutOfMapError` for a position or an index outside the map. They raise `GeometryError` for
-    arrays of the wrong shape, and for lengths, centers and transforms that are not finite. A
-    position with NaN is outside the map.
+    Unless stated otherwise, methods raise `LayerNotFoundError` if a layer is missing, and
+    `OutOfMapError` if a position or an index is outside the map. They raise `GeometryError` if an
+    array has the wrong shape, or if a length, center or transform is not finite. A position with
+    NaN is outside the map.
 
     Example:
         >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
@@ -176,7 +176,7 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         if not isinstance(layers, Mapping):
             layers = dict.fromkeys(as_names(layers), np.nan)
-        # Skipping empty updates speeds up conversions of small messages.
+        # Skipping an empty update speeds up the conversion of small messages.
         if layers:
             self.update(layers)
         if basic_layers != ():
@@ -281,8 +281,8 @@ class GridMap(MutableMapping[str, Layer]):
     def crs(self) -> str:
         """Coordinate reference system of the frame: WKT, a code or a PROJ string; "" if unknown.
 
-        Copies, submaps, and GeoTIFF, Zarr and .npz files keep it. ROS messages and images do not.
-        Setting `crs` resets `origin` to (0, 0).
+        It is kept in copies, in submaps, and in GeoTIFF, Zarr and .npz files, but not in ROS
+        messages and images. Setting `crs` resets `origin` to (0, 0).
         """
         return self._reference[0]
 
@@ -325,7 +325,7 @@ class GridMap(MutableMapping[str, Layer]):
     def __setitem__(self, layer: str, value: ArrayLike) -> None:
         if not is_name(layer):
             raise _wrong_name(layer)
-        # `map[layer] += 1` has already written into the layer.
+        # `map[layer] += 1` has already changed the layer in place.
         if layer not in self._layers or value is not self._layers[layer]:
             self._layers[layer] = as_layer(self._aligned(layer, value), self.size, layer)
 
@@ -465,8 +465,8 @@ class GridMap(MutableMapping[str, Layer]):
             positions: (N, 2) x, y [m].
 
         Returns:
-            cells: (rows, cols) buffer indices; `map["elevation"][cells]` are the values there.
-                Positions outside the map get the nearest border cell.
+            cells: (rows, cols) buffer indices, so `map["elevation"][cells]` are the values there.
+                For positions outside the map, the nearest border cell.
             inside: (N,) bool, True for positions on the map.
         """
         return self._geometry.cells_at(positions, self._start)
@@ -502,7 +502,7 @@ class GridMap(MutableMapping[str, Layer]):
         return np.roll(x, self._start[0]), np.roll(y, self._start[1])
 
     def get_closest_position_in_map(self, positions: ArrayLike) -> Positions:
-        """Return the point of the map nearest to each (2,) or (N, 2) position [m].
+        """Return the point on the map nearest to each (2,) or (N, 2) position [m].
 
         Raises:
             GeometryError: a position contains NaN.
@@ -517,9 +517,9 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> float | NDArray[np.float64]:
         """Return the values of a layer at positions.
 
-        If a cubic method needs a cell that is not finite, linear interpolation is used instead. If
-        that also needs such a cell, the result is the value of the nearest cell, which may be NaN
-        or infinite. At the map border, the border cell replaces missing neighbors.
+        If cubic interpolation would use a cell that is not finite, linear interpolation is used
+        instead. If that would use such a cell too, the result is the value of the nearest cell,
+        which may be NaN or infinite. At the map border, the border cell replaces missing neighbors.
 
         Args:
             layer: name of the layer.
@@ -541,12 +541,12 @@ class GridMap(MutableMapping[str, Layer]):
     # Validity and vectors
 
     def is_valid(self, index: ArrayLike, layers: str | Iterable[str] | None = None) -> bool | Mask:
-        """Return whether one cell, or each of several cells, has finite values in all `layers`.
+        """Return whether one or several cells are valid, that is, finite in all `layers`.
 
         Args:
             index: one buffer index (row, col), or several as (rows, cols) or (N, 2).
-            layers: names of the layers that must be finite; None means the basic layers.
-                If there are none, no cell is valid.
+            layers: names of layers; None means the basic layers. If there are none, no cell is
+                valid.
         """
         cell = plain_cell(index)
         if cell is not None:
@@ -572,13 +572,13 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return a cell's center and value as (3,) x, y, z [m], all NaN if z is not finite."""
+        """Return x, y and value of a cell, (3,) [m]; all NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
 
     def get_vector(self, prefix: str, index: ArrayLike) -> Positions:
-        """Return the (3,) vector in the layers `prefix` + x, y, z; all NaN if any is not finite."""
+        """Return the vector (3,) in the layers `prefix` + x, y, z; all NaN if one is not finite."""
         cell = self._checked(index)
         return _finite_or_nan(*(self[f"{prefix}{axis}"].item(cell) for axis in "xyz"))
 
@@ -587,8 +587,8 @@ class GridMap(MutableMapping[str, Layer]):
     def move(self, position: ArrayLike) -> list[BufferRegion]:
         """Move the map to a new center; data keeps its position in the frame.
 
-        The map moves by whole cells to within half a cell of `position`. Data that leaves the map
-        is lost, and new cells are NaN in all layers. No data is copied.
+        The map moves by whole cells, so the new center is within half a cell of `position`. Data
+        that leaves the map is lost, and new cells are NaN in all layers. No data is copied.
 
         Args:
             position: (2,) new center [m].
@@ -650,7 +650,8 @@ class GridMap(MutableMapping[str, Layer]):
     def get_submap(self, position: ArrayLike, length: ArrayLike) -> GridMap:
         """Return a copy of the cells that a rectangle overlaps.
 
-        The rectangle is clipped to the map. An edge within 1e-9 m of a cell border adds no cell.
+        The rectangle is clipped to the map. A cell counts only if the rectangle extends into it by
+        more than 1e-9 m.
 
         Args:
             position: (2,) center of the rectangle [m].
@@ -662,7 +663,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._block(*self._geometry.overlapped(position, length))
 
     def get_block(self, rows: slice, columns: slice) -> GridMap:
-        """Return a copy of a block of cells as a map, like `get_submap`.
+        """Return a copy of a block of cells, as a map like the one from `get_submap`.
 
         Args:
             rows, columns: nonempty slices in map order, without a step.
@@ -732,9 +733,9 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Return the map in another frame, as its surface appears from above.
 
-        Each cell with a finite height becomes a 3-D point that carries the values of the other
-        layers. If several points fall into one cell of the new map, the highest one is used. Ties
-        go to the point whose cell in this map comes last in map order, column by column. Points
+        Each cell with a finite height becomes a 3-D point with the values of the other layers. If a
+        cell of the new map contains several points, the highest one is used. Among equally high
+        points, the one whose original cell is last in column-major map order is used. Points
         outside the new map are dropped.
 
         Args:
@@ -742,8 +743,8 @@ class GridMap(MutableMapping[str, Layer]):
                 one. Scaling, shear and reflection are rejected.
             height_layer: name of the layer that holds z [m].
             frame_id: the new frame.
-            sample_ratio: if positive, each cell adds four points at the same height, offset from
-                the cell center along x and y by this fraction of the resolution, to close gaps.
+            sample_ratio: if positive, each cell adds four points at the same height to close gaps,
+                shifted along +x, -x, +y and -y by this fraction of the resolution.
 
         Returns:
             A map with the same resolution, layers, basic layers and time, start index (0, 0) and no
@@ -762,8 +763,8 @@ class GridMap(MutableMapping[str, Layer]):
         and `position` [m] describe the map.
 
         Args:
-            crs: coordinate reference system of the frame, such as "EPSG:25832". If empty, the `crs`
-                of the map is used. The coordinate `spatial_ref` holds it, as rioxarray expects.
+            crs: coordinate reference system of the frame, such as "EPSG:25832"; if empty, the `crs`
+                of the map. It is stored in the coordinate `spatial_ref`, as rioxarray expects.
 
         Raises:
             MissingPackageError: xarray, or pyproj for `crs`, is not installed.
@@ -785,11 +786,11 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Create a map from an xarray dataset or array; the values are copied.
 
-        Each variable with the dimensions x and y, in any order and direction, becomes a layer, and
-        so does each band along a dimension `band`. Values equal to `_FillValue` become NaN. Scales
-        and offsets are applied. Variables without x or y are ignored. An unnamed array becomes the
-        layer `elevation`. The frame is the attribute `frame_id`, or "map" if the attribute is
-        missing.
+        Each variable with the dimensions x and y, in any order and direction, becomes a layer. If
+        it also has the dimension `band`, each band becomes a layer. Values equal to `_FillValue`
+        become NaN. Scales and offsets are applied. Variables without x or y are ignored. An unnamed
+        array becomes the layer `elevation`. The attribute `frame_id` names the frame; the default
+        is "map".
 
         Args:
             dataset: dataset or array; the coordinates x and y are the evenly spaced centers of
@@ -849,13 +850,13 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`; a map of the same size is first reordered to this map's start index."""
+        """Return `layers`; if it is a map of this size, first reorder it to this start index."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
 
     def _aligned(self, name: str, value: Any) -> ArrayLike:
-        """Return values in buffer order; an xarray array is matched by its coordinates."""
+        """Return `value`; an xarray array is first aligned with the buffer by its coordinates."""
         if not getattr(value, "dims", ()):
             return value  # type: ignore[no-any-return]
         x, y = (axis + start for axis, start in zip(self.axes(), self.origin, strict=True))
@@ -880,7 +881,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers; those that this map owns are copied on first access."""
+        """Return a map with these layers; those shared with this map are copied on first access."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}
@@ -906,7 +907,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Return `data` reordered to the start index `start`; not copied if already in order."""
+        """Reorder `data` to the start index `start`; if nothing changes, return `data` itself."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Places: TypeAlias = NDArray[np.intp]
 
-_PADDING = 2  # number of times that an axis repeats each border cell
+_PADDING = 2  # number of times that the border cell is repeated beyond each end of an axis
 
 REACH = 3
 """Largest distance [cells] between a position's cell and the cells that affect the value there."""
@@ -58,7 +58,7 @@ _FALLBACKS = {
     Interpolation.CUBIC_CONVOLUTION: Interpolation.LINEAR,
     Interpolation.CUBIC: Interpolation.LINEAR,
 }
-"""Simpler method that replaces each method where a cell that it needs is not finite."""
+"""For each method, the simpler method that is used where a cell that it needs is not finite."""
 
 
 def interpolate(
@@ -89,7 +89,7 @@ def method_of(interpolation: object) -> Interpolation:
 def _value(
     geometry: GridGeometry, start: Size, layer: Layer, point: Pair, method: Interpolation
 ) -> float:
-    """Return the value at one position; faster scalar form of `Surface.values`."""
+    """Return the value at one position, faster than `Surface.values`."""
     if method is Interpolation.NEAREST:
         cell = geometry.cell_at(point, start)
         if cell is None:
@@ -119,7 +119,7 @@ def check_inside(geometry: GridGeometry, points: Positions) -> None:
     """Raise `OutOfMapError` if any of the positions (N, 2) is not on the map."""
     if not len(points):
         return
-    # Rounding preserves the order, so if the extremes are inside, all positions are.
+    # Rounding preserves the order: if the extreme positions are inside, all positions are.
     lowest, highest = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     if not (geometry.contains(lowest) and geometry.contains(highest)):
         outside = points[~geometry.is_inside(points)][0]
@@ -132,7 +132,8 @@ class Surface:
     Args:
         geometry: the grid.
         start: start index of the layer.
-        layer: (rows, cols) values; or a part of them, in map order, with all cells that are needed.
+        layer: (rows, cols) values of the layer; or a block of them, in map order, that contains all
+            cells needed.
         corner: row and column of the map at which `layer` begins.
     """
 
@@ -147,7 +148,7 @@ class Surface:
     def at(self, points: Positions, method: Interpolation) -> Positions:
         """Return the values (N,) at positions (N, 2); raise `OutOfMapError` outside the map."""
         values = np.empty(len(points))
-        # Infinity times a weight of 0 is NaN; the simpler method is then used.
+        # Infinity times a weight of 0 is NaN. The values are then computed with a simpler method.
         with np.errstate(invalid="ignore"):
             for part in slices(len(points), CHUNK):
                 xy = self.coordinates(points[part])
@@ -155,7 +156,7 @@ class Surface:
         return values
 
     def coordinates(self, points: Positions) -> Positions:
-        """Convert (N, 2) positions to coordinates (2, N); raise `OutOfMapError` outside the map."""
+        """Check that positions (N, 2) are on the map, and return them as coordinates (2, N)."""
         check_inside(self._geometry, points)
         return np.ascontiguousarray(points.T)
 
@@ -217,8 +218,8 @@ class Surface:
 def _shape(method: Interpolation) -> tuple[int, bool]:
     """Return the number of cells that a method uses along an axis, and whether it is `CUBIC`.
 
-    A position on a cell center belongs to the interval below it for `CUBIC`, as in C++, and to the
-    interval above it for all other methods.
+    If a coordinate is exactly at a cell center, `CUBIC` interpolates in the interval below it, as
+    in C++. The other methods use the interval above it.
     """
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 
@@ -226,7 +227,7 @@ def _shape(method: Interpolation) -> tuple[int, bool]:
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
 ) -> list[tuple[int, float]]:
-    """Return the buffer rows (or columns) around a coordinate, lowest first, and their weights."""
+    """Return (buffer row or column, weight) for cells near a coordinate, lowest x or y first."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
     weights = _weights(t, reach)
@@ -261,7 +262,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
     outer = -0.5 * t
     outer *= rest
     lowest, highest = outer * rest, outer * t
-    # With these inner weights, constants and straight lines are reproduced exactly.
+    # With these inner weights, linear functions are reproduced exactly.
     bend = highest - lowest
     rest -= lowest
     rest += bend
@@ -271,14 +272,14 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
     """Return outer weights that continue the slope at the border cell beyond the border.
 
-    `far` and `near` are the weights of the outer neighbors: on the map, and beyond the border.
+    `far` is the weight of the outer neighbor on the map, and `near` of the one beyond the border.
     """
     return far - near, 2.0 * near
 
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return the flat buffer offsets of the cells -2 ... count + 1 along an axis.
+    """Return the flat buffer offsets of the cells from -2 to count + 1 along an axis.
 
     Cells beyond the map have the offset of the border cell.
     """

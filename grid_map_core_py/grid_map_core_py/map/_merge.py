@@ -40,7 +40,7 @@ def add_data_from(
     for name, source in sources.items():
         if name not in grid_map:
             grid_map.add(name)
-        # The transposed arrays are traversed in memory order.
+        # NumPy traverses the transposed arrays in memory order, which is faster.
         data, layer = source.T, grid_map[name].T
         for along_x, along_y in product(_runs(rows_inside), _runs(columns_inside)):
             values = data.take(columns[along_y], axis=0).take(rows[along_x], axis=1)
@@ -55,11 +55,11 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     """Return `grid_map` extended to cover `other`, or `grid_map` itself if it already does."""
     check_frames(grid_map, other)
     inner, outer = grid_map.geometry, other.geometry
-    # Far from the origin, coordinates are less precise than the usual tolerance.
+    # Far from the origin, rounding errors of coordinates exceed the usual tolerance.
     tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
     ahead = outer.corner - inner.corner
     behind = (inner.corner - inner.length) - (outer.corner - outer.length)
-    # Missing rows and columns towards +x, +y and towards -x, -y.
+    # Numbers of missing rows and columns towards +x, +y and towards -x, -y.
     before, after = (
         np.maximum(np.ceil((overhang - tolerance) / inner.resolution), 0.0)
         for overhang in (ahead, behind)

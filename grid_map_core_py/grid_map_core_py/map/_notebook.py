@@ -74,7 +74,7 @@ def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
 
         pixels = np.stack(color_value_to_bytes(seen)[::-1], axis=-1)
     else:
-        # Colors span the range of the whole layer. `fmax` replaces NaN, which `uint8` cannot hold.
+        # The colors span the range of the whole layer. `fmax` turns NaN into 0.
         low, high = min_of_finites(grid_map[layer]), max_of_finites(grid_map[layer])
         factor = _OPAQUE / (high - low) if high > low else 0.0
         with np.errstate(over="ignore", invalid="ignore"):

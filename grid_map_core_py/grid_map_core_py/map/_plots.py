@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Loads drawing functions from another package, to avoid a circular dependency.
 
-Each entry point in the group `grid_map_core_py.plots` adds a style: a drawing function that
-takes a map, a layer name and axes, and options as keyword arguments.
+Each entry point in the group `grid_map_core_py.plots` adds a style. It refers to a function whose
+arguments are a map, a layer name and axes, followed by options as keyword arguments.
 """
 
 from importlib.metadata import entry_points

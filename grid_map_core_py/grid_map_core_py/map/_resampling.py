@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Resamples layers, with or without NaN, to another number of rows and columns."""
+"""Resamples layers, which may contain NaN, to another number of rows and columns."""
 
 import math
 
@@ -24,7 +24,7 @@ _FLAGS = {
 
 
 def resize_flag(interpolation: Interpolation | str | int) -> int:
-    """Return OpenCV's `resize` flag for a name or an `Interpolation`; a flag is returned as is."""
+    """Return OpenCV's `resize` flag for a name or an `Interpolation`; a flag stays unchanged."""
     if isinstance(interpolation, int):
         return interpolation
     name = interpolation.value if isinstance(interpolation, Interpolation) else interpolation
@@ -57,7 +57,7 @@ def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Lay
     values, known = np.where(finite, layer, np.float32(0)), finite.astype(np.float32)
     result = _resized(values, size, factor, interpolation)
     shares = _resized(known, size, factor, interpolation)
-    # Near NaN cells, positive and negative weights may cancel, so use nonnegative weights there.
+    # Near NaN cells, positive and negative weights may cancel. Use nonnegative weights there.
     positive = cv2.INTER_AREA if interpolation == cv2.INTER_AREA else cv2.INTER_LINEAR
     with np.errstate(divide="ignore", invalid="ignore"):
         means = _resized(values, size, factor, positive) / _resized(known, size, factor, positive)
@@ -68,7 +68,7 @@ def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Lay
 
 def _nearest(sources: int, targets: int, factor: float) -> npt.NDArray[np.intp]:
     centers = (np.arange(targets) + 0.5) / factor
-    # Halfway between two cells, the first one counts as the nearest.
+    # If a target cell is halfway between two source cells, the first one counts as the nearest.
     cells: npt.NDArray[np.intp] = np.ceil(centers - 1.0 - _TIE).clip(0, sources - 1).astype(np.intp)
     return cells
 

@@ -55,7 +55,7 @@ def place(numbers: Integers, start: int, size: int) -> None:
         # For many cells, two passes of arithmetic are faster than a lookup.
         numbers += start
         unsigned = numbers.view(np.uint64)
-        # For an index below `size`, the unsigned difference is huge, so the index is kept.
+        # Below `size`, the unsigned difference wraps to a huge number, and the index is kept.
         np.minimum(unsigned, unsigned - np.uint64(size), out=unsigned)
 
 

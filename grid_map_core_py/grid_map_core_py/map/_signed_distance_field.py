@@ -35,19 +35,19 @@ class SignedDistanceField:
     neither ground nor air. Distances are exact at nodes, which lie at the cell centers on
     horizontal levels spaced by the resolution.
 
-    Between nodes, distances are interpolated trilinearly. Beyond the outermost nodes, linear
-    extrapolation gives only an estimate. Along an axis with a single cell, distances are constant.
+    Between nodes, distances are interpolated trilinearly. Beyond the outermost nodes, they are
+    extrapolated linearly and only approximate. Along an axis with a single cell, they are constant.
 
-    A height of +inf means ground at any z; -inf means air at any z. Without any ground, all
-    distances are +inf. Without any air, they are -inf. In both cases, gradients are 0.
+    A height of +inf means ground at any z. A height of -inf means air at any z. Without any ground,
+    all distances are +inf. Without any air, they are -inf. In both cases, gradients are 0.
 
     Args:
         grid_map: the map; later changes to the map have no effect.
         layer: name of the layer with the heights [m].
         min_height: z of the lowest level [m], map frame.
         max_height: z that the highest level must reach [m]; there are at least two levels.
-        unknown: treatment of cells without data (NaN): None raises an error, "free" assigns them
-            the height -inf.
+        unknown: treatment of cells without data (NaN). With None, they cause an error. With "free",
+            their height is -inf.
 
     Attributes:
         geometry: size, resolution and position of the map.
@@ -89,7 +89,7 @@ class SignedDistanceField:
         levels = np.empty((self.levels.size, *heights.shape), np.float32)
         lowest, highest = heights.min(), heights.max()
         for level, z in zip(levels, self.levels, strict=True):
-            # Subtract the distance to air (0 in the air) from that to ground (0 in the ground).
+            # Distance to the ground (0 in the ground), minus distance to the air (0 in the air).
             level[...] = _to_nearest(z, heights, self.resolution) if z > lowest else 0.0
             if z < highest:
                 level -= _to_nearest(heights, z, self.resolution)
@@ -99,7 +99,7 @@ class SignedDistanceField:
         x, y = self.geometry.axes_in_map_order()
         self._first = np.array([x[0], y[0], self.levels[0]])
         self._steps = self.resolution * np.array([-1.0, -1.0, 1.0])
-        # Infinities cannot be interpolated; a field is infinite everywhere or nowhere.
+        # Infinities cannot be interpolated. A field is infinite at all nodes or at none.
         first = float(self.distances[0, 0, 0])
         self._base = first if math.isinf(first) else 0.0
         nodes = self.distances if self._base == 0.0 else np.zeros((1, 1, 1), np.float32)
@@ -110,7 +110,7 @@ class SignedDistanceField:
             for stride, count in zip(nodes.strides, nodes.shape, strict=True)
         ]
         flat = nodes.ravel(order="K")
-        # One view per corner: indexed with the memory index of a cell, it returns this corner.
+        # One view per corner; the memory index of a cell selects this corner of the cell.
         offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
         self._corner_nodes = [flat[offset:] for offset in offsets]
 
@@ -155,8 +155,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        These are the derivatives of the interpolated `value`. They jump at planes through nodes.
-        Within 1e-9 m of such a plane, the mean of the derivatives on both sides is returned.
+        These are the derivatives of the interpolated `value`, which are discontinuous at planes
+        through nodes. Within 1e-9 m of such a plane, the mean of both sides is returned.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -167,7 +167,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`, as fast as `gradient` alone."""
+        """Return the results of `value` and `gradient`, in the time that `gradient` alone takes."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):
@@ -227,7 +227,7 @@ class SignedDistanceField:
 
         Returns:
             places: node coordinates, in units of the node spacing; NaN where a point is not finite.
-            cells: first node of each point: the rounded place, limited so that all nodes exist.
+            cells: first node of each point: the rounded place, clamped so that all nodes exist.
         """
         places, cells = [], []
         for axis, size in enumerate(self._counts):
@@ -255,12 +255,12 @@ class SignedDistanceField:
         """Write the distances (8, N) at the corners of cells to `out`; x changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._corner_nodes, strict=True):
-            # All indices are valid; the mode "clip" only avoids the buffer that "raise" needs.
+            # All indices are valid. Unlike "raise", the mode "clip" needs no temporary buffer.
             nodes.take(index, out=corner, mode="clip")
         return out
 
     def _values_and_slopes(self, places: _Coordinates, cells: _Coordinates) -> Nodes:
-        """Return (4, N): the values, and their change per node spacing along x, y and z."""
+        """Return (4, N): values, and their changes per node spacing along x, y and z."""
         found: Nodes = self._corners(cells, np.empty((8, cells[0].size), np.float32))[:, None]
         for place, cell in zip(places, cells, strict=True):
             low, high = found[: len(found) // 2], found[len(found) // 2 :]
@@ -327,7 +327,7 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     squares: Layer = np.empty(shape, np.float32)
     np.subtract(upper, lower, out=squares, dtype=np.float64, casting="same_kind")
     np.maximum(squares, 0, out=squares)
-    # A squared gap beyond the float32 range becomes infinite; its cell is never the nearest.
+    # If a squared gap exceeds the float32 range, it becomes infinite, and its cell is ignored.
     with np.errstate(over="ignore"):
         np.multiply(squares, squares, out=squares)
     for _ in ("x", "y"):

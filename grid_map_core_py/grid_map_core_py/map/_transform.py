@@ -33,9 +33,9 @@ def transformed_map(
     steps = [(0.0, 0.0)]
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    # The smallest grid that contains the corners, transformed at z = 0. The center is summed in the
-    # same order as in C++, for equal rounding. The length is not computed from the corners, because
-    # coordinates far from the origin are imprecise.
+    # The new grid is the smallest one that contains the transformed corners at z = 0. The center is
+    # summed in the same order as in C++, so that rounding is equal. The length is not computed from
+    # the corners, because coordinates far from the origin are imprecise.
     x, y = (grid_map.position + np.outer((0.5, -0.5), grid_map.length)).T
     center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
     length = np.abs(matrix[:2, :2]) @ grid_map.length
@@ -76,10 +76,10 @@ def _seen_from_above(
     matrix: Positions,
     steps: list[tuple[float, float]],
 ) -> tuple[NDArray[np.float32], _Indices]:
-    """Return the height of the highest point in each new cell, and the number of its source cell.
+    """Return the height of the highest point in each new cell, and the index of its source cell.
 
-    Both arrays list the cells column by column. Cells without points have height -inf.
-    Among points of equal height, the point from the last source cell is kept.
+    In both arrays, the cells are in column-major order. Cells without points have height -inf. Of
+    points with equal height, the one from the last source cell is kept.
 
     Args:
         grid_map: the map to transform.
@@ -91,7 +91,7 @@ def _seen_from_above(
     heights = grid_map.unwrapped(height_layer)
     x, y = grid_map.geometry.axes_in_map_order()
     all_numbers = np.arange(heights.size).reshape(y.size, x.size)
-    # NaN would make maxima twice as slow.
+    # With NaN instead of -inf, computing maxima would take twice as long.
     highest = np.full(math.prod(geometry.size), -np.inf, dtype=np.float32)
     sources = np.zeros(highest.size, dtype=np.intp)
     for columns, rows in product(slices(y.size, _BLOCK // x.size), slices(x.size, _BLOCK)):
@@ -120,9 +120,9 @@ def _seen_from_above(
 def _landed(
     geometry: GridGeometry, x: Positions, y: Positions, z: Positions
 ) -> tuple[_Indices, NDArray[np.float32]]:
-    """Return the number of the cell under each point, (N,), and the height of the point, (N,).
+    """Return the column-major index (N,) of the cell under each point, and the point heights (N,).
 
-    Cells are numbered column by column. Points outside the grid get the height -inf.
+    Points outside the grid get the height -inf.
     """
     row, column = x - 0.5 * geometry.length[0], y - 0.5 * geometry.length[1]
     for axis, offsets in enumerate((row, column)):

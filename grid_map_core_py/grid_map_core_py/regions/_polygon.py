@@ -33,9 +33,9 @@ class BoundingBox(NamedTuple):
 class Polygon:
     """Immutable polygon; operations return a new polygon.
 
-    The last vertex is connected to the first. Edges may cross; the even-odd rule defines the
-    inside. Two polygons are equal if they have the same vertices in the same order. Methods raise
-    `GeometryError` for too few vertices and for numbers that are not finite.
+    The last vertex is connected to the first. Edges may cross. The even-odd rule defines which
+    points are inside. Two polygons are equal if they have the same vertices in the same order.
+    Methods raise `GeometryError` for too few vertices and for numbers that are not finite.
 
     Args:
         vertices: (V, 2) x, y [m], map frame.
@@ -72,7 +72,7 @@ class Polygon:
 
     @classmethod
     def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
-        """Approximate a circle by `n` counter-clockwise vertices; the last one equals the first.
+        """Approximate a circle with `n` counter-clockwise vertices; the last one equals the first.
 
         Args:
             center: (2,) center [m].
@@ -108,8 +108,8 @@ class Polygon:
     def convex_hull(cls, *polygons: Polygon | ArrayLike) -> Polygon:
         """Return the counter-clockwise convex hull of polygons.
 
-        The first vertex has the smallest x, and among equal x the smallest y. Vertices in the
-        middle of an edge are omitted (Andrew's monotone chain).
+        The first vertex has the smallest x, and the smallest y of all vertices with this x.
+        Vertices in the middle of an edge are omitted (Andrew's monotone chain).
 
         Args:
             polygons: polygons, or (V, 2) vertices of polygons [m].
@@ -127,7 +127,7 @@ class Polygon:
 
     @property
     def area(self) -> float:
-        """Enclosed area [m^2], never negative; if edges cross, parts of the area may cancel out."""
+        """Enclosed area [m^2], never negative. If edges cross, areas may cancel each other out."""
         self._need_vertices(3, "area")
         return abs(0.5 * float(_doubled_areas(self._vertices).sum()))
 
@@ -151,8 +151,8 @@ class Polygon:
     def is_inside(self, points: ArrayLike) -> bool | Mask:
         """Return a mask of the points inside, by the even-odd rule.
 
-        Edges whose outward normal points towards -x, or exactly along -y, belong to the inside. All
-        other edges are outside.
+        A point on an edge is inside if the outward normal of the edge points towards -x, or exactly
+        along -y. Points on other edges are outside.
 
         Args:
             points: (2,) or (N, 2) x, y [m]; a point with NaN is outside.
@@ -184,7 +184,7 @@ class Polygon:
     def offset_inward(self, margin: float) -> Polygon:
         """Return the polygon with all edges moved inwards by `margin` [m]; outwards if negative.
 
-        Use this for convex polygons only: at a reflex vertex, the edges move the wrong way.
+        The polygon must be convex, because edges at a reflex vertex move in the wrong direction.
         Vertices less than 1e-9 m apart move together. If the margin is too large for the polygon,
         the result is turned inside out.
 
@@ -209,8 +209,8 @@ class Polygon:
     def to_inequality_constraints(self) -> tuple[Positions, Positions]:
         """Return (A, b) such that `A @ x <= b` holds for the points x of a convex polygon.
 
-        Each edge results in one row, scaled such that A (x - m) is 1 on the edge, where m is the
-        mean of the vertices.
+        Each edge results in one row. The row is scaled such that A (x - m) is 1 on the edge, where
+        m is the mean of the vertices.
 
         Returns:
             A: (E, 2).
@@ -255,7 +255,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Return the vertices without repetitions (C, 2), and each vertex's index in them (V,)."""
+        """Return vertices without consecutive duplicates (C, 2), and each vertex's index there."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -268,7 +268,7 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at which edges from `start` to `end` (2, ...) cross `y`, rounded as in C++."""
+    """Return the x of edges from `start` to `end` (2, ...) at the given `y`, rounded as in C++."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -303,7 +303,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return half of the convex hull of sorted points: the chain with all points on its left."""
+    """Return one half of the convex hull of sorted points: the chain to the right of all points."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

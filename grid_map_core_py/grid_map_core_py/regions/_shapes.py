@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Select cells in blocks, discs, ellipses and polygons or on lines; convert them to masks."""
+"""Selects cells in blocks, discs, ellipses and polygons or on lines; converts them to masks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from ..map._ring_buffer import lines, place
 from ._polygon import Polygon, edge_x
 
 _BAND = 2**13  # cells per band; its temporaries fit into the cache
-_FLIP = np.uint8(1)  # has the type of the array, which avoids a conversion
+_FLIP = np.uint8(1)  # same type as the array, which avoids a conversion
 
 
 def map_cells(grid_map: GridMap) -> Cells:
@@ -44,7 +44,7 @@ def map_cells(grid_map: GridMap) -> Cells:
 
 
 def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) of a block that are on the map, row by row in map order.
+    """Return the cells (rows, cols) of a block, row by row in map order; omit cells off the map.
 
     Args:
         start_index: buffer index of the block's cell with the largest x and y.
@@ -97,7 +97,7 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     half = half_chords(limit, of_rows[rows] + x)
     first = of_columns.searchsorted(-y - half, side="left")
     stop = of_columns.searchsorted(half - y, side="right")
-    # Rows that miss the disc have a negative half chord and an empty run.
+    # For rows that do not touch the disc, the half chord is negative and the run is empty.
     counts, columns = _runs(first, np.maximum(first, stop))
     (row, column), (height, width) = grid_map.start_index, grid_map.size
     place(columns, column, width)
@@ -105,14 +105,14 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
 
 
 def half_chords(radius: float, distances: Positions) -> Positions:
-    """Return half the length of each line's chord in a disc; negative for lines that miss the disc.
+    """Return half the length of each line's chord in a disc; negative if the line misses the disc.
 
     Args:
-        radius: radius of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to include cell centers
-            on the rim, as `circle_cells` does.
+        radius: radius of the disc, positive. To include cell centers on the rim, as `circle_cells`
+            does, add `BORDER_TOLERANCE` [m].
         distances: (...) distances from the center to the lines, in the unit of the radius.
     """
-    # Dividing by the radius first prevents overflow of the squares.
+    # Dividing by the radius first keeps the squares from overflowing.
     across = distances / radius
     rest = (1.0 - across) * (1.0 + across)
     return radius * np.copysign(np.sqrt(np.abs(rest)), rest)
@@ -128,8 +128,8 @@ def ellipse_cells(
 
     Args:
         center: (2,) center of the ellipse [m]; it may be outside the map.
-        length: (2,) lengths of the full axes [m], along x and y before the rotation; if one is 0,
-            no cells are returned.
+        length: (2,) lengths of the full axes [m], along x and y before the rotation. If one of them
+            is 0, the function returns no cells.
         rotation: counter-clockwise rotation [rad]; the function warns if abs(rotation) > 2 pi.
     """
     center = np.array(as_pair(center, "center"))
@@ -172,17 +172,17 @@ def polygon_cells(
     """Return the cells (rows, cols) whose centers are inside a polygon, row by row.
 
     Args:
-        polygon: a `Polygon`, or (V, 2) vertices [m]; `Polygon.is_inside` defines the inside. With
-            fewer than three vertices, the function warns and returns no cells.
-        count_outside: also return how many cells inside the polygon would be outside the map if
-            the grid continued there. A footprint check needs this number, because cells outside
-            the map are unknown, not free.
+        polygon: a `Polygon`, or (V, 2) vertices [m]. `Polygon.is_inside` defines which centers are
+            inside. For fewer than three vertices, the function warns and returns no cells.
+        count_outside: if True, continue the grid beyond the map, and also return the number of
+            cells in the polygon but outside the map. A footprint check needs this number, because
+            cells outside the map are unknown, not free.
 
     Returns:
-        The cells; if `count_outside` is set, a tuple of the cells and the number.
+        The cells. If `count_outside` is True, a tuple of the cells and the number.
 
     Raises:
-        LimitError: `count_outside` is set, and the polygon spans more cells than a map may have.
+        LimitError: `count_outside` is True, and the polygon spans more cells than a map may have.
     """
     polygon = Polygon.of(polygon)
     if len(polygon) < 3:
@@ -216,8 +216,8 @@ def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, 
     Returns:
         first_below: (N,) first row on the -x side of each crossing.
         crossed: (N,) column of each crossing. As in `Polygon.is_inside`, an edge crosses a column
-            if exactly one end has a greater y than the column, so the number of crossings of every
-            column is even.
+            if exactly one of its ends has a greater y than the column. Each column is therefore
+            crossed an even number of times.
     """
     vertices = -polygon._closed.T
     below = y.searchsorted(vertices[1], side="right")
@@ -228,7 +228,7 @@ def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, 
 
 
 def _count_cells(geometry: GridGeometry, polygon: Polygon) -> int:
-    """Count the cells inside a polygon on a grid that is continued beyond the map."""
+    """Count the cells inside a polygon on a grid that continues beyond the map."""
     spans = []
     for axis, low, high in zip((geometry._x, geometry._y), *polygon._ends, strict=True):
         spans.append((axis, axis.steps(high) - 1.0, axis.steps(low) + 2.0))
@@ -261,7 +261,7 @@ def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
 
 
 def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) on the line between two buffer indices, both included."""
+    """Return the cells (rows, cols) on the line from one cell to another, including both ends."""
     ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
     for cell in ends:
         grid_map.geometry.check_indices(cell)
@@ -273,8 +273,8 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
 def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     """Return the buffer cells of Bresenham's line between two cells of the map.
 
-    In closed form: the axis with more steps, n, advances by one per cell. After k of these steps,
-    the other axis, which has m steps in total, has advanced by (n // 2 + k * m) // n.
+    The cells are computed in closed form. Along the axis with more steps, n, each cell is one step.
+    After k steps, the other axis, with m steps in total, has advanced by (n // 2 + k * m) // n.
     """
     steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))
@@ -320,7 +320,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
         fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
         points = (1.0 - fractions) * start + fractions * end
         (rows, columns), found = geometry.cells_at(points)
-        # Both ends may be on the -x and -y borders, which are outside the map; so test the middle.
+        # Both ends may be on the -x and -y borders, which are outside the map. Test the middle.
         if found.any():
             first, last, _ = zip(rows.tolist(), columns.tolist(), strict=True)
             return first, last
@@ -328,9 +328,9 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) of integer ranges, and all ranges concatenated (N,).
+    """Return the lengths (R,) of integer ranges, and the concatenated ranges (N,).
 
-    `first` and `stop` (R,) are the bounds. `stop` is exclusive.
+    The ranges start at `first` (R,) and end before `stop` (R,).
     """
     counts = stop - first
     ends = np.add.accumulate(counts)
@@ -341,7 +341,7 @@ def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
 
 def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -> Cells:
     (row, column), (height, width) = grid_map.start_index, grid_map.size
-    # Views without copies, faster than `broadcast_to`.
+    # These views are faster than `broadcast_to`.
     row_of = np.ndarray(mask.shape, np.int64, lines(height, row)[rows], strides=(8, 0))
     column_of = np.ndarray(mask.shape, np.int64, lines(width, column)[columns], strides=(0, 8))
     return row_of[mask], column_of[mask]

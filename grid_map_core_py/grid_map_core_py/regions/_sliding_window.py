@@ -37,13 +37,13 @@ def sliding_windows(
             "crop" crops them, "empty" pads them with NaN, and "mean" pads them with the mean
             of their finite values.
         window_size: side of the window [cells], odd.
-        window_length: side of the window [m], instead of `window_size`; rounded to whole cells,
-            and an even number is increased by 1.
+        window_length: side of the window [m], instead of `window_size`. It is rounded to whole
+            cells. An even number of cells is increased by 1.
     """
     _check_edge_handling(edge_handling, get_args(EdgeHandling))
     size = _window_cells(grid_map.resolution, window_size, window_length)
     if edge_handling in ("inside", "crop"):
-        # A larger window would contain no further cells, but its margin would use memory.
+        # A larger window would contain no more cells, but its margin would use more memory.
         size = min(size, 2 * max(grid_map.size) + 1)
     padded = _padded(grid_map.unwrapped(layer), size // 2)
     return _windows(padded, grid_map.start_index, grid_map.size, edge_handling, size)
@@ -76,7 +76,7 @@ def window_array(
         return windows
     beyond = _view(_padded(np.zeros(grid_map.size, dtype=np.float32), margin), size)
     filled = windows.copy()
-    # Row by row, to keep temporaries small compared to the result.
+    # Row by row, so that temporary arrays are small compared to the result.
     for row, outside in zip(filled, beyond, strict=True):
         np.copyto(row, _finite_means(row)[:, None, None], where=np.isnan(outside))
     filled.flags.writeable = False

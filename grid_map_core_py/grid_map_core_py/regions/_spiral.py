@@ -19,7 +19,7 @@ from ._shapes import checked_radius, circle_cells, empty_cells
 # Number of rings in the cached spiral (0.8 MB), from which smaller spirals are cut without sorting.
 KEPT_RINGS = 128
 
-# Limit on the row and column of a disc center outside the map; their squares must fit into int64.
+# Disc centers outside the map are limited to this row and column, whose squares fit into int64.
 FAR = 2.0**30
 
 
@@ -40,7 +40,7 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     if limit < (KEPT_RINGS - 2) * grid_map.resolution:
         return _cut_out(grid_map, center, middle, limit)
     cells = circle_cells(grid_map, center, radius)
-    # Sorted in place, one axis at a time, to save memory.
+    # One axis at a time is sorted in place, to save memory.
     axes = list(zip(cells, middle, grid_map.start_index, grid_map.size, strict=True))
     for numbers, cell, start, size in axes:
         place(numbers, -start % size, size)
@@ -68,7 +68,7 @@ def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
 
 
 def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cells:
-    """Cut the cells of a disc out of the cached spiral; only outer rings need a distance test."""
+    """Select the cells of a disc from the cached spiral; only outer rings are distance-tested."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
@@ -80,7 +80,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
     )
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # Number of rings entirely on the map and in the disc, which always includes the center cell.
+    # Number of rings entirely on the map and in the disc. The center cell counts as in the disc.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
@@ -102,7 +102,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return a spiral (2, N) around (0, 0), and the cell counts of its first 0, 1, 2 ... rings."""
+    """Return spiral cells (2, N) around (0, 0), and how many cells rings 0 to k - 1 have."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]

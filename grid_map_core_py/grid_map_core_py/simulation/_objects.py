@@ -33,10 +33,10 @@ def with_box(
         center: (2,) center of the object [m], map frame; parts outside the map are cut off.
         length: (2,) side lengths along the object's x and y axes [m].
         height: height of the object [m] above the mean height of the ground below it, or above 0 if
-            no ground height is known. Higher ground keeps its height.
+            no ground height is known. Ground that is higher than the object stays unchanged.
         yaw: rotation of the object relative to the map [rad].
-        layer: name of the height layer. The object covers all cells whose centers lie on it, even
-            those without a height.
+        layer: name of the height layer. The object covers all cells whose centers lie in its
+            outline, even cells without a height.
 
     Raises:
         GeometryError: an argument is not finite.
@@ -68,7 +68,7 @@ def with_stairs(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with `steps` equal steps that rise along the object's x axis; see `with_box`."""
+    """Return a map with stairs that rise in equal steps along their x axis; see `with_box`."""
     count = as_finite(steps, "steps", "a number of steps", least=1.0)
 
     def profile(share: NDArray[np.float64]) -> NDArray[np.float64]:

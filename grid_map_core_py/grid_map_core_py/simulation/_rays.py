@@ -28,8 +28,8 @@ def cast_rays(
     The surface is defined as in `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between
     cell centers, and level from the outermost centers to the border. A step between neighboring
     cells is therefore a slope one cell wide. The patch between four centers is a hole if one of the
-    four values is not finite. The ground below the surface is solid: a beam from outside the map or
-    through a hole can hit the ground from the side.
+    four values is not finite. The ground below the surface is solid: a beam that enters from
+    outside the map or through a hole can hit the ground from the side.
 
     Args:
         grid_map: the terrain; its start index does not matter.
@@ -63,7 +63,7 @@ def cast_rays(
     ranges = np.full(len(along), np.nan)
     with np.errstate(all="ignore"):
         along = along / np.linalg.norm(along, axis=1, keepdims=True)
-        # Rows and columns are those of the padded heights, which start one cell before the map.
+        # Rows and columns refer to the padded heights, which start one cell before the map.
         corner = geometry.corner + 0.5 * geometry.resolution
         rays = np.empty((6, len(along)))
         rays[:2] = ((corner - begins[:, :2]) / geometry.resolution).T
@@ -88,8 +88,8 @@ def cast_rays(
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
     """Return the nearest and farthest ranges (2, N) at which each beam can hit the surface.
 
-    Between these ranges, the beam is within the map in x and y, and its z is at most `highest`. If
-    a beam cannot hit the surface, its nearest range is NaN or exceeds its farthest.
+    Between these ranges, the x and y of the beam are on the map, and its z is at most `highest`. If
+    a beam cannot hit the surface, its nearest range is NaN or exceeds its farthest range.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
@@ -120,7 +120,7 @@ def march(
         rays: (6, count) row, column and z [m] of each beam at range 0, and their changes per meter.
         span: (2, count) nearest and farthest range at which each beam can hit the surface.
         count: number of beams.
-        ranges: (count,) receives the ranges [m].
+        ranges: (count,) output: the ranges [m].
     """
     for ray in range(count):
         row, column, z = rays[ray], rays[count + ray], rays[2 * count + ray]
@@ -151,7 +151,7 @@ def march(
                 k += 1 if d_column > 0.0 else -1
             crosses = crosses and i >= 0 and i < rows - 1 and k >= 0 and k < columns - 1
             begin = max(begin, leave)
-        # A beam that starts in the ground hits the ground at range 0.
+        # Range 0 means that the beam starts in the ground.
         ranges[ray] = found if found > 0.0 else np.nan
 
 
@@ -171,7 +171,7 @@ def _crossing(start: float, step: float, patch: int) -> float:
 def _above(
     a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
 ) -> Any:
-    """Return the coefficients of 1, t and t^2 in the height of a beam above a patch after t meters.
+    """Return the coefficients of 1, t and t^2 of a beam's height above a patch after t meters.
 
     The height of the patch is a + b u + c v + d u v. At t = 0, the beam is at (u, v, z). Per meter,
     it advances by (d_row, d_column, d_z).
@@ -184,7 +184,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN, without cancellation."""
+    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN (without cancellation)."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0

@@ -95,8 +95,8 @@ def scan(
         grid_map: the terrain; `cast_rays` defines the surface.
         directions: (N, 3) beam directions, sensor frame, such as `SpinningLidar().directions`.
         transform: (4, 4) homogeneous transform from the sensor frame to the map frame.
-        sensor: noise model. The noise is Gaussian, with the model's covariance at the true point;
-            points that the sensor cannot measure become NaN. None means no noise.
+        sensor: noise model. The noise is Gaussian, with the covariance that the model predicts at
+            the true point. Points that the sensor cannot measure become NaN. None means no noise.
         random: random generator for the noise; None creates a new generator for each call.
         layer: name of the height layer [m].
         max_range: range beyond which beams do not return [m].
@@ -141,7 +141,7 @@ def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
 
 def _noise(covariances: NDArray[np.float64], random: np.random.Generator) -> Positions:
     """Draw one normally distributed vector per covariance, (N, 3)."""
-    # A covariance may be singular; one that is not finite gives a vector of NaN.
+    # Covariances may be singular. If a covariance is not finite, the vector is NaN.
     measured = np.isfinite(covariances.sum(axis=(1, 2)))
     variances, axes = np.linalg.eigh(np.where(measured[:, None, None], covariances, 0.0))
     normal = random.standard_normal(variances.shape) * np.sqrt(np.maximum(variances, 0.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps larger than memory: Dask computes them tile by tile, from Zarr stores or GeoTIFF files.
+"""Maps larger than memory, which Dask computes tile by tile from Zarr stores or GeoTIFF files.
 
 This package requires the extra `tiled`. GeoTIFF files also require the extra `geo`.
 `grid_map_core_py.xarray` registers the accessor `grid_map` for xarray datasets.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Converts maps to xarray datasets, and reads layers from datasets.
 
-Layers become variables with the dimensions ("x", "y") in map order: both coordinates descend.
-Datasets from other programs may also have the order ("y", "x") and ascending coordinates.
+Layers become variables with the dimensions ("x", "y") in map order, so both coordinates descend.
+Datasets from other programs may have the dimensions ("y", "x") and ascending coordinates.
 """
 
 import re
@@ -60,7 +60,7 @@ _ORIGINS = WeakValueDictionary[tuple[str, str], TiledData]()
 
 
 def coordinates(geometry: GridGeometry, origin: Sequence[float] = (0.0, 0.0)) -> dict[str, Any]:
-    """Return x and y of the cell centers as xarray coordinates, in the reference system [m]."""
+    """Return the cell centers as xarray coordinates x and y in the reference system [m]."""
     axes = zip(DIMENSIONS, geometry.axes_in_map_order(), origin, strict=True)
     return {
         name: (name, axis + start, {"units": "m", "standard_name": f"projection_{name}_coordinate"})
@@ -78,7 +78,7 @@ def attributes(described: GridMap | TiledData, layers: Iterable[str]) -> dict[st
         "timestamp": described.timestamp,
         "basic_layers": [name for name in described.basic_layers if name in names],
         "resolution": described.resolution,
-        # Computed from the coordinates, the center would have a rounding error.
+        # A center computed from the coordinates would have a rounding error.
         "position": described.position.tolist(),
     } | ({"origin": [*origin]} if any(origin) else {})
 
@@ -108,7 +108,7 @@ def dataset_of(described: GridMap | TiledData, layers: Mapping[str, Any]) -> "xa
 
 
 def grid_mapping(crs: str) -> dict[str, Any]:
-    """Return the attributes of the CF grid mapping variable for a reference system.
+    """Return the attributes of a CF grid mapping variable that describes a reference system.
 
     Args:
         crs: WKT, a code such as "EPSG:25832", or a PROJ string.
@@ -126,7 +126,7 @@ def grid_mapping(crs: str) -> dict[str, Any]:
     except MissingPackageError:
         if not is_wkt:
             raise
-    except RuntimeError:  # base class of pyproj's CRSError
+    except RuntimeError:  # pyproj's CRSError is a subclass
         if not is_wkt:
             raise wrong_crs(crs) from None
     return {**about, "crs_wkt": wkt, "spatial_ref": wkt}
@@ -138,9 +138,8 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Convert a dataset or data array to a dataset with one variable per band.
 
-    A single band keeps the name of its variable. If the names of several bands are missing or not
-    unique, the bands are numbered, such as `height_2`. Missing values become NaN; scale and offset
-    are applied.
+    A single band keeps the name of its variable. If several bands lack unique names, they are
+    numbered, such as `height_2`. Missing values become NaN. Scales and offsets are applied.
     """
     xr = required("xarray", "a dataset")
     dataset: Any = data
@@ -171,7 +170,7 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
 
 
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
-    """Return the geometry of a dataset in the map frame, and whether x and y ascend.
+    """Return the geometry of a dataset in the map frame, and whether x and whether y ascends.
 
     Raises:
         GeometryError: a coordinate is missing or not evenly spaced, or cells are not square.
@@ -200,7 +199,7 @@ def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bo
     resolution = _resolution(dataset, axes)
     middle = np.array([0.5 * (axis[0] + axis[-1]) for axis in axes]) - _origin_of(dataset)
     given = np.asarray(dataset.attrs.get("position", middle))
-    # A part of a dataset still has the attributes of the whole dataset.
+    # After slicing, a dataset still has the attributes of the original dataset.
     fits = given.shape == (2,) and given.dtype.kind in "iuf"
     position = given if fits and np.abs(given - middle).max() < 1e-6 * resolution else middle
     geometry = GridGeometry.from_size((axes[0].size, axes[1].size), resolution, position)
@@ -213,7 +212,7 @@ def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
-    """Return the attribute `resolution` if it fits the coordinates, else their spacing."""
+    """Return the attribute `resolution` if it matches the coordinates, else their spacing."""
     steps = [abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes if axis.size > 1]
     if steps and max(steps) - min(steps) > _LARGEST_DIFFERENCE * min(steps):
         raise GeometryError(
@@ -278,7 +277,7 @@ class DatasetSource:
         dataset: dataset whose variables are layers with the dimensions x and y.
         layers: names of the layers.
         name: name of the dataset in error messages.
-        ascends: whether x and y ascend; in a map they descend.
+        ascends: whether x and whether y ascends, unlike in a map.
     """
 
     dataset: "xarray.Dataset"
@@ -303,11 +302,11 @@ class DatasetSource:
             layers = [self.dataset.variables[name].isel(part) for name in names]
             if any(layer.chunks for layer in layers):
                 compute = required("dask.base", "a dataset of Dask").compute
-                # Compute in this thread: in a Dask task, a pool would wait for threads in use.
+                # Compute in this thread. Within a Dask task, a pool would wait for busy threads.
                 values = compute(*(layer.data for layer in layers), scheduler="synchronous")
             else:
                 values = [layer.values for layer in layers]
-            # Zarr 2 cannot read backwards.
+            # zarr-python 2 cannot read backwards, so the layers are reversed in memory.
             order = tuple(slice(None, None, -1 if each else None) for each in self.ascends)
             return [
                 as_layer(np.asarray(each)[order], shape(window), name)
@@ -321,8 +320,8 @@ def open_dataset(
     """Open a dataset as a tiled map.
 
     Args:
-        data: see `GridMap.from_xarray`; values are read or computed window by window.
-        tile: rows and columns of a tile. None uses the size of the first Dask chunk, or
+        data: as in `GridMap.from_xarray`. Values are read or computed window by window.
+        tile: rows and columns of a tile. None means the size of the first Dask chunk, or
             1024 x 1024 cells if there are no chunks.
         name: name of the dataset in error messages.
     """
@@ -344,7 +343,7 @@ def open_dataset(
             "dataset.rio.reproject(...) of rioxarray projects it",
             stacklevel=3,
         )
-    # Drop the coordinates, which would be pickled and sent to every process.
+    # Without the coordinates, less data is pickled and sent to each process.
     bare = dataset.drop_vars([*dataset.coords])[[*layers]]
     ordered = bare.transpose(*DIMENSIONS, missing_dims="ignore")
     return TiledData(
@@ -360,14 +359,14 @@ def open_dataset(
 
 
 def turned(ascends: Sequence[bool]) -> dict[str, slice]:
-    """Return the `isel` index that reverses ascending coordinates."""
+    """Return the argument of `isel` that reverses ascending coordinates."""
     return {
         name: slice(None, None, -1) for name, each in zip(DIMENSIONS, ascends, strict=True) if each
     }
 
 
 def mirrored(window: Window, size: Size, ascends: Sequence[bool]) -> Window:
-    """Convert a window from map order to the order of a dataset, or back: mirror ascending axes."""
+    """Convert a window from map order to the order of a dataset, or back, by mirroring axes."""
     rows, columns = (
         slice(length - part.stop, length - part.start) if each else part
         for part, length, each in zip(window, size, ascends, strict=True)
@@ -391,7 +390,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
         tuple(min(side, size - first) for first in range(0, size, side))
         for size, side in zip(tiled_map.size, tiled_map.tile, strict=True)
     )
-    # The map has its own key in the Dask graph, so a cluster sends it to each worker only once.
+    # The map is a task of its own in the Dask graph, so each worker receives it only once.
     known = delayed(tiled_map, name=f"map-{uuid4().hex}", traverse=False)
     arrays: dict[str, Any] = {}
     for group in [[n] for n in names] if getattr(source, "reads_layers_alone", False) else [names]:
@@ -419,7 +418,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
 
 
 def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray[np.object_]:
-    """Return the layers of a tile wrapped in a one-element array, as Dask requires."""
+    """Return the layers of a tile, wrapped in a one-element array because Dask requires one."""
     tiles, result = tiled_map.tiles, np.empty((1, 1), object)
     window = tiles[block_id[0] * tiles.counts[1] + block_id[1]]
     result[0, 0] = tiled_map.source.read(window, names)
@@ -427,7 +426,7 @@ def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray
 
 
 def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
-    """Remember the tiled map behind the Dask arrays of a dataset, for `origin_of`."""
+    """Remember which tiled map a dataset of Dask arrays was created from, for `origin_of`."""
     for name in {*tiled_map.layers} & {*dataset}:
         _ORIGINS[name, dataset[name].data.name] = tiled_map
 
@@ -435,13 +434,13 @@ def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
     """Return the tiled map that a dataset was created from; None if its layers have changed since.
 
-    A computed layer counts as changed. Reading windows from the map is cheaper than computing whole
-    tiles of Dask arrays.
+    Reading windows from this map is faster than computing whole tiles of Dask arrays. Layers that
+    are already computed count as changed.
     """
     arrays = {name: dataset[name].data for name in layers if dataset[name].chunks}
     found = {_ORIGINS.get((name, array.name)) for name, array in arrays.items()}
     (tiled_map,) = found if len(found) == 1 else (None,)
     if tiled_map is None or tuple(layers) != tiled_map.layers or len(arrays) != len(layers):
         return None
-    # Once persisted, an array has only one layer in its Dask graph.
+    # The Dask graph of a persisted array has a single layer.
     return tiled_map if all(len(array.dask.layers) > 1 for array in arrays.values()) else None

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs a function on many tiles with the Dask scheduler that the program has chosen.
+"""Runs a function on many tiles with the program's Dask scheduler.
 
-The default is a thread pool in this process. If the program creates a `dask.distributed.Client`,
-its cluster is used instead. `dask.config.set(scheduler=...)` selects another local scheduler.
+The default scheduler is a thread pool in this process. If the program creates a
+`dask.distributed.Client`, its cluster is used instead. `dask.config.set(scheduler=...)` selects
+another local scheduler.
 """
 
 import itertools
@@ -36,24 +37,23 @@ _PER_TASK = 8
 """Maximum number of calls per task; a cluster scheduler needs about 1 ms for each task."""
 
 _PERIOD = 1.0
-"""Interval [s] at which the threads of a cluster are counted, because workers come and go."""
+"""Interval [s] at which the threads of a cluster are counted, because their number may change."""
 
 
 def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
     """Yield each part and `function(part)` as soon as the result is available.
 
-    Parts are drawn from `parts` on demand, so that neither this process nor the scheduler stores
-    all parts. Closing the iterator cancels queued calls. Calls that already run in threads of this
-    process are completed.
+    Parts are taken from `parts` on demand, so that neither this process nor the scheduler stores
+    all of them. Closing the iterator cancels queued calls. Calls that already run in threads of
+    this process are completed.
 
     Args:
-        function: function to call; it is pickled together with the parts if other processes call
-            it.
+        function: function to call. If other processes call it, it is pickled with the parts.
         parts: arguments of the calls.
 
     Raises:
         GridMapError: the cluster is lost, or several workers died while computing the same part.
-        Exception: the exception of a failed call; no further call is started.
+        Exception: a call raised this exception; no further call is started.
     """
     required("dask", "tiled maps")
     from dask import base, config, system, threaded
@@ -76,7 +76,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
         try:
             while True:
                 for part in itertools.islice(rest, _AHEAD * threads - len(running)):
-                    # Context variables hold, for example, the thread count of a filter chain.
+                    # Context variables contain, for example, the thread count of a filter chain.
                     running[pool.submit(copy_context().run, function, part)] = part
                 if not running:
                     return
@@ -91,7 +91,7 @@ def _on_cluster(
 ) -> Iterator[tuple[P, T]]:
     from distributed import as_completed
 
-    # Pickled in advance, because schedulers may unpickle task arguments.
+    # The function is pickled here, because the scheduler may unpickle task arguments.
     call = required("cloudpickle", "tiled maps on a cluster").dumps(function)
     running: dict[Any, list[P]] = {}
     completed: Any = as_completed
@@ -108,7 +108,7 @@ def _on_cluster(
                     raise _error(client) from error
                 most, counted = _TASKS * max(1, sum(counts.values())), time.monotonic()
             while len(running) < most:
-                # The last tasks are smaller, so that all threads finish at about the same time.
+                # The last tasks contain fewer parts, so that all threads finish at the same time.
                 share = length_hint(rest, _PER_TASK * most) // most
                 group = [*itertools.islice(rest, max(min(_PER_TASK, share), 1))]
                 if not group:
@@ -119,20 +119,20 @@ def _on_cluster(
             if not running:
                 return
             future, result = next(ready)
-            # A fetched result is valid even if the worker has died since.
+            # A received result is valid even if the worker has died since.
             if not isinstance(result, list):
                 raise _error(client, result)
             future.release()
             yield from zip(running.pop(future), _values(*result), strict=True)
     finally:
-        # The scheduler drops released tasks; `cancel` would wait for a lost scheduler.
+        # The scheduler drops released tasks. `cancel` would wait for a scheduler that is lost.
         ready.clear()
         for future in running:
             future.release()
 
 
 def _values(values: list[T], warned: list[Warning]) -> list[T]:
-    """Issue the warnings of a task, and return its results."""
+    """Issue the warnings that a task returned, and return its results."""
     for warning in warned:
         warnings.warn(warning, stacklevel=3)
     return values
@@ -157,12 +157,12 @@ _unpickled = lru_cache(maxsize=4)(pickle.loads)
 
 
 _warned: ContextVar[list[Warning] | None] = ContextVar("_warned", default=None)
-"""List that collects the warnings of the task that this thread of a worker runs."""
+"""Warnings of the task that the current thread of a worker runs."""
 
 
 @cache
 def _collect_warnings() -> None:
-    """Collect warnings in `_warned`. `catch_warnings` would affect all threads of the worker."""
+    """Collect warnings in `_warned`; `catch_warnings` would affect all threads of the worker."""
     show: Any = warnings.showwarning
 
     def collect(warning: Any, *details: Any, **options: Any) -> None:
@@ -173,7 +173,7 @@ def _collect_warnings() -> None:
 
 
 def _call_each(pickled: bytes, group: list[Any]) -> list[list[Any]]:
-    """Return the results of a task and its warnings, which the client issues again."""
+    """Return the results and the warnings of a task; the client issues the warnings again."""
     keep_memory()
     _collect_warnings()
     token = _warned.set(warned := list[Warning]())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Opens stores, rasters and datasets as tiled maps; lets `load` and `save` use Zarr stores."""
+"""Opens stores, rasters and datasets as tiled maps, and defines the file format of Zarr stores."""
 
 from collections.abc import Iterable, Sequence
 from os import PathLike, fspath
@@ -29,8 +29,8 @@ def open_map(
 ) -> TiledMap:
     """Open a map of any size and read only the metadata.
 
-    Several GeoTIFF files form one map if their pixels lie on one grid. Gaps between files are NaN;
-    where files overlap, a cell gets its value from the first file that has data there.
+    Several GeoTIFF files form one map if their pixels lie on the same grid. Gaps between files are
+    NaN. Where files overlap, a cell gets its value from the first file that has data there.
 
     Args:
         path: a Zarr store (a folder or an fsspec URL), one or more GeoTIFF files (including GDAL
@@ -40,11 +40,11 @@ def open_map(
         crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
             when they are read, with bilinear interpolation and square pixels.
         origin: latitude and longitude [deg, WGS 84] of the map frame origin. None means the stored
-            origin; if none is stored, the origin of the reference system. See
+            origin, or the origin of the reference system if none is stored. See
             `TiledMap.with_origin`.
 
     Raises:
-        ConfigError: `crs` is malformed, or is set although the map is not a GeoTIFF file.
+        ConfigError: `crs` is malformed, or is given for a map that is not a GeoTIFF file.
         MissingPackageError: a package required for this kind of map is not installed.
         GridMapError: `path` cannot be read or is not a map.
     """

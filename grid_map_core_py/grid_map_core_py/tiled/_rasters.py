@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Opens GeoTIFF rasters on one grid as a tiled map, and writes tiled maps window by window."""
+"""Opens GeoTIFF rasters as tiled maps, and writes tiled maps to GeoTIFF files."""
 
 import itertools
 import math
@@ -67,8 +67,8 @@ _WARPING: dict[str, Any] = {
 _BLOCK = 256
 """Side of the blocks in which a raster is projected [cells].
 
-GDAL approximates the projection separately for each window; fixed blocks make cell values
-independent of the window that is read.
+GDAL approximates the projection separately in each window. With fixed blocks, cell values do not
+depend on the window that is read.
 """
 
 
@@ -83,7 +83,7 @@ class _Part(NamedTuple):
     stamp: tuple[int, int] | None
     """Modification time [ns] and size [bytes] of the file; None for virtual files."""
     transform: Any
-    """`Affine` transform of the cells after projection; None if the raster is not projected."""
+    """`Affine` transform of the projected cells; None if the raster is not projected."""
     overview: int | None = None
     """Number of the overview to read; None for the raster itself."""
 
@@ -93,7 +93,7 @@ class RasterSource:
     """Source that reads layers from the bands of rasters that share a grid.
 
     Args:
-        parts: the rasters; where rasters overlap, a cell gets the first value that is not NaN.
+        parts: the rasters. Where they overlap, a cell gets the first value that is not NaN.
         layers: names of the bands.
         crs: reference system to which rasters are projected; if empty, they are not projected.
     """
@@ -131,7 +131,7 @@ class RasterSource:
     def _read_part(
         self, part: _Part, place: Window, bands: Sequence[int], images: Sequence[Layer]
     ) -> None:
-        """Read the part of a raster that covers the map window `place` into `images`."""
+        """Read the map window `place` from a raster into `images`, one per band."""
         rows, columns = within(place, part.place)
         width = shape(part.place)[0]
         pixels = columns, slice(width - rows.stop, width - rows.start)
@@ -155,7 +155,7 @@ class RasterSource:
 
 
 def _opened(part: _Part, crs: str) -> Any:
-    """Return the raster of a part, opened for this thread; GDAL datasets are not thread-safe."""
+    """Open the raster of a part for this thread, because GDAL datasets are not thread-safe."""
     size, owner = shape(part.place), (os.getpid(), threading.get_ident())
     return _open(part.path, part.stamp, part.overview, crs, part.transform, size, owner)
 
@@ -177,7 +177,7 @@ def _open(
 
 
 def _warped(raster: Any, crs: str, **cells: Any) -> Any:
-    """Return a virtual raster that GDAL projects, with bilinear interpolation, when it is read."""
+    """Return a virtual raster that GDAL projects with bilinear interpolation when it is read."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
     return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)
@@ -197,7 +197,7 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
     west, north = min(box[0] for box in boxes), min(box[1] for box in boxes)
     east, south = max(box[2] for box in boxes), max(box[3] for box in boxes)
     rows, columns = first.geometry.size
-    # The offset is exactly 0 for a single raster.
+    # For a single raster, the offset is exactly 0.
     offset = 0.5 * np.array([west + east - rows, columns - north - south]) * step
     parts = []
     for header, box in zip(headers, boxes, strict=True):
@@ -222,7 +222,7 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
 
 
 def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
-    """Return the coarsest overview whose cells are at most `step` cells of the raster wide.
+    """Return the coarsest overview whose cells are at most as wide as `step` cells of the raster.
 
     Returns:
         overview: the overview as a map, with positions accurate to half a cell. If the map is a
@@ -243,7 +243,7 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
         columns, rows = _opened(coarse, "").shape
     place = slice(0, rows), slice(0, columns)
     source = replace(source, parts=(coarse._replace(place=place),))
-    # GDAL stretches an overview to the extent of the raster, so the cells are not exactly square.
+    # An overview has the same extent as the raster, so its cells may not be exactly square.
     resolution = factor * tiled_map.resolution
     geometry = GridGeometry.from_size((rows, columns), resolution, tiled_map.position)
     return replace(tiled_map, source=source, geometry=geometry), factor
@@ -318,7 +318,7 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
     Args:
         header, first: headers of the raster and of the first raster of the mosaic. The sides are
             measured to the east and south from the north-west corner of `first`.
-        exact: require the raster to lie on the grid. If False, include all cells that it touches.
+        exact: if True, the raster must lie on the grid. If False, include all cells it overlaps.
 
     Raises:
         ValueError: the layers, reference systems, pixel sizes or grids of the rasters differ.
@@ -341,7 +341,7 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
     width, height = header.geometry.size
     if not exact:
         east, south = west + width * own / step, north + height * own / step
-        # The corner coordinates have rounding errors, even for the first raster itself.
+        # Corner coordinates have rounding errors, even those of the first raster.
         lower, upper = math.floor(west + 1e-6), math.floor(north + 1e-6)
         return lower, upper, math.ceil(east - 1e-6), math.ceil(south - 1e-6)
     if abs(own - step) > _LARGEST_DIFFERENCE * step:
@@ -371,7 +371,7 @@ def to_geotiff(
     """Write a tiled map into a GeoTIFF file; see `TiledMap.to_geotiff`."""
     target = Path(path)
     check_ending(target, ".tif", ".tiff")
-    # GDAL would leave auxiliary files next to the temporary file.
+    # With PAM, GDAL would leave auxiliary files in the folder.
     with gdal(target, GDAL_PAM_ENABLED=False), storage_errors(target, "written"):
         if not names:
             raise GridMapError("the map has no layers")
@@ -430,7 +430,7 @@ def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
     """Build the overviews of the file `tiles`, and copy it to `file` in the COG layout."""
     with import_module("rasterio").open(tiles, "r+") as raster:
         levels = range(1, max(0, (max(raster.shape) - 1) // _FILE_BLOCK).bit_length() + 1)
-        # "nearest" would pick one of four heights arbitrarily.
+        # "nearest" would use only one of four heights.
         average = import_module("rasterio.enums").Resampling.average
         raster.build_overviews([2**level for level in levels], average)
     packing = {"COMPRESS": "DEFLATE", "PREDICTOR": "YES"} if compress else {"COMPRESS": "NONE"}
@@ -461,7 +461,7 @@ def _check_complete(file: Path) -> None:
                     raise OSError("a block is missing, perhaps because the disk is full")
                 if level is None:
                     last = max(last, (int(offset), band, row, column))
-        # GDAL 3.6 records the offset of a block even if writing it failed; reading then fails.
+        # GDAL 3.6 records the offset of a block even if writing failed, but cannot read the block.
         _, band, row, column = last
         raster.read(
             band, window=tuple((n * _FILE_BLOCK, n * _FILE_BLOCK + 1) for n in (row, column))

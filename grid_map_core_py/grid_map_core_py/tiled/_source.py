@@ -41,10 +41,10 @@ class Source(Protocol):
         """Layer names, in order."""
 
     def describe(self) -> str:
-        """Return a text that identifies the data; a run can be resumed only with the same text."""
+        """Return a text that identifies the data; a run is resumed only if the text is equal."""
 
     def prepare(self) -> None:
-        """Prepare data shared by all windows; called once before windows are read in parallel."""
+        """Prepare the data that windows share; called once before windows are read in parallel."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         """Return layers of a window as new (rows, cols) float32 arrays in Fortran order.
@@ -109,7 +109,7 @@ class TiledData:
 
 
 class Tiles(Sequence[Window]):
-    """Tiles of a map, row by row; each is a window of at most `side` rows and columns."""
+    """Tiles of a map, row by row; each tile is a window of at most `side` rows and columns."""
 
     def __init__(self, size: Size, side: Size) -> None:
         self.size, self.side = size, side
@@ -147,7 +147,7 @@ def widened(window: Window, cells: int, size: Size) -> Window:
 
 
 def within(window: Window, outer: Window) -> Window:
-    """Return a window relative to the first cell of the enclosing window `outer`."""
+    """Return a window in coordinates of the enclosing window `outer`."""
     rows, columns = (
         slice(part.start - around.start, part.stop - around.start)
         for part, around in zip(window, outer, strict=True)
@@ -156,7 +156,7 @@ def within(window: Window, outer: Window) -> Window:
 
 
 def common(one: Window, other: Window) -> Window:
-    """Return the intersection of two windows; if empty, at least one slice has stop <= start."""
+    """Return the intersection of two windows; if it is empty, a slice has stop <= start."""
     rows, columns = (
         slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads every n-th row and column of a tiled map, in bounded memory and time."""
+"""Reads every n-th row and column of a tiled map, with limited memory and time."""
 
 import itertools
 import math
@@ -51,7 +51,7 @@ def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridM
 
 
 def _runs(size: int, side: int, step: int) -> list[_Run]:
-    """Return the runs along one axis of the map, one per tile that contributes to the result."""
+    """Return one run per tile along an axis: the lines to read, and their place in the result."""
     lines = np.arange(min(step // 2, size - 1), size, step)
     begins = np.flatnonzero(np.diff(lines // side, prepend=-1)).tolist()
     return [

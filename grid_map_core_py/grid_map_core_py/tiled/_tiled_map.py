@@ -48,7 +48,7 @@ class Chain(Protocol):
 
     @property
     def on_tiles(self) -> Callable[..., Any]:
-        """Function that filters a `TiledMap` and returns a source with `basic_layers`."""
+        """Function that filters a `TiledMap`, and returns a source with `basic_layers`."""
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         """Return the filtered map."""
@@ -58,7 +58,7 @@ class Chain(Protocol):
 class TiledMap(TiledData):
     """Map of any size whose layers are read or computed window by window.
 
-    `open_map` returns a `TiledMap`. Tiled maps can be pickled; only `write` changes their data.
+    `open_map` returns a `TiledMap`. Tiled maps can be pickled. Only `write` changes their data.
 
     Args:
         source: provider of the layers.
@@ -84,10 +84,10 @@ class TiledMap(TiledData):
         timestamp: int = 0,
         crs: str = "",
     ) -> TiledMap:
-        """Create an empty Zarr store and return it as a map; use `write` to fill it.
+        """Create an empty Zarr store, to be filled with `write`, and return it as a map.
 
         The empty store uses a few kilobytes, regardless of the map size. A chunk uses disk space
-        only once it is written. The cells of unwritten chunks are NaN.
+        only once it is written. Until then, its cells are NaN.
 
         Args:
             path: folder of the store, which must not exist.
@@ -121,7 +121,7 @@ class TiledMap(TiledData):
         names = select_layers(self.layers, layers)
         window = rows, columns
         is_whole = window == (slice(0, self.size[0]), slice(0, self.size[1]))
-        # The cropped geometry has rounding errors.
+        # A cropped geometry would have rounding errors.
         geometry = self.geometry if is_whole else self.geometry.cropped(*window)
         check_cells("map", geometry.size, len(names))
         self.source.prepare()
@@ -138,7 +138,7 @@ class TiledMap(TiledData):
     def get_submap(
         self, position: ArrayLike, length: ArrayLike, layers: Iterable[str] | None = None
     ) -> GridMap:
-        """Return a rectangular part of the map; only the chunks under the rectangle are read.
+        """Return the cells that a rectangle overlaps; only chunks under the rectangle are read.
 
         `GridMap.get_submap` returns the same cells.
 
@@ -165,8 +165,8 @@ class TiledMap(TiledData):
     ) -> float | Positions:
         """Return the values of a layer at positions; only nearby cells are read.
 
-        The values equal the results of `GridMap.at_position`, even at tile borders. If several
-        tiles are needed, they are read with the program's Dask scheduler.
+        The results equal those of `GridMap.at_position`, even at tile borders. If several tiles are
+        needed, the program's Dask scheduler reads them.
 
         Args:
             layer: name of the layer.
@@ -209,9 +209,9 @@ class TiledMap(TiledData):
     def to_xarray(self, layers: Iterable[str] | None = None) -> xarray.Dataset:
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
-        Each tile is one chunk, and is computed once even if several layers are used together. In
-        all other respects, the dataset equals the result of `GridMap.to_xarray`. If a filter needs
-        values of the whole map, these are computed immediately.
+        Each tile is one chunk. If several layers are used together, it is still computed only once.
+        In all other respects, the dataset equals the result of `GridMap.to_xarray`. If a filter
+        needs values from the whole map, these are computed immediately.
 
         Args:
             layers: names of the layers; None means all.
@@ -223,9 +223,9 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        The cells of the result are `step` times as wide. Each has the value of the original cell at
-        its center. If the map is a raster with suitable overviews, cells are copied from one of
-        them. If more than about 4000 tiles would have to be read, a larger step is used.
+        The cells of the result are `step` times as wide, with the value of the original cell at
+        their center. If the map is a raster with a suitable overview, cells are copied from the
+        overview. If more than about 4000 tiles would be read, a larger step is used.
 
         Args:
             step: distance between copied rows and between copied columns [cells].
@@ -236,7 +236,7 @@ class TiledMap(TiledData):
         return thinned_map(self, step, select_layers(self.layers, layers))
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
-        """Plot the map, thinned to the plot size, and return the axes; see `GridMap.plot`."""
+        """Plot the map at the resolution of the plot, and return the axes; see `GridMap.plot`."""
         from ..map._plots import plot
 
         return plot(self, layer, ax, style, options)
@@ -249,7 +249,7 @@ class TiledMap(TiledData):
         The program's Dask scheduler computes the tiles.
 
         Args:
-            function: called with each tile as a `GridMap`, and pickled if other processes call it.
+            function: called with each tile as a `GridMap`; pickled if other processes call it.
             layers: names of the layers that the function needs; None means all.
         """
         names = select_layers(self.layers, layers)
@@ -270,7 +270,7 @@ class TiledMap(TiledData):
             options: see `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter needs the whole map in memory, or the chain fails when tried on a
+            FilterError: a filter needs the whole map in memory, or the chain fails in a trial on a
                 small map of zeros.
         """
         source = chain.on_tiles(self, **options)
@@ -287,21 +287,21 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write the tiles to a Zarr store.
 
-        Tiles are written to a folder next to `path`, whose name ends in `.part`. The folder is
+        Tiles are written to a folder whose name is `path` with the suffix `.part`. The folder is
         renamed to `path` once the store is complete.
 
         Args:
             path: folder of the store.
             layers: names of the layers to write; None means all.
-            resume: continue an unfinished run: only missing tiles are computed, and the store is
+            resume: continue an unfinished run. Only missing tiles are computed. The store is
                 identical to the store of an uninterrupted run.
             overwrite: replace an existing store.
-            progress: called after each tile with the numbers of finished tiles and of all tiles.
+            progress: called after each tile with the number of finished tiles and of all tiles.
 
         Raises:
-            GridMapError: a tile cannot be read, computed or written; the store exists or is being
-                written by another process; or an unfinished run exists, and `resume` is False or
-                the run had other inputs.
+            GridMapError: a tile cannot be read, computed or written; the store exists, or another
+                process is writing it; or there is an unfinished run, and `resume` is False or the
+                inputs differ.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -315,13 +315,13 @@ class TiledMap(TiledData):
     ) -> None:
         """Merge a map into the store that this map was opened from.
 
-        Finite cells of `grid_map` replace cells of the store. Each store cell gets the value of the
-        map cell that contains its center, as with `GridMap.add_data_from`. Map cells outside the
-        store are ignored. Only chunks under the map are read and written, and each chunk is written
-        atomically. Several processes may write at the same time without losing data.
+        Each store cell gets the value of the map cell that contains its center, as with
+        `GridMap.add_data_from`, if this value is finite. Map cells outside the store are ignored.
+        Only chunks under the map are read and written. Each chunk is written atomically. Several
+        processes may write at the same time without losing data.
 
         Args:
-            grid_map: map with the same resolution, and with the same frame or an empty frame name.
+            grid_map: map with the same resolution, in the same frame or without a frame.
             position: (2,) center of the map [m]; None uses the position of `grid_map`.
             layers: names of the layers to write; None means all layers of `grid_map`.
 
@@ -345,10 +345,10 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write it to a GeoTIFF file, window by window.
 
-        A temporary file is renamed to `path` when complete. Each layer is a float32 band named
-        after the layer. The nodata value is NaN. A tag stores frame, time and basic layers, so that
-        `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
-        temporarily requires additional disk space for the uncompressed layers.
+        A temporary file is renamed to `path` when it is complete. Each layer is a float32 band
+        named after the layer. The nodata value is NaN. A tag stores frame, time and basic layers,
+        so that `open_map` and `load_geotiff` restore the same map. While a cloud-optimized file is
+        written, the uncompressed layers require additional disk space.
 
         Args:
             path: path of the file.
@@ -357,7 +357,7 @@ class TiledMap(TiledData):
             layers: names of the layers to write; None means all.
             compress: compress the values with deflate.
             overwrite: replace an existing file.
-            progress: called after each window with the numbers of finished and of all windows.
+            progress: called after each window with the number of finished and of all windows.
         """
         from ._rasters import to_geotiff
 
@@ -404,9 +404,9 @@ class TiledMap(TiledData):
         """Return the map in a frame whose origin has this latitude and longitude.
 
         Coordinates in a reference system can reach millions of meters. In a frame whose origin is
-        near the robot, they are small. The directions of the axes do not change. Datasets, stores
-        and GeoTIFF files still use the coordinates of the reference system. They also store the
-        origin, so that `open_map` and `load_geotiff` can restore the frame.
+        near the robot, they are small. The axes keep their directions. Datasets, stores and GeoTIFF
+        files still contain coordinates in the reference system. They also contain the origin, so
+        that `open_map` and `load_geotiff` can restore the frame.
 
         Args:
             latitude, longitude: the new origin [deg, WGS 84].
@@ -423,7 +423,7 @@ class TiledMap(TiledData):
 
 
 def _pairs(*coordinates: ArrayLike) -> Positions:
-    """Stack coordinates into (2,) or (N, 2) pairs; pairs with a non-finite number become NaN."""
+    """Combine coordinates into pairs (2,) or (N, 2); pairs that are not finite become NaN."""
     pairs = np.stack([np.asarray(one, np.float64) for one in coordinates], axis=-1)
     pairs[~np.isfinite(pairs).all(axis=-1)] = np.nan
     return pairs
@@ -447,12 +447,12 @@ def _transformer(crs: str) -> Any:
 class GridMapAccessor:
     """xarray accessor with grid map methods: `dataset.grid_map` and `array.grid_map`.
 
-    Datasets in memory are processed immediately. Datasets of Dask arrays are processed lazily and
-    tile by tile, like a `TiledMap`. `GridMap.from_xarray` describes which datasets are maps.
+    Datasets in memory are processed immediately. Datasets of Dask arrays are processed lazily, tile
+    by tile, like a `TiledMap`. `GridMap.from_xarray` describes which datasets are accepted.
     """
 
     def __init__(self, data: xarray.Dataset | xarray.DataArray) -> None:
-        """Wrap a dataset or data array, which is not checked until a method is called."""
+        """Wrap a dataset or data array; it is checked when a method is called."""
         self._data = data
 
     @cached_property
@@ -476,7 +476,7 @@ class GridMapAccessor:
         return self._opened.to_map(layers)
 
     def filter(self, chain: Chain, **options: Any) -> xarray.Dataset:
-        """Filter the dataset; the result has the same dimensions and coordinates.
+        """Return the filtered dataset, which has the same dimensions and coordinates.
 
         Args:
             chain: a `FilterChain`.
@@ -494,14 +494,14 @@ class GridMapAccessor:
         filtered = filtered.isel(turned(geometry_of(mine)[1]))
         if opened.layers:
             filtered = filtered.transpose(*mine[opened.layers[0]].dims)
-        # xarray would not align coordinates with different rounding errors.
+        # xarray could not align the coordinates if their rounding errors differed.
         filtered = filtered.assign_coords({name: mine[name].variable for name in DIMENSIONS})
         if self._is_lazy:
             remember(filtered, tiled_map)
         return filtered
 
     def get_submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
-        """Return a rectangular part of the dataset without copying; see `TiledMap.get_submap`."""
+        """Return the part of the dataset that a rectangle overlaps; see `TiledMap.get_submap`."""
         geometry, ascends = geometry_of(self._dataset)
         window = geometry.overlapped(position, length)
         stored = zip(DIMENSIONS, mirrored(window, geometry.size, ascends), strict=True)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes tiled maps to new Zarr stores tile by tile, and manages store files and locks.
 
-Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file stores a block of a
-layer in Fortran order. Zarr-python writes the chunk under a temporary name and renames the file.
+Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file contains a block of a
+layer in Fortran order. zarr-python writes a chunk to a temporary file, and then renames the file.
 Cells of missing chunks are NaN.
 
 An unfinished store is a folder whose name ends in `.part`. The folder is renamed when all tiles are
-complete. A tile is complete when its chunks exist for all layers. A resumed run computes only the
-tiles that are not complete.
+complete. A tile is complete when its chunks exist in all layers. A resumed run computes only the
+missing tiles.
 """
 
 import errno
@@ -36,7 +36,7 @@ from ._source import Progress, TiledData, data_errors, tile_name
 
 VERSION_KEY = "grid_map_version"
 VERSION = 1
-"""Version of the store format. It changes when older releases would misread a store."""
+"""Version of the store format. It changes if older releases cannot read new stores correctly."""
 
 _RUN = ".run.json"
 """File that describes the run in an unfinished store; locked by the process that is writing."""
@@ -75,7 +75,7 @@ def to_zarr(
         if target.exists():
             if not overwrite:
                 raise GridMapError("already exists; 'overwrite' replaces it")
-            # Raises an error if the target is not a store, so that only stores are replaced.
+            # This raises an error if the target is not a store, so that only stores are replaced.
             metadata_file(target)
         # A run is resumed only if all these entries are equal.
         run = {
@@ -104,14 +104,14 @@ def to_zarr(
         if not part.exists():
             with new_folder(part, _refuse) as folder:
                 create_layers(folder, tiled_map, names)
-                # Written after the layers, because Zarr warns about foreign files.
+                # This file is written last, because Zarr warns about unknown files.
                 (folder / _RUN).write_text(json.dumps(run), encoding="utf-8")
         note = f"{part} keeps the finished tiles; --resume continues the run"
         with _locked(part):
             notes.add(note)
             _compute(tiled_map, part, names, progress)
             notes.discard(note)
-            # Workers that were killed leave partial files behind.
+            # Killed workers leave partial files behind.
             for leftover in part.glob("*/*.partial"):
                 leftover.unlink()
             if target.exists():
@@ -138,14 +138,14 @@ def _locked(part: Path) -> Iterator[IO[str]]:
 def _compute(
     tiled_map: TiledData, part: Path, names: Sequence[str], progress: Progress | None
 ) -> None:
-    """Compute the tiles that an unfinished store lacks, and write them into it."""
+    """Compute the tiles that are missing in an unfinished store, and write them."""
     tiles, columns = tiled_map.tiles, tiled_map.tiles.counts[1]
     chunks = [{file.name for file in (part / name).iterdir()} for name in names]
     places = {n: divmod(n, columns) for n in range(len(tiles))}
     missing = [
         n for n, (row, column) in places.items() if any(f"{row}.{column}" not in c for c in chunks)
     ]
-    # Compute neighboring tiles one after the other: they share input blocks, which stay in memory.
+    # Neighboring tiles are computed one after the other, so that shared inputs stay in memory.
     missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
     done = len(tiles) - len(missing)
     if progress is not None:
@@ -174,7 +174,7 @@ class _Write:
 
     @cached_property
     def _arrays(self) -> dict[str, Any]:
-        # A tile is complete when all its chunks exist, so chunks of NaN must also be written.
+        # A tile is complete when all its chunks exist, so even chunks of NaN must be written.
         return {name: open_layer(self.store, name, empty_chunks=True) for name in self.names}
 
 
@@ -187,7 +187,7 @@ def is_local(name: str) -> bool:
 
 
 def check_local(path: str | PathLike[str]) -> Path:
-    """Return the path of a store to write; raise an error unless the path is local."""
+    """Return the path of a store to write; raise `GridMapError` unless the path is local."""
     name = os.fspath(path)
     if not is_local(name):
         raise GridMapError(
@@ -227,11 +227,11 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
             array = group.create_array(name, **options)
         else:
             array = group.create_dataset(name, **{"compressor": None} | options)
-        # In zarr-python 3, `update` would write the file once per attribute.
+        # In zarr-python 3, `update` would write the file again for each attribute.
         array.attrs.put(about | {"_ARRAY_DIMENSIONS": [*dimensions]})
         return array
 
-    # Readers turn the variable into a coordinate, which rioxarray expects.
+    # Readers convert the variable to a coordinate, which rioxarray expects.
     about_crs = {"grid_mapping": CRS_VARIABLE, "coordinates": CRS_VARIABLE} if crs else {}
     packing = {"compressor": blosc("lz4", 1, blosc.SHUFFLE), "fill_value": np.nan, "order": "F"}
     for name in names:
@@ -269,7 +269,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
 
 
 def metadata_file(store: Path) -> Path:
-    """Return the path of a store's metadata file, which does not change when chunks are written."""
+    """Return the path of a store's metadata file; its content does not depend on the chunks."""
     if not store.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(store))
     # Zarr formats 2 and 3.
@@ -281,9 +281,9 @@ def metadata_file(store: Path) -> Path:
 
 @contextmanager
 def locked(store: Path) -> Iterator[None]:
-    """Lock a store for this thread; other threads and processes wait."""
+    """Lock a store; other threads and processes wait until this context exits."""
     with metadata_file(store).open("r+") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
         yield
-        # The new modification time tells later runs that the content has changed.
+        # By the new modification time, later runs detect that the content has changed.
         os.utime(store)

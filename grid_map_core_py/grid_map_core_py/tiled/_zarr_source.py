@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray
 
 _OPENED = 16
-"""Number of stores that a process keeps open; opening one takes as long as reading a window."""
+"""Number of stores that a process keeps open. Opening one takes as long as reading a window."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Maximum relative difference between resolutions that count as equal."""
@@ -39,7 +39,7 @@ _LARGEST_DIFFERENCE = 1e-6
 
 @dataclass(frozen=True)
 class StoreSource:
-    """Source that reads layers from a Zarr store; each process opens the store on its first read.
+    """Source that reads layers from a Zarr store, which each process opens on its first read.
 
     Args:
         path: folder or fsspec URL of the store.
@@ -65,7 +65,7 @@ class StoreSource:
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         source = self.opened()[1].source
-        # Layers are read separately, so that an error names the layer.
+        # Layers are read one by one, so that an error names the layer.
         return [layer for name in names for layer in source.read(window, [name])]
 
     def opened(self) -> "tuple[xarray.Dataset, TiledData]":
@@ -80,7 +80,7 @@ def open_store(name: str, chunks: int | None = None) -> TiledData:
     """Open a store as a tiled map; see `open_map`."""
     _, found = _open(name, _stamp(name))
     side = (chunks, chunks) if chunks else found.tile
-    # Processes of a cluster may have another working directory.
+    # The processes of a cluster may have another working directory.
     path = str(Path(name).absolute()) if is_local(name) else name
     return replace(found, source=StoreSource(path, found.layers, found.size), tile=side)
 
@@ -100,7 +100,7 @@ def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # no
     with data_errors(name, "read"):
         xarray = required("xarray", f"{name}: a Zarr store")
         required("zarr", f"{name}: a Zarr store")
-        # With None, xarray would warn about local stores without consolidated metadata.
+        # With None, xarray would warn if a local store has no consolidated metadata.
         consolidated = Path(name, ".zmetadata").exists() if is_local(name) else None
         dataset = xarray.open_zarr(name, chunks=None, decode_times=False, consolidated=consolidated)
         if (version := dataset.attrs.get(VERSION_KEY, VERSION)) != VERSION:
@@ -158,8 +158,7 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 
     Returns:
         window: cells of the store.
-        lines: for each row of the window, the buffer row of the map; and for each column of the
-            window, the buffer column.
+        lines: buffer row of the map for each row of the window, and buffer column for each column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution
