@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs filter chains on many maps from bags, folders or generators, without a node.
 
-`filter_maps` accepts any iterable of maps, or of items that a function `load` converts to maps. For
-a bag, the items are records: `load` decodes one at a time, and each result includes its record.
+`filter_maps` accepts an iterable of maps, or of items that the function `load` converts to maps.
+For a bag, the items are its messages: `load` decodes one at a time, and each result includes the
+message.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -93,7 +94,8 @@ def filter_maps(
             if failures is None:
                 raise FilterError(str(failure)) from error
             failures.append(failure)
-            # In Python 3.12, a frame of contextlib would keep the map until the next collection.
+            # In Python 3.12, a frame of contextlib would keep the map until the next garbage
+            # collection.
             clear_frames(error.__traceback__)
         if progress is not None:
             progress(index + 1, total)

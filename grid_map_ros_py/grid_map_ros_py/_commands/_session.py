@@ -94,7 +94,7 @@ def message_class(types: Sequence[str]) -> Any:
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")
     found = None
-    # Import only message packages, because the name comes from a bag or from another machine.
+    # The name may come from an untrusted bag or machine, so import only message packages.
     if (match := _TYPE.fullmatch(types[0])) and has_resource("rosidl_interfaces", match["package"]):
         found = getattr(messages_of(match["package"], kind=match["kind"]), match["name"], None)
     if not hasattr(found, "get_fields_and_field_types"):

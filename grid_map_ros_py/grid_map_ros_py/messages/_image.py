@@ -68,8 +68,8 @@ def to_image(
 
     Args:
         grid_map, layer, lower, upper: as in `grid_map_core_py.to_image`.
-        encoding: any name in `ENCODINGS`. Three color channels all contain the gray value; an
-            alpha channel is 0 where the layer is NaN.
+        encoding: any name in `ENCODINGS`. All color channels contain the gray value; an alpha
+            channel is 0 where the layer is NaN.
     """
     kind = _encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
@@ -170,7 +170,7 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
     """Return the pixels (rows, cols, channels) of an image and the color order.
 
     The pixels keep the byte order of the sender. They are a view of the message data, or a copy if
-    the values are not aligned. `size` is the required size (rows, cols). None accepts any size.
+    the values are not aligned. `size` is the required size (rows, cols); None accepts any size.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

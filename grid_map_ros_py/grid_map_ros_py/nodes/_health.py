@@ -145,11 +145,11 @@ def health_of(node: Node) -> Health:
 
 
 class LogThrottle:
-    """Logs similar texts at most once per period; the next one states how many were suppressed.
+    """Logs similar texts at most once per period, and states how many were suppressed.
 
     Texts are similar if they are equal up to the second colon, such as "get_grid_map: frame_id:
-    expected ...". At most `LIMIT` different texts are logged per period. (rclpy throttles per line
-    of code, and therefore drops the second of two problems logged by the same line.)
+    expected ...". At most `LIMIT` different texts are logged per period. (The throttling of rclpy
+    is not used, because it would drop different texts logged by the same line of code.)
 
     Args:
         logger: logger of the node.

@@ -78,7 +78,7 @@ class Cloud:
         points: (N, 3) x, y, z [m].
         columns: additional values (N,) of the points, by layer name.
         missing: number of pixels without a depth.
-        is_optical: True if the points come from a depth image, whose frame has z forward.
+        is_optical: True if the points come from a depth image, in whose frame z points forward.
     """
 
     frame_id: str
@@ -92,9 +92,9 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return a warning with causes and a remedy if too few points are used (see `FEW`), or "".
+        """Return a warning with causes and a remedy if too few points are used, else "".
 
-        `unused` contains the number of unused points for each reason.
+        `unused` contains the number of unused points for each reason. See `FEW`.
         """
         total = len(self) + self.missing
         counts = Counter({**unused, "without a depth": self.missing}).most_common()
@@ -116,8 +116,8 @@ class Cloud:
 class ScanQueue:
     """Queue of scans of one sensor, which wait for their poses.
 
-    A scan more than `LONGEST_JITTER` earlier than the previous scan indicates a time reset, for
-    example when a bag restarts. Waiting scans and outdated poses are then discarded.
+    If a scan is more than `LONGEST_JITTER` earlier than the previous scan, time was reset, for
+    example because a bag restarted. Waiting scans and outdated poses are then discarded.
 
     Attributes:
         poses: source of the poses.
