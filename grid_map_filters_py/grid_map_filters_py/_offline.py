@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs filter chains on many maps from bags, folders or generators, without a node.
 
-`filter_maps` accepts an iterable of maps, or of items that the function `load` converts to maps.
-For a bag, the items are its messages: `load` decodes one at a time, and each result includes the
-message.
+`filter_maps` accepts an iterable of maps, or of items, such as bag messages, that the function
+`load` converts to maps. Each result includes its item.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -94,8 +93,7 @@ def filter_maps(
             if failures is None:
                 raise FilterError(str(failure)) from error
             failures.append(failure)
-            # In Python 3.12, a frame of contextlib would keep the map until the next garbage
-            # collection.
+            # In Python 3.12, a frame of contextlib would keep the map until the next collection.
             clear_frames(error.__traceback__)
         if progress is not None:
             progress(index + 1, total)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Infer from the name of a layer what it contains, such as heights."""
+"""Infers the content of a layer, such as heights, from its name."""
 
 import re
 from typing import TYPE_CHECKING

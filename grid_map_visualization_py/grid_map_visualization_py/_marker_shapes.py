@@ -12,7 +12,7 @@ from grid_map_ros_py import from_pose
 
 
 def orientation_of(marker: Any) -> Any:
-    """Return the quaternion of a marker; as in RViz, all zeros mean no rotation."""
+    """Return the quaternion of a marker; as in RViz, an all-zero quaternion means no rotation."""
     q = marker.pose.orientation
     return q if any((q.x, q.y, q.z, q.w)) else SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
 
@@ -38,5 +38,5 @@ def rgba_of(marker: Any) -> npt.NDArray[np.uint8]:
 
 
 def of_points(rgba: npt.NDArray[np.uint8], count: int) -> npt.NDArray[np.uint8]:
-    """Repeat one color, or one color per triangle, for each of `count` points."""
+    """Repeat one color, or one color per triangle, to get one color for each of `count` points."""
     return np.repeat(rgba, -(-count // len(rgba)), axis=0)[:count]

@@ -293,8 +293,7 @@ def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     if count == 1:
         yield slice(0, columns), holes
         return
-    # Dilation with blocks of side `near` joins holes that affect each other. Map rows run along the
-    # x axis of the image.
+    # Dilation with blocks of side `near` joins holes that affect each other.
     grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
     starts, lengths = boxes[:, cv2.CC_STAT_TOP], boxes[:, cv2.CC_STAT_HEIGHT]

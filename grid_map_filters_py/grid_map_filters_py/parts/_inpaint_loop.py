@@ -83,7 +83,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
                 times[np.uintp(cell - 1)] != _UNKNOWN,
                 times[np.uintp(cell + 1)] != _UNKNOWN,
             )
-            # Gradient component perpendicular to the line between the two cells, times the line
+            # Component of the gradient perpendicular to the line between the cells, times its
             # length.
             change = abs(np.float32(y - row) * along - np.float32(x - column) * across)
             weight = _WEIGHT_OF_FLAT

@@ -66,9 +66,8 @@ def save_to_bag(
         path: folder of the bag.
         layers: names of the layers to write; None means all.
         overwrite: replace an existing bag. Other files and folders are never replaced.
-        storage: "mcap", "sqlite3" (the C++ function `loadFromBag` can read it), or "auto". With
-            "auto", the storage is "mcap" if the package `mcap` or `rosbag2_py` is installed;
-            otherwise, it is "sqlite3", and a warning is issued.
+        storage: "mcap", "sqlite3" (readable by the C++ function `loadFromBag`) or "auto": "mcap" if
+            the package `mcap` or `rosbag2_py` is installed, else "sqlite3" with a warning.
         compression: "none", "lz4" or "zstd" for MCAP; "none" for sqlite3.
     """
     names = _once(layers)

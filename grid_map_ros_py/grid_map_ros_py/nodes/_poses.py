@@ -143,7 +143,7 @@ class PoseHistory(Poses):
     def add(self, message: Any) -> None:
         """Add the pose of an `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        If a pose is more than `LONGEST_JITTER` earlier than the last pose, time was reset. All
+        A pose more than `LONGEST_JITTER` earlier than the last pose indicates a time reset. All
         stored poses are then discarded.
         """
         if message.header.frame_id.removeprefix("/") != self.map_frame:

@@ -39,7 +39,7 @@ def rate_of(arrivals: Iterable[float], now: float) -> float:
 class Viewer:
     """Shows maps on a page.
 
-    Layers are decoded only while a browser is connected, and only if the page needs them. `clock`
+    Only the layers that the page needs are decoded, and only while a browser is connected. `clock`
     returns the ROS time [ns].
     """
 
@@ -115,7 +115,7 @@ class Viewer:
             raise MessageError(field, f"{self.frame_id!r}, that of the map", min(others))
 
     def update(self) -> str:
-        """Update the page; return an error message, or an empty text if there is no error.
+        """Update the page; return an error message, or an empty string if there is no error.
 
         After an error in the map or the settings, the page shows the message and the last map.
         """
