@@ -68,7 +68,7 @@ class NodesDemo:
 
         Args:
             arguments: command-line arguments; None means `sys.argv[1:]`.
-            steps: iterable whose iteration prepares the demo; an interrupt skips the remaining
+            steps: iterable that prepares the demo step by step; an interrupt skips the remaining
                 steps.
             parameters: one additional parameter `name:=value` per node, by node module.
         """

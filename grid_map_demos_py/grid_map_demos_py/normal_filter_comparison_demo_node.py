@@ -98,7 +98,7 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
 
 
 def add_errors(grid_map: GridMap) -> None:
-    """Add the error layers: 1 minus the cosine of the angle to the true normal.
+    """Add the error layers, which are 1 minus the cosine of the angle to the true normal.
 
     Errors are NaN in border cells, where the raster algorithm computes no normals.
     """

@@ -55,7 +55,7 @@ class SensingRobot(Demo):
         return self._clouds["lidar"].get_subscription_count() > 0
 
     def publish_truth(self, terrain: GridMap, stamp: int) -> None:
-        """Publish the true terrain in the frame `odom`; `stamp` is its time [ns]."""
+        """Publish the true terrain at the time `stamp` [ns] in the frame `odom`."""
         terrain.frame_id, terrain.timestamp = "odom", stamp
         self._truth.publish(to_serialized_message(terrain))
 

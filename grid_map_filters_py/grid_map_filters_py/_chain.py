@@ -132,7 +132,7 @@ class FilterChain:
         Unchanged layers share memory with the input if the start index of the input is (0, 0). All
         layers are read-only. Nodes use this method to write the result directly into a message.
 
-        Arguments and errors: see `__call__`.
+        See `__call__` for arguments and errors.
         """
         check_map(grid_map)
         result = grid_map

@@ -38,8 +38,8 @@ def parse_steps(config: object) -> list[StepConfig]:
         config: the mapping `{filter1: step, filter2: step, ...}` or a list of steps.
 
     Raises:
-        FilterConfigError: the chain is invalid. The message names the filter and gives the expected
-            and actual value.
+        FilterConfigError: the chain is invalid. The message names the filter, the expected and the
+            actual value.
     """
     if isinstance(config, Mapping):
         numbered = {}

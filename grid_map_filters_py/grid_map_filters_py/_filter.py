@@ -78,7 +78,7 @@ class PartlyLocalFilter(Filter, Protocol):
     """Filter that runs on tiles only with certain parameters."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
-        """Return why a map with the layers `names` cannot be filtered by tile; "" if it can."""
+        """Return why a map with the layers `names` cannot be filtered tile by tile, or ""."""
 
 
 @runtime_checkable
@@ -133,7 +133,7 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Let `warn` add the prefix `step` and, unless `collected` is None, append warnings to it."""
+    """Make `warn` prefix messages with `step` and append them to `collected`, unless it is None."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield

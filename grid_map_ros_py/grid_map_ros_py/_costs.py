@@ -51,7 +51,7 @@ def check_costs(grid_map: GridMap, layer: str) -> None:
 
 
 def aligned(grid_map: GridMap, step: int) -> GridMap:
-    """Crop a map to borders at multiples of `step` cells from the frame origin."""
+    """Crop a map so that its borders are multiples of `step` cells away from the frame origin."""
     if step == 1:
         return grid_map
     slices = []

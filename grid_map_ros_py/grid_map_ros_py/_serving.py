@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 @contextmanager
 def place_below(directory: str, path: str) -> Iterator[Path]:
-    """Yield the resolved path; raise errors of the `with` block as a `RequestError`.
+    """Yield the resolved path; convert errors in the `with` block to `RequestError`.
 
     Args:
         directory: root directory; an empty string rejects all requests.
@@ -171,7 +171,7 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item and stop; return whether this takes at most `timeout` [s]."""
+        """Process the waiting item and stop; return whether this finished within `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

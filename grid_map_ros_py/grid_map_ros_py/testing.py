@@ -111,7 +111,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Call `step` until `condition()` is true; fail after `timeout` [s] and name `what`."""
+    """Call `step` until `condition()` is true, for at most `timeout` [s]; errors name `what`."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -218,7 +218,7 @@ def refusals(
         assert process.wait(2 * TIMEOUT) == 0, process.text
     finally:
         process.kill()
-    # The first process after a build also says that loops are compiled.
+    # The first process after a build also prints that loops are being compiled.
     lines = [line for line in process.lines if "numba compiles loops" not in line]
     assert lines[1::2] == ["exit code 1\n"] * len(starts), process.text
     return lines[::2]

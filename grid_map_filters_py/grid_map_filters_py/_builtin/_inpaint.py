@@ -217,7 +217,7 @@ def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
 
 
 def _near(radius: float) -> int:
-    """Return the largest distance at which holes affect each other [cells]; `radius` in [cells]."""
+    """Return the largest distance [cells] at which holes affect each other."""
     return math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
 
 

@@ -38,8 +38,8 @@ class MedianFill:
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
         fill_mask_layer: mask layer of cells that may change; computed if the map lacks it.
-        num_erode_dilation_iterations: number of one-cell dilations, and of one-cell erosions, in
-            the closing.
+        num_erode_dilation_iterations: number of one-cell dilations in the closing, followed by as
+            many erosions.
         debug: also store the computed mask before the closing.
         debug_infill_mask_layer: layer for that mask; required with `debug`.
     """

@@ -124,7 +124,7 @@ class Combined(Matrices):
     """Primitive operations for a tiled map; each fold combines the stored results of all tiles.
 
     Args:
-        parts: for each fold, in the order of evaluation, the results of all tiles.
+        parts: results of all tiles for each fold, in order of evaluation.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:
@@ -163,8 +163,7 @@ def apply(
         A new array or an overwritten temporary array; a float if all values are numbers.
     """
     if isinstance(function, np.ufunc):
-        # Temporary arrays may be overwritten, except 1 x 1 arrays, which may be smaller than the
-        # result.
+        # Temporary arrays may be overwritten, except 1 x 1 arrays, which may be too small.
         for value in values:
             if isinstance(value, np.ndarray) and value.flags.writeable and value.size > 1:
                 spare = value if value.dtype == dtype else spare

@@ -93,7 +93,7 @@ class DeviatingWindow(WindowMatrix):
 
 
 class SquaredDeviations(WindowMatrix):
-    """Squared differences of a window from one number per cell, such as the window mean."""
+    """Squared differences between a window and a number per cell, such as the window mean."""
 
     def __init__(self, deviations: DeviatingWindow) -> None:
         super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
@@ -124,7 +124,7 @@ class SquaredDeviations(WindowMatrix):
     def _sum(self) -> Element:
         """Sum the squares, using the mean of each column and the deviations from this mean.
 
-        All terms of this sum are nonnegative, so that they cannot cancel.
+        All terms of this sum are nonnegative, so they cannot cancel out.
         """
         height, width = self.shape
         count, mean = (

@@ -173,7 +173,7 @@ class Disc:
             yield distance, line[first + shift :][:length], line[first - shift :][:length]
 
     def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
-        """Return zeros (rows, columns), and their flat memory, which has gaps between columns."""
+        """Return zeros (rows, columns), and the flat array (with gaps) that stores them."""
         (height, width), (rows, _) = self.size, self.reach
         stride = height + 2 * rows
         flat = np.zeros(width * stride, dtype)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""ROS node for commands that subscribe or publish, and queries about topics of other nodes."""
+"""ROS node for commands that subscribe or publish, with queries for the topics of other nodes."""
 
 import argparse
 import math
@@ -61,7 +61,7 @@ class Session:
         self.ended = True
 
     def spin(self, seconds: float, *, until_ended: bool = True) -> None:
-        """Process callbacks for `seconds`; with `until_ended`, stop early if `ended` is set."""
+        """Process callbacks for `seconds`; if `until_ended` is true, stop when `ended` is set."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
             if until_ended and self.ended:

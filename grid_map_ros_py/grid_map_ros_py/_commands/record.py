@@ -156,7 +156,7 @@ class _Recorder:
 def _definition_of(type_name: str) -> str:
     """Return the definitions of a message type and of all nested types, as rosbag2 stores them.
 
-    The text is empty if any definition file is not installed.
+    The text is empty if a definition file is missing.
     """
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Publishers of the raw and the filtered map of elevation mapping.
 
-Another package provides the filter chains through the entry point group `grid_map_ros_py.chains`.
+Another package provides the filter chains through the entry-point group `grid_map_ros_py.chains`.
 """
 
 import math

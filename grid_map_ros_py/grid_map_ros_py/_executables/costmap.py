@@ -98,7 +98,7 @@ class Output:
             self._pending = 2
 
     def send_unknown(self, stamp: Time) -> None:
-        """Discard latched updates and send a grid of unknown cells, unless no grid was sent yet."""
+        """Discard latched updates and send a grid of unknown cells, if a grid was sent before."""
         if self.last is None:
             return
         if self._update:
@@ -159,7 +159,7 @@ class CostmapNode(ConfiguredNode):
             return None
 
     def _answer(self, _request: Any, response: Any) -> Any:
-        """Return the last costmap in the service response, without cells before the first map."""
+        """Answer the service with the last costmap, or with an empty one before the first map."""
         if self._outputs[-1].last is None:
             topic = self._subscription.topic_name
             self._log.warning(f"get_costmap: no costs yet, as no map of {topic} has been used")

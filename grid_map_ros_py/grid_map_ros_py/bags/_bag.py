@@ -148,7 +148,7 @@ class BagWriter:
             bag_storage.save(self._folder, document)
 
     def check(self, topic: str) -> None:
-        """Raise `BagError` if writing a map to `topic` would fail, without writing anything."""
+        """Check that a map can be written to `topic`; raise `BagError` if not."""
         self._check_topic(topic)
         with bag_errors(self._path, "written"):
             self._check_parent()
@@ -210,7 +210,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_parent(self) -> None:
-        """Raise `BagError` if the path is inside another bag, which could then not be replaced."""
+        """Raise `BagError` if the path is inside another bag: that bag could not be replaced."""
         parent = self._path.resolve().parent
         if Path(parent, bag_storage.FILE_NAME).is_file() and any(
             file.suffix in _BAG_ENDINGS for file in parent.iterdir()
@@ -269,7 +269,7 @@ def bag_maps(
     *,
     recover: bool = False,
 ) -> Iterator[GridMap]:
-    """Yield the maps on a topic in time order, one at a time; arguments as in `load_from_bag`."""
+    """Yield the maps on a topic in time order; takes the same arguments as `load_from_bag`."""
     names = _once(layers)
     with BagReader(path, topic, recover=recover) as bag:
         for record in bag:
@@ -300,7 +300,7 @@ class BagTopic:
 
 
 def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagTopic]:
-    """Return the topics of a bag, sorted by name; arguments as in `load_from_bag`."""
+    """Return the topics of a bag, sorted by name; `recover` is as in `load_from_bag`."""
     with BagFiles(path, recover=recover) as files:
         times: dict[str, list[int]] = {name: [] for name in sorted(files.topics)}
         for entry, _, name in files.entries(times):
@@ -312,7 +312,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """Recorded CDR message with its time [ns]; `place` identifies the message in errors."""
+    """CDR message with its recording time [ns]; `place` identifies it in error messages."""
 
     topic: str
     type: str
@@ -423,7 +423,8 @@ class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
     A message is read from the bag when it is accessed, and decoded by its method `grid_map`. Close
-    the reader after use, or use it as a context manager. The arguments are as in `load_from_bag`.
+    the reader after use, or use it as a context manager. The arguments are the same as in
+    `load_from_bag`.
     """
 
     def __init__(

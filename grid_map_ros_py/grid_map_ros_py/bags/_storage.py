@@ -42,7 +42,7 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Time [ns] and place of a message: a row id in sqlite3, or offsets in MCAP."""
+    """Time [ns] of a message and its place: a row ID in sqlite3, offsets in MCAP."""
 
     time: int
     place: Any

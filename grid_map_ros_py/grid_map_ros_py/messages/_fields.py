@@ -232,7 +232,7 @@ def to_pose(matrix: npt.ArrayLike) -> "Pose":
 
 
 def to_transform(matrix: npt.ArrayLike) -> "Transform":
-    """Convert a (4, 4) matrix to a `geometry_msgs/Transform`; errors: see `to_pose`."""
+    """Convert a (4, 4) matrix to a `geometry_msgs/Transform`; see `to_pose` for the errors."""
     return _filled(messages_of("geometry_msgs").Transform(), "translation", "rotation", matrix)
 
 

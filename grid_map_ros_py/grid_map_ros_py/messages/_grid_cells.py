@@ -98,7 +98,7 @@ def centers_between(
 ) -> npt.NDArray[np.float64]:
     """Return the centers (N, 3) [m, map frame] of cells with values between two bounds; z is 0.
 
-    Cells are in column-major order of the map buffer. Arguments: see `to_grid_cells`.
+    Cells are in column-major order of the map buffer. See `to_grid_cells` for the arguments.
     """
     values = grid_map[layer].ravel("F")
     bounds = as_number(lower, "lower"), as_number(upper, "upper")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and `sensor_msgs/Image`.
 
-Pixel (row, column) of an image is cell (row, column) of a map in map order: +x points up in the
-image, and +y points left.
+Pixel (row, column) of an image corresponds to cell (row, column) of a map in map order: +x points
+up in the image, and +y points left.
 """
 
 import array
@@ -106,8 +106,8 @@ def from_image(
 ) -> GridMap:
     """Create a map with one layer from the gray values of an image.
 
-    The map has the frame and the timestamp of the message. Other arguments: see
-    `grid_map_core_py.from_image`.
+    The map has the frame and the timestamp of the message. See `grid_map_core_py.from_image` for
+        the other arguments.
     """
     image, order = to_pixels(message)
     return pixels.from_image(
@@ -135,8 +135,8 @@ def add_layer_from_image(
 ) -> None:
     """Set a layer of a map to the gray values of an image.
 
-    The map must have the size of the image. Its start index may be nonzero. Other arguments: see
-    `from_image`.
+    The map must have the size of the image. Its start index may be nonzero. See `from_image` for
+        the other arguments.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_layer_from_image(
@@ -149,7 +149,7 @@ def add_color_layer_from_image(
 ) -> None:
     """Set a layer of a map to the packed colors of an image.
 
-    Gray pixels get equal red, green and blue values. Arguments: see `add_layer_from_image`.
+    Gray pixels get equal red, green and blue values. See `add_layer_from_image` for the arguments.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_color_layer_from_image(

@@ -49,8 +49,8 @@ def to_occupancy_grid(
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
             Values outside this range are clamped; NaN becomes -1 (unknown). Required if
             `codec` is None.
-        codec: converts values to costs; replaces `data_min` and `data_max`. The costs are converted
-            to the occupancies that Nav2 publishes. For a layer of costs, pass `CostRange()`.
+        codec: converts values to costs, which become the occupancies that Nav2 publishes; replaces
+            `data_min` and `data_max`. For a layer of costs, pass `CostRange()`.
     """
     if codec is None:
         stored = occupancies(grid_map[layer], data_min, data_max)

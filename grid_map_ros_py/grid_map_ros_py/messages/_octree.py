@@ -121,7 +121,7 @@ def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp
     if closed[0] != len(counts):
         found = f"{len(counts) * node_size} bytes"
         raise MessageError("data", f"{closed[0] * node_size} bytes, where the tree ends", found)
-    # A subtree ends at the first later position with one pending node less. Sorting by (pending
+    # A subtree ends at the first later position with one fewer pending node. Sorting by (pending
     # nodes, position) allows a binary search for that position.
     numbers, count = np.arange(len(open_ends)), len(open_ends)
     by_open_ends = np.sort(open_ends * count + numbers)
@@ -160,7 +160,7 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 
 
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
-    """Return the z index of the highest occupied voxel in each column of a box, -1 if none.
+    """Return the z index of the highest occupied voxel in each column of a box, or -1.
 
     The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The axes of the
     result are x and y, counted from `first`.

@@ -116,7 +116,7 @@ def read_fields(
 def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> None:
     """Call `apply` with the new settings when the user changes parameters.
 
-    Changes that the dataclass rejects are refused.
+    If the dataclass rejects a change, the parameters keep their values.
 
     Args:
         node: the node.

@@ -87,7 +87,7 @@ class Poses:
         return Placement(np.eye(4))
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the transform from a frame to the map frame, or None; arguments as in `place`."""
+        """Return the transform from a frame to the map frame, or None if it is not known yet."""
         placement = self.place(frame_id, stamp)
         return None if placement is None else placement.transform
 
@@ -143,7 +143,7 @@ class PoseHistory(Poses):
     def add(self, message: Any) -> None:
         """Add the pose of an `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        A pose more than `LONGEST_JITTER` earlier than the last pose indicates a time reset. All
+        A pose more than `LONGEST_JITTER` earlier than the last pose means that time was reset. All
         stored poses are then discarded.
         """
         if message.header.frame_id.removeprefix("/") != self.map_frame:
@@ -187,7 +187,7 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the robot pose at `stamp` [ns], or None if all poses are earlier; 0 means latest.
+        """Return the robot pose at `stamp` [ns] (0: latest), or None if all poses are earlier.
 
         Raises:
             GridMapError: all poses are later.
@@ -204,7 +204,7 @@ class PoseHistory(Poses):
         return end if before == after else between(begin, end, share)
 
     def covariance_at(self, stamp: int) -> Covariance | None:
-        """Return the pose covariance at `stamp` [ns], or None if unknown; 0 means latest.
+        """Return the pose covariance at `stamp` [ns] (0: latest), or None if it is unknown.
 
         Between two poses, the covariance is interpolated. Before the first and after the last pose,
         the covariance of the nearest pose is returned.

@@ -155,7 +155,7 @@ class _Life:
             raise KeyboardInterrupt
 
     def start(self, create_node: Callable[[], Node]) -> None:
-        """Create the node; raise a `NodeFailedError` for errors that the user can fix."""
+        """Create the node; convert errors that the user can fix to `NodeFailedError`."""
         use_profile()
         loops.addFilter(lambda record: self._logger().info(record.getMessage()) and False)
         try:
@@ -177,7 +177,7 @@ class _Life:
         except (GridMapError, NameValidationException, rclpy_implementation.RCLError) as error:
             text = str(error)
             if isinstance(error, NameValidationException):
-                # The last line of the error text is only a caret that marks the invalid character.
+                # The last line of the message is only a caret that marks the invalid character.
                 text = text.rpartition("\n")[0]
             if not isinstance(error, GridMapError):
                 text = " ".join(text.split())

@@ -100,7 +100,7 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return `height_layer` or, if it is empty, the default of `layers` ("" without layers)."""
+        """Return `height_layer` or, if it is empty, the default layer; "" without layers."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 

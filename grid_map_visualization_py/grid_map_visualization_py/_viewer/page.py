@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Web page with scene, controls and texts, served with viser.
+"""Web page with a scene and controls, served with viser.
 
 All browsers share the controls. Each browser has its own view.
 """

@@ -138,7 +138,7 @@ def plot_3d(
     title: str = "",
     color_bar: bool = True,
 ) -> Any:
-    """Draw a map as a shaded, triangulated surface in three dimensions.
+    """Draw a map as a shaded triangle surface in three dimensions.
 
     Args:
         grid_map: as for `plot`.
@@ -150,7 +150,7 @@ def plot_3d(
         max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
             Matplotlib needs about one second for the default number.
 
-    Returns the Matplotlib axes. Errors: see `plot`.
+    Returns the Matplotlib axes. Raises the same errors as `plot`.
     """
     _check_options(color_mode, exaggeration)
     check_max_drawn_cells(max_drawn_cells)
@@ -230,7 +230,7 @@ def plot_relief(
         elevation: elevation angle of the camera [rad], between 0 and pi / 3.
         size: width and height of the picture [pixels].
 
-    Returns the Matplotlib axes. Errors: see `plot`.
+    Returns the Matplotlib axes. Raises the same errors as `plot`.
     """
     _check_options(color_mode, exaggeration)
     # The projection of a level camera is extremely stretched near pi / 2.
