@@ -502,7 +502,7 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
     Args:
         truth: map with the true `elevation`.
         costs: last map of the planner, with the layer `COST`.
-        plans: plans (N, 2) in their order [m].
+        plans: plans (N, 2) in chronological order [m].
         walk: walked path (N, 2) [m].
     """
     figure = Figure((6.8, 2.75), layout="constrained")

@@ -211,7 +211,7 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the `wanted` holes; hole i has the label i + 1, other cells have 0."""
+    """Return a mask of the `wanted` holes; hole i has the label i + 1, all other cells have 0."""
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bag reader and writer, and convenience functions that load and save maps."""
+"""Bag readers and writers, and convenience functions that load and save maps."""
 
 import bisect
 import os

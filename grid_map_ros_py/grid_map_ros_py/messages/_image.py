@@ -107,7 +107,7 @@ def from_image(
     """Create a map with one layer from the gray values of an image.
 
     The map has the frame and the timestamp of the message. See `grid_map_core_py.from_image` for
-        the other arguments.
+    the other arguments.
     """
     image, order = to_pixels(message)
     return pixels.from_image(
@@ -136,7 +136,7 @@ def add_layer_from_image(
     """Set a layer of a map to the gray values of an image.
 
     The map must have the size of the image. Its start index may be nonzero. See `from_image` for
-        the other arguments.
+    the other arguments.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_layer_from_image(

@@ -94,7 +94,7 @@ def to_triangle_list_marker(
     """Convert the area of a polygon to a `visualization_msgs/Marker` with a triangle list.
 
     The triangles are those of `Polygon.triangulate`, in a single color. See `to_line_marker` for
-        the arguments.
+    the arguments.
     """
     # Triangle fan as in `Polygon.triangulate`, without creating an object per triangle.
     count = max(len(polygon) - 2, 0)

@@ -31,8 +31,8 @@ class Placed:
         archetypes: function that returns the archetypes, with positions relative to a given
             origin (3,) in `frame` [m]. It raises `MessageError` if the message is invalid.
         is_global: True if the path starts at the root, not at the topic.
-        kept: if not None, all earlier paths of the topic except these are cleared, and nothing is
-            logged.
+        kept: if not None, nothing is logged, and all earlier paths of the topic except these are
+            cleared.
     """
 
     time: int

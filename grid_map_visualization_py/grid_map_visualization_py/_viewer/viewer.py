@@ -92,7 +92,7 @@ class Viewer:
         self._arrivals.append(time.monotonic())
 
     def receive_path(self, points: Positions, frame_id: str) -> None:
-        """Accept a path to draw on maps in the same frame, as points (N, 3) [m].
+        """Accept a path of points (N, 3) [m] to draw on maps in the same frame.
 
         Raises:
             MessageError: the shown map is in another frame. The page shows no path.
@@ -101,7 +101,7 @@ class Viewer:
         self._check_frames("header.frame_id", {frame_id} if len(points) else set())
 
     def receive_markers(self, message: Any) -> None:
-        """Accept a `visualization_msgs/MarkerArray` to draw on maps in the same frame.
+        """Accept a `visualization_msgs/MarkerArray`, to draw its markers on maps in the same frame.
 
         Raises:
             MessageError: the shape of a marker is not supported, or the shown map is in another

@@ -63,7 +63,7 @@ def plot(
 
     Cells without a finite value are hatched in gray. If a side of the map has more than twice as
     many cells as the axes have pixels, blocks of cells are averaged. Each block shows the mean of
-        its finite values or colors, and is partly transparent if some are missing. A tiled map is
+    its finite values or colors, and is partly transparent if some are missing. A tiled map is
     first thinned out to at most four cells per pixel; see `TiledMap.thinned`.
 
     Args:
