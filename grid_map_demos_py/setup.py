@@ -36,7 +36,7 @@ NODES = (
 
 key = "license_expression" if int(setuptools.__version__.partition(".")[0]) >= 77 else "license"
 options = {}
-scripts = []  # `ros2 run` finds no nodes that pip has installed
+scripts = []  # `ros2 run` does not find nodes installed by pip
 requirements = [
     f"grid_map_filters_py=={VERSION}",
     f"grid_map_visualization_py[pictures]=={VERSION}",
@@ -59,16 +59,16 @@ if {"develop", "install"} & set(sys.argv):
         f"planar_regions_report = {PACKAGE}.report_node:PlanarRegionsReportNode.main",
         f"large_map_report = {PACKAGE}.report_node:LargeMapReportNode.main",
         *(
-            # Such as move_demo = grid_map_demos_py.move_demo_node:MoveDemoNode.main
+            # Example: move_demo = grid_map_demos_py.move_demo_node:MoveDemoNode.main
             f"{name} = {PACKAGE}.{name}_node:{name.title().replace('_', '')}Node.main"
             for name in NODES
         ),
     ]
-    # Ctrl-C waits until `quiet_start`; Python would print a traceback while it starts.
+    # Block Ctrl-C until `quiet_start`, because Python would print a traceback during startup.
     python = f"/usr/bin/env -S --block-signal=INT {shlex.quote(sys.executable)}"
     options = {"build_scripts": {"executable": python}}
 else:
-    # pip and build create no files among the sources.
+    # Keep pip and build from creating files among the sources.
     scratch = TemporaryDirectory()
     options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 

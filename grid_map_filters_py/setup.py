@@ -15,7 +15,7 @@ VERSION = ElementTree.parse(Path(__file__).resolve().with_name("package.xml")).f
 
 key = "license_expression" if int(setuptools.__version__.partition(".")[0]) >= 77 else "license"
 options = {}
-scripts = []  # `ros2 run` finds no nodes that pip has installed
+scripts = []  # `ros2 run` does not find nodes installed by pip
 requirements = [f"grid_map_core_py=={VERSION}", "lark>=1.1.9"]
 if {"develop", "install"} & set(sys.argv):
     # Under colcon, rosdep installs the dependencies in package.xml from apt.
@@ -23,11 +23,11 @@ if {"develop", "install"} & set(sys.argv):
     scripts = [
         "filter_chain = grid_map_filters_py._executables.filter_chain:FilterChainNode.main",
     ]
-    # Ctrl-C waits until `quiet_start`; Python would print a traceback while it starts.
+    # Block Ctrl-C until `quiet_start`, because Python would print a traceback during startup.
     python = f"/usr/bin/env -S --block-signal=INT {shlex.quote(sys.executable)}"
     options = {"build_scripts": {"executable": python}}
 else:
-    # pip and build create no files among the sources.
+    # Keep pip and build from creating files among the sources.
     scratch = TemporaryDirectory()
     options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 

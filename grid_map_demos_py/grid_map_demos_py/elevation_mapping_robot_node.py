@@ -24,7 +24,7 @@ class ElevationMappingRobotNode(SensingRobot):
 
     def step(self) -> None:
         now = self.get_clock().now().nanoseconds
-        # Wait for a subscriber: the mapping node may have to compile first.
+        # Wait for a subscriber, because the mapping node may have to compile code first.
         self._start = self._start if self.is_heard else now
         seconds = 1e-9 * (now - self._start)
         pose, terrain = self._course.pose_at(seconds), self._course.terrain_at(seconds)

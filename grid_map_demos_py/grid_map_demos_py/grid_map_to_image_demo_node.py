@@ -73,7 +73,7 @@ class GridMapToImageDemoNode(Demo):
             self._draw = partial(
                 to_image, dtype=DTYPES[bits], channels=channels, lower=lower, upper=upper
             )
-        # Report an unusable file now, before the first map arrives.
+        # Report an unusable file before the first map arrives.
         pixel = self._draw(GridMap((1.0, 1.0), 1.0, layers={self._layer: 0.0}), self._layer)
         expected = f"a format such as .png, that can hold {bits} bits"
         expected += " and transparency" * is_transparent

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
-The file is read again for each message, so the next message shows any edits. The image may be gray
-or in color, with or without an alpha channel. The values are 8-bit or 16-bit integers or floats.
+The file is read again for each message, to include any edits. The image may be gray or in color,
+with or without an alpha channel. Pixel values are 8-bit or 16-bit integers or floats.
 """
 
 from pathlib import Path
@@ -34,7 +34,7 @@ ENCODING_OF = {(ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name 
 
 
 def read_message(path: Path) -> Image:
-    """Read an image file into a message, without conversion; frame and time are not set.
+    """Read an image file into a message without conversion or header.
 
     Raises:
         GridMapError: the file cannot be read, or messages do not support its pixel type.

@@ -2,7 +2,7 @@
 """Node `grid_map_interpolation_demo`: compares four interpolation methods with the truth.
 
 A world is a surface given by a formula. The demo samples a world on a fine grid (the truth) and on
-a coarse grid (the data), and interpolates the data at the cell centers of another fine grid. At
+a coarse grid (the data). It then interpolates the data at the cell centers of another fine grid. At
 startup, it publishes three latched maps with the heights in the layer `demo`:
 
     ground_truth: the fine samples.
@@ -64,7 +64,7 @@ def gaussians(x: Numbers, y: Numbers) -> Numbers:
 
 
 def steps(x: Numbers, y: Numbers) -> Numbers:
-    """Return two crossing steep steps."""
+    """Return two steep steps that cross."""
     return np.tanh(5 * x) + np.tanh(5 * y)
 
 
@@ -119,7 +119,7 @@ def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
 
 
 class InterpolationDemoNode(Demo):
-    """Node that publishes a true surface, samples of the surface, and the interpolated samples."""
+    """Node that publishes a true surface, samples of it, and the interpolated samples."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_interpolation_demo")

@@ -3,10 +3,10 @@
 
     iterator_benchmark [SIDE ...]
 
-The program prints a table of times for square maps with SIDE cells per side. For every cell, the
-first task computes the larger value of two layers, and the second task computes the mean of 3 x 3
-cells. Each task is solved in several ways, from a Python loop to a single NumPy or OpenCV call. ROS
-is not required.
+The program prints a table of times for square maps with SIDE cells per side. The first task
+computes the larger of two layer values in every cell, and the second task the mean of the 3 x 3
+cells around it. Each task is solved in several ways, from a Python loop to a single NumPy or OpenCV
+call. ROS is not required.
 """
 
 import argparse
@@ -32,7 +32,7 @@ Way = Callable[[GridMap], None]
 
 
 def by_index_and_name(grid_map: GridMap) -> None:
-    """Look up and index the layer for each cell; readable, but suitable only for a few cells."""
+    """Look up the layer for each cell; this is readable, but suitable only for a few cells."""
     for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 
@@ -53,7 +53,7 @@ def by_place(grid_map: GridMap) -> None:
 
 
 def by_array_of_cells(grid_map: GridMap) -> None:
-    """Index layers with arrays of cells, without a Python loop; suits discs, polygons, lines."""
+    """Index layers with arrays of cells; suitable for discs, polygons and lines."""
     random, larger = grid_map["random"], grid_map["larger"]
     cells = map_cells(grid_map)
     larger[cells] = np.maximum(larger[cells], random[cells])
@@ -132,7 +132,7 @@ def table(sides: Sequence[int]) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table; return 0, or 141 if the output is closed."""
+    """Print the table; return 0, or 141 if the reader closes the output."""
     parser = argparse.ArgumentParser(
         prog="iterator_benchmark", description=(__doc__ or "").partition("\n")[0]
     )

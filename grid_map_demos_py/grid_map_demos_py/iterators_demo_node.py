@@ -2,8 +2,8 @@
 """Node `grid_map_iterators_demo`: fills regions of a map cell by cell, in iteration order.
 
 The node publishes the map on `grid_map`; its layer `type` is 1 in the cells filled so far. It
-publishes the polygon or the sliding window on `polygon`. The demo shows all regions in turn and
-then keeps the last map, or starts again if the parameter `repeat` is true.
+publishes the polygon or the sliding window on `polygon`. The demo shows all regions in turn, and
+starts again only if the parameter `repeat` is true.
 """
 
 import math
@@ -74,7 +74,7 @@ def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
     grid_map["type"] = 0.0
     grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
-    # Windows contain means of earlier cells, because the loop writes into the layer.
+    # Windows contain the means of earlier cells, because the loop modifies the layer.
     for cell, window in gm.sliding_windows(grid_map, "type", "crop", WINDOW):
         grid_map["type"][cell] = gm.mean_of_finites(window)
         yield Step(CELL_PAUSE, polygon=square(grid_map, grid_map.get_position(cell)))
@@ -106,7 +106,7 @@ class IteratorsDemoNode(Demo):
         if step is not None:
             self._publish(step)
             self._timer.timer_period_ns = round(1e9 * step.pause / self._speed)
-            # Without a reset, the new period would start only after the current one.
+            # Without a reset, the new period would take effect only after the current one.
             self._timer.reset()
         elif self._repeat:
             self._steps = show_everything(self._map)

@@ -39,7 +39,7 @@ class LargeMapRobotNode(Demo):
 
 
 def position_at(distance: float) -> tuple[float, float]:
-    """Return x, y [m] of the robot after it has driven `distance` [m], measured along x."""
+    """Return x, y [m] of the robot after it has driven `distance` [m] along the x axis."""
     x = END - abs(math.remainder(distance, 4 * END))
     return x, float(way_at(x))
 

@@ -68,8 +68,8 @@ def make_site(path: Path) -> Iterator[None]:
         geometry = site.geometry.cropped(rows, columns)
         x, y = geometry.axes_in_map_order()
         middle = way_at(x)
-        # Most chunks are far from the path. Checking all their cells would take longer than writing
-        # the others.
+        # Checking all cells of the many chunks far from the path would take longer than writing the
+        # others.
         if max(np.abs(x).min() - END, middle.min() - y[0], y[-1] - middle.max()) > CORRIDOR:
             continue
         is_known = np.abs(y - middle[:, None]) <= CORRIDOR

@@ -5,9 +5,9 @@
         [--report DIRECTORY] [--view [PORT]]
 
 Each node runs in its own process. A demo runs until it is interrupted or a node ends. With
-`--report`, another process collects the messages of the nodes, writes pictures to the directory,
-prints a table and ends the demo. The exit code is 0 only if messages arrive on all topics. With
-`--view`, another process shows the demo in the browser and logs the address.
+`--report`, a further process collects the messages of the nodes, writes pictures, prints a table
+and ends the demo. The exit code is 0 only if messages arrive on all topics. With `--view`, a
+further process shows the demo in the browser and logs the address.
 """
 
 import argparse
@@ -67,8 +67,9 @@ class NodesDemo:
         """Run the demo; return its exit code.
 
         Args:
-            arguments: command line arguments; None means `sys.argv[1:]`.
-            steps: iterable that prepares the demo step by step; an interrupt skips the other steps.
+            arguments: command-line arguments; None means `sys.argv[1:]`.
+            steps: iterable that prepares the demo step by step; an interrupt skips the remaining
+                steps.
             parameters: one additional parameter `name:=value` per node, by node module.
         """
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
@@ -151,7 +152,7 @@ planar_regions_demo = NodesDemo(
 
 
 def large_map_demo(arguments: Sequence[str] | None = None) -> int:
-    """Write a large map to a temporary folder, and run a demo that publishes windows of it."""
+    """Write a large map to a temporary folder and run a demo that publishes windows of it."""
     from .large_site import GEOMETRY, make_site
 
     demo = NodesDemo(
@@ -181,15 +182,15 @@ def large_map_demo(arguments: Sequence[str] | None = None) -> int:
 
 
 def viewer() -> str:
-    """Return the first viewer module whose library is installed, or the last if none is."""
+    """Return the first viewer module whose library is installed, or the last module if none is."""
     return next((VIEWERS[name] for name in VIEWERS if find_spec(name)), [*VIEWERS.values()][-1])
 
 
 class ProcessGroup:
     """Starts Python modules as processes and stops all processes on exit.
 
-    SIGINT (Ctrl-C), SIGTERM and SIGHUP only set `stopped`. The processes run in sessions of their
-    own, so that Ctrl-C in the terminal does not reach them.
+    SIGINT (Ctrl-C), SIGTERM and SIGHUP only set `stopped`. Each process runs in its own session, so
+    that Ctrl-C in the terminal does not reach it.
     """
 
     def __init__(self) -> None:
@@ -221,7 +222,7 @@ class ProcessGroup:
         """Start a node, unless the group has been stopped.
 
         Args:
-            module: module name of the node, followed by its command line arguments.
+            module: module name of the node, followed by its command-line arguments.
             parameter_file: name of the file in the folder `config`.
             parameters: additional parameters, each as `name:=value`.
         """

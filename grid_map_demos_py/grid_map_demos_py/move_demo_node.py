@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `move_demo`: moves a map along a spiral, alternating between `move` and `position`.
 
-`move` keeps the data in place in the world; data outside the new map borders is lost. Setting
+`move` keeps the data in place in the world, and discards data outside the new map borders. Setting
 `position` moves the data with the map. The node publishes the map on `grid_map` at 10 Hz.
 """
 

@@ -5,9 +5,9 @@ The surface is given by a formula, so its true normals are known. The demo adds 
 to the heights, smooths them, and runs a filter chain that computes the normals with the algorithms
 `area` and `raster`. The error of a normal is 1 minus the cosine of its angle to the true normal.
 
-At startup, the node prints a table of angular errors for all shapes. It publishes `grid_map` 10
-times a second, with the layers `elevation`, `noise`, `elevation_noisy`, `elevation_filtered`, the
-normals `normal_analytic_*`, `normal_area_*` and `normal_raster_*`, and the errors
+At startup, the node prints a table of angular errors for all shapes. It then publishes `grid_map`
+10 times a second, with the layers `elevation`, `noise`, `elevation_noisy`, `elevation_filtered`,
+the normals `normal_analytic_*`, `normal_area_*` and `normal_raster_*`, and the errors
 `directionalErrorArea` and `directionalErrorRaster`. It logs the sum of each error layer, as a
 running mean over about 20 maps.
 """
@@ -98,7 +98,7 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
 
 
 def add_errors(grid_map: GridMap) -> None:
-    """Add the error layers: 1 minus the cosine of the angle to the true normal.
+    """Add the error layers, which are 1 minus the cosine of the angle to the true normal.
 
     Errors are NaN in border cells, where the raster algorithm computes no normals.
     """

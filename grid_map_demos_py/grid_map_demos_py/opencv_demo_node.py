@@ -25,7 +25,7 @@ LARGEST_WIDTH = 200
 
 
 def kernel_size(seconds: float) -> int:
-    """Return an odd kernel size [pixels] that goes from 201 to 1 and back every pi seconds."""
+    """Return an odd kernel size [pixels] that varies from 201 to 1 and back every pi seconds."""
     width = LARGEST_WIDTH - int(LARGEST_WIDTH * abs(math.sin(seconds)))
     return 2 * (width // 2) + 1
 
@@ -33,7 +33,7 @@ def kernel_size(seconds: float) -> int:
 def blur(grid_map: GridMap, image: Image, size: int) -> None:
     """Blur an image with a `size` x `size` kernel, and store it in the layer `elevation`."""
     blurred = cv2.GaussianBlur(image, (size, size), 0.0)
-    # Blurred cells with lower opacity become NaN.
+    # Blurred cells with a lower opacity become NaN.
     add_layer_from_image(grid_map, blurred, "elevation", 0.0, HEIGHT, alpha_threshold=0.3)
 
 

@@ -62,7 +62,7 @@ class ReportNode(Demo):
         super().__init__(name)
         about = "folder for the pictures"
         self._directory = self.read_path("output_directory", "demo_output", about)
-        # Fail now rather than after a minute of collecting messages.
+        # Fail now, not after a minute of collecting messages.
         with storage_errors(self._directory, "made a folder"):
             self._directory.mkdir(parents=True, exist_ok=True)
 
@@ -311,9 +311,9 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
 
 
 def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
-    """Return table rows with the times when the person was on the terrain, and in the map."""
-    # Times are in seconds since `begin` [ns]. `delays` contains the times for which cells stay high
-    # in the map after the person has left them.
+    """Return table rows with the times when the person was on the terrain and in the map."""
+    # Times are in seconds since `begin` [ns]. `delays` are the times for which cells stay high in
+    # the map after the person has left them.
     way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
     walk: list[float] = []
     shown: list[float] = []
@@ -485,7 +485,7 @@ class PathPlannerReportNode(ReportNode):
 
 
 def blocked_after(plan: Matrix, costs: GridMap) -> str:
-    """Return the length of a plan (N, 2) up to its first blocked cell, or `-` without one."""
+    """Return the length of a plan (N, 2) up to its first blocked cell; `-` if there is none."""
     cells, _ = costs.get_indices(plan)
     (blocked,) = np.nonzero(costs[COST][cells] >= BLOCKED)
     return f"{length_of(plan[: blocked[0] + 1]):.1f} m" if len(blocked) else "-"
@@ -502,7 +502,7 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
     Args:
         truth: map with the true `elevation`.
         costs: last map of the planner, with the layer `COST`.
-        plans: plans (N, 2) in their order [m].
+        plans: plans (N, 2) in chronological order [m].
         walk: walked path (N, 2) [m].
     """
     figure = Figure((6.8, 2.75), layout="constrained")
@@ -566,7 +566,7 @@ class PlanarRegionsReportNode(ReportNode):
 
 
 def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
-    """Return report rows: how many true planes are regions, and the largest height errors."""
+    """Return report rows: how many planes were found as regions, and the largest height errors."""
     rows, known = {}, set[float]()
     for name, centers in PLANES.items():
         places = np.array(centers)
@@ -582,7 +582,7 @@ def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
 
 
 def draw_regions(regions: GridMap) -> Figure:
-    """Draw the heights of a map, and its regions in ten colors."""
+    """Draw the heights of a map, and its regions in ten different colors."""
     ids = regions["plane_id"]
     colored = regions.with_layers({"color": np.where(ids > 0, ids % 10, np.nan)})
     figure = Figure((6.4, 5.0), layout="constrained")

@@ -166,7 +166,7 @@ def covariance_at(seconds: float) -> Matrix:
 
 
 def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -> GridMap:
-    """Return a square of the true terrain, shifted into the odometry frame, which drifts.
+    """Return a square of the true terrain, shifted into the drifting odometry frame.
 
     Args:
         ground: true terrain in the world frame.

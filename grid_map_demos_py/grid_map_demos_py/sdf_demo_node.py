@@ -4,7 +4,7 @@
 The field extends from just below the lowest cell of a map to just above the highest cell. The
 `intensity` of each point is the signed distance to the surface [m]. The topic `full_sdf` contains
 all points, `free_space` the points above the surface, and `occupied_space` all other points. The
-parameter `pointcloud_topic` sets the prefix of these topics. Cells without a height get the lowest
+parameter `pointcloud_topic` is the prefix of these topics. Cells without a height get the lowest
 height of the map.
 """
 

@@ -55,7 +55,7 @@ class SensingRobot(Demo):
         return self._clouds["lidar"].get_subscription_count() > 0
 
     def publish_truth(self, terrain: GridMap, stamp: int) -> None:
-        """Publish the true terrain in the frame `odom`; `stamp` is its time [ns]."""
+        """Publish the true terrain at the time `stamp` [ns] in the frame `odom`."""
         terrain.frame_id, terrain.timestamp = "odom", stamp
         self._truth.publish(to_serialized_message(terrain))
 
@@ -65,7 +65,7 @@ class SensingRobot(Demo):
         """Publish the odometry and a scan of each sensor.
 
         Args:
-            terrain: what the sensors see.
+            terrain: terrain that the sensors measure.
             pose: true pose (4, 4) of the robot in the frame of `terrain`.
             stamp: time of the measurements [ns].
             reported: pose (4, 4) that the odometry reports.
@@ -89,7 +89,7 @@ class SensingRobot(Demo):
 
 
 def to_cloud(points: Positions, stamp: int, frame_id: str) -> PointCloud2:
-    """Return the message of the points (N, 3) that are not NaN; `stamp` is their time [ns]."""
+    """Convert the points (N, 3) that are not NaN to a message; `stamp` is their time [ns]."""
     returned = points[np.isfinite(points[:, 0])].astype("<f4")
     header = Header(stamp=to_stamp(stamp), frame_id=frame_id)
     return write_points("xyz", array.array("B", returned.tobytes()), header)

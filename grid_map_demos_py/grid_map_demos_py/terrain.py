@@ -47,13 +47,13 @@ def load_terrain(
     elevation = heights[:, ::-1].T
     grid_map = GridMap(np.multiply(elevation.shape, resolution), resolution, frame_id=frame_id)
     grid_map["elevation"] = elevation
-    # Green valleys, white summits.
+    # Color valleys green and summits white.
     tints = [(0.18, 0.42, 0.24), (0.62, 0.68, 0.38), (0.62, 0.47, 0.32), (0.96, 0.95, 0.94)]
     share = (elevation - elevation.min()) / max(float(np.ptp(elevation)), 1e-9)
     stops = np.linspace(0.0, 1.0, len(tints))
     channels = [np.interp(share, stops, channel) for channel in zip(*tints, strict=True)]
     grid_map["color"] = color_vector_to_value(np.stack(channels, axis=-1))
-    # The same random holes in every call.
+    # Every call returns the same random holes.
     random = np.random.default_rng(7)
     centers = grid_map.position + random.uniform(-0.5, 0.5, (120, 2)) * grid_map.length
     radii = random.uniform(0.5, 6.0, 120) * grid_map.resolution

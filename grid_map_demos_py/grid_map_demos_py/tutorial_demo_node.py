@@ -29,7 +29,7 @@ def make_map() -> GridMap:
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
-    """Set the heights and normals of a sine wave along y, of amplitude 0.2 |x|, at a time [s]."""
+    """Set the heights and normals of a sine wave along y with amplitude 0.2 |x| at a time [s]."""
     x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
     # A column of x and a row of y broadcast to all cells.
@@ -49,7 +49,7 @@ def add_noise(grid_map: GridMap, largest: float, random: np.random.Generator) ->
 
 
 def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> None:
-    """Set `elevation_noisy` to infinity at `count` random positions; skip those off the map."""
+    """Set `elevation_noisy` to infinity at `count` random positions; skip positions off the map."""
     positions = random.uniform(-1.0, 1.0, (count, 2))
     cells, _ = grid_map.get_indices(positions[grid_map.is_inside(positions)])
     grid_map["elevation_noisy"][cells] = np.inf
@@ -64,7 +64,7 @@ def cells_to_filter(grid_map: GridMap) -> Cells:
 
 
 def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
-    """Set `elevation_filtered`, with weighted means in `cells`, and `error`, its absolute error."""
+    """Set `elevation_filtered` to weighted means in `cells`, and `error` to its absolute error."""
     noisy = grid_map["elevation_noisy"]
     grid_map["elevation_filtered"] = noisy
     # OpenCV processes a layer as an image, so no loop over the cells is needed.

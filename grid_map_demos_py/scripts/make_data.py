@@ -67,7 +67,7 @@ def room() -> np.ndarray:
 
 
 def octomap_file(voxels: np.ndarray) -> bytes:
-    """Return voxels (N, 3) as the bytes of an OctoMap file."""
+    """Convert voxels (N, 3) to the bytes of an OctoMap file."""
     head = f"# Octomap OcTree binary file\nid OcTree\nsize {len(voxels)}\nres {VOXEL}\ndata\n"
     return head.encode() + write_tree(voxels + 2 ** (DEPTH - 1), DEPTH)
 

@@ -36,7 +36,7 @@ class FilterChain:
     has the start index of the input, unless the chain contains a `BufferNormalizer` or changes the
     size. Several threads may call a chain at the same time.
 
-    Filters get maps with read-only layers. A filter that writes into such a layer fails.
+    Filters receive maps with read-only layers; writing to such a layer raises an error.
 
     Args:
         steps: filters in execution order.
@@ -83,7 +83,7 @@ class FilterChain:
     def from_yaml(
         cls, path: str | Path, name: str = "filters", *, threads: int = 1
     ) -> "FilterChain":
-        """Create a chain from a ROS 2 or ROS 1 parameter file, or a YAML file with only a list.
+        """Create a chain from a ROS 2 or ROS 1 parameter file, or from a YAML list of filters.
 
         Args:
             path: path of the YAML file.
@@ -132,7 +132,7 @@ class FilterChain:
         Unchanged layers share memory with the input if the start index of the input is (0, 0). All
         layers are read-only. Nodes use this method to write the result directly into a message.
 
-        Arguments and errors: see `__call__`.
+        See `__call__` for arguments and errors.
         """
         check_map(grid_map)
         result = grid_map
@@ -201,7 +201,7 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return descriptions of the parameters of a chain, with keys like `filter1.params.radius`.
+    """Return descriptions of the parameters of a chain by name, such as `filter1.params.radius`.
 
     Parameters without a description are omitted.
     """
@@ -221,7 +221,7 @@ def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _names_in(params: object) -> Iterator[str]:
-    """Yield the names of all parameters; nested names are joined with dots, as in `min.color`."""
+    """Yield the names of all parameters; nested names are joined with a dot, as in `min.color`."""
     for name, value in params.items() if isinstance(params, Mapping) else ():
         inner = [f"{name}.{below}" for below in _names_in(value)]
         yield from inner or [str(name)]

@@ -38,8 +38,8 @@ def parse_steps(config: object) -> list[StepConfig]:
         config: the mapping `{filter1: step, filter2: step, ...}` or a list of steps.
 
     Raises:
-        FilterConfigError: the chain is invalid. The message contains the filter, the expected value
-            and the actual value.
+        FilterConfigError: the chain is invalid. The message names the filter, the expected and the
+            actual value.
     """
     if isinstance(config, Mapping):
         numbered = {}
@@ -74,7 +74,7 @@ def read_chain(path: str | Path, name: str) -> object:
     """Read the configuration of the chain called `name` from a YAML file.
 
     In a ROS 2 parameter file, the chain is one of the `ros__parameters` of a node. In a ROS 1 file,
-    it is the top-level entry `name` or the only top-level list. The file may also be a bare list.
+    it is the top-level entry `name` or the only top-level list. The file may also be a plain list.
 
     Raises:
         FilterConfigError: the file cannot be read, or does not contain exactly one such chain.

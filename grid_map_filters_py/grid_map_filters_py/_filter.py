@@ -78,7 +78,7 @@ class PartlyLocalFilter(Filter, Protocol):
     """Filter that runs on tiles only with certain parameters."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
-        """Return the reason why tiles do not suffice for the layers `names`; "" if they do."""
+        """Return why a map with the layers `names` cannot be filtered tile by tile, or ""."""
 
 
 @runtime_checkable
@@ -133,7 +133,7 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Let `warn` add the prefix `step`, and append warnings to `collected` unless it is None."""
+    """Make `warn` prefix messages with `step` and append them to `collected`, unless it is None."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield
@@ -144,9 +144,9 @@ def running(step: object, collected: list[str] | None) -> Iterator[None]:
 def warn(message: str) -> None:
     """Warn the user about a filter result.
 
-    In a chain, the message names the filter and is appended to the list that the caller of the
-    chain passed as `warnings`. If there is no such list, or outside a chain, the message is issued
-    as a Python warning of the class `FilterWarning`.
+    In a chain, the name of the filter is added to the message. If the caller of the chain passed a
+    list as `warnings`, the message is appended to it. In all other cases, the message is issued as
+    a Python warning of the class `FilterWarning`.
     """
     step, collected = _running.get()
     pass_on([step + message], collected, stacklevel=3)
@@ -179,17 +179,16 @@ def in_map_order(call: C) -> C:
     """Decorator for the `__call__` of filters that need maps in map order.
 
     If the start index of the input is not (0, 0), the filter gets a reordered map, and its result
-    gets the original start index. Filters that read neighboring cells need this only outside
-    chains, because chains reorder maps themselves. The decorator also lets temporary arrays reuse
-    freed memory.
+    gets the original start index. This matters only outside chains, because chains reorder maps
+    themselves. The decorator also lets temporary arrays reuse freed memory.
     """
 
     @functools.wraps(call)
     def wrapped(self: object, grid_map: GridMap) -> GridMap:
         check_map(grid_map)
-        # Freeing a large block makes glibc retain up to twice its size for later arrays. The block
-        # here has 64 bytes per cell, at most 32 MB. Without it, the system would have to zero the
-        # pages of all temporary arrays, which takes half the run time on a 400 x 400 map.
+        # After a large block is freed, glibc retains up to twice its size for later arrays. The
+        # block has 64 bytes per cell, at most 32 MB. Without it, the system would zero the pages of
+        # all temporary arrays, which takes half the run time on a 400 x 400 map.
         block = min(64 * math.prod(grid_map.size), 2**25 - 2**16)
         if block > _kept[0]:
             _kept[0] = block

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs filter chains on many maps from bags, folders or generators, without a node.
 
-`filter_maps` accepts any iterable of maps, or of items that a function `load` converts to maps. For
-a bag, the items are records: `load` decodes one at a time, and each result includes its record.
+`filter_maps` accepts an iterable of maps, or of items, such as bag messages, that the function
+`load` converts to maps. Each result includes its item.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized

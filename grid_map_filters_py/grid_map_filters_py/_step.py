@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""One filter of a chain: built from its configuration, and run on maps in map order."""
+"""One filter of a chain, built from its configuration and run on maps in map order."""
 
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
@@ -100,7 +100,7 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a writeable view of a layer, or a copy if it is read-only or its memory is in use.
+    """Return a writable view of a layer, or a copy if it is read-only or its memory is in use.
 
     Args:
         layer: layer returned by a filter, or a layer of the input.

@@ -190,7 +190,7 @@ def filtered_tiles(
 
 
 class _Watched(GridMap):
-    """Map that records which layers a filter reads or tests for."""
+    """Map that records which layers a filter reads or looks up."""
 
     __slots__ = ("looked_at",)
     looked_at: set[str]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Grid maps on ROS 2: messages, bags and building blocks for nodes.
 
-The package re-exports the names of `messages` and `bags`, and imports these modules on first use.
-Using bags and decoding messages requires neither rclpy nor message packages. `nodes` contains
-building blocks for your own nodes (subscriptions, parameters, `run`), and `testing` starts nodes
-for tests; both require rclpy.
+The package re-exports the public names of `messages` and `bags` and imports them lazily. Bags and
+message decoding work without rclpy and without message packages. `nodes` contains building blocks
+for your own nodes, such as subscriptions, parameters and `run`. `testing` starts nodes for tests.
+Both require rclpy.
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Costs for the node `costmap`: float32 layers of whole values from 0 to 254, NaN for unknown."""
+"""Cost layers for the node `costmap`: whole numbers from 0 to 254; NaN means unknown."""
 
 import itertools
 import math
@@ -38,7 +38,7 @@ def planar(matrix: Matrix, source: str, target: str) -> Planar:
 
 
 def check_costs(grid_map: GridMap, layer: str) -> None:
-    """Raise `GridMapError` unless all values of a layer are whole costs or NaN."""
+    """Raise `GridMapError` unless each value of a layer is NaN or a whole number from 0 to 254."""
     values = grid_map[layer]
     with np.errstate(invalid="ignore"):
         whole = values.astype(np.uint8)
@@ -51,12 +51,12 @@ def check_costs(grid_map: GridMap, layer: str) -> None:
 
 
 def aligned(grid_map: GridMap, step: int) -> GridMap:
-    """Return the largest part of a map with borders at multiples of `step` cells from (0, 0)."""
+    """Crop a map so that its borders are multiples of `step` cells away from the frame origin."""
     if step == 1:
         return grid_map
     slices = []
     lower = (grid_map.position - 0.5 * grid_map.length) / grid_map.resolution
-    # `lower` is usually a multiple of 1/2; with 1/4 added, rounding errors do not change its floor.
+    # `lower` is usually a multiple of 1/2. Adding 1/4 makes its floor robust to rounding errors.
     for begin, size in zip(np.floor(lower + 0.25).astype(int), grid_map.size, strict=True):
         first, end = -(-begin // step) * step - begin, (begin + size) // step * step - begin
         if end <= first:
@@ -64,7 +64,7 @@ def aligned(grid_map: GridMap, step: int) -> GridMap:
                 f"origin_grid: expected {step} x {step} aligned cells inside the map, got a map "
                 f"of {grid_map.size[0]} x {grid_map.size[1]} cells. Choose a smaller origin_grid"
             )
-        # A map begins at the largest x and y.
+        # Row 0 and column 0 of a map have the largest x and y.
         slices.append(slice(size - end, size - first))
     return grid_map.get_block(*slices)
 
@@ -77,7 +77,7 @@ def resampled(
     resolution: float,
     worst_below_unknown: int = LETHAL,
 ) -> GridMap:
-    """Return costs in another frame or resolution, on a grid aligned with the frame origin.
+    """Resample costs to another frame or resolution, on a grid aligned with the frame origin.
 
     Each cell gets the worst cost of the map cells that it touches; if it touches none, it becomes
     unknown. A map that already has this frame, resolution and alignment is returned unchanged.
@@ -86,7 +86,7 @@ def resampled(
         grid_map, layer: the costs.
         transform: pose of the map's frame in the frame `frame_id`.
         frame_id, resolution: frame and cell size [m] of the result.
-        worst_below_unknown: unknown ranks above this cost, and below the next higher cost.
+        worst_below_unknown: highest cost that ranks below unknown.
     """
     (*shift, yaw), source = transform, grid_map.resolution
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -107,10 +107,10 @@ def resampled(
     geometry = GridGeometry.from_size(size, resolution, 0.5 * resolution * (first + end))
     x = side * (np.arange(lower[0], upper[0]) + 0.5)[:, None] - center[0]
     y = side * (np.arange(lower[1], upper[1]) + 0.5) - center[1]
-    # Centers of the new cells relative to the center of the first source cell [source cells].
+    # Centers of the new cells, relative to the center of the first source cell [source cells].
     u = (cos * x + sin * y) / source + 0.5 * (grid_map.size[0] - 1)
     v = (cos * y - sin * x) / source + 0.5 * (grid_map.size[1] - 1)
-    # Costs have even ranks from 2; rank 0 means that no cell is touched.
+    # Costs have the ranks 2, 4, 6, ...; rank 0 means that no cell is touched.
     ranks = (2 * np.arange(UNKNOWN + 1) + 2).astype(np.int16)
     ranks[UNKNOWN] = ranks[worst_below_unknown] + 1
     values = np.full(ranks.max() + 1, np.nan, np.float32)
@@ -131,19 +131,19 @@ def _worst(
     direction: tuple[float, float],
     side: float,
 ) -> npt.NDArray[np.int16]:
-    """For each square, return the largest rank of the unit squares that it touches, or 0.
+    """For each rotated square, return the highest rank of the unit squares that it touches, or 0.
 
-    Unit square (i, j) has its center at i, j and the rank `ranks[i, j]`. The other squares have
-    centers (u, v), each (n, m), and side `side`. They are rotated by an angle; `direction` is its
-    cosine and sine. Two squares touch unless their projections on one of the four directions of
-    the sides are disjoint. Each iteration tests one of the few possible neighbors of all squares.
+    Unit square (i, j) has its center at (i, j) and the rank `ranks[i, j]`. The rotated squares have
+    the centers `u`, `v` (n, m) and the side length `side`; `direction` is the cosine and sine of
+    the rotation angle. Two squares touch if their projections on all four side directions overlap
+    (separating axis theorem).
     """
     if direction == (1.0, 0.0):
         return _worst_along(_worst_along(ranks, u[:, 0], side).T, v[0], side).T
     (cos, sin), extent = direction, abs(direction[0]) + abs(direction[1])
     reach, turned_reach = 0.5 * (1 + side * extent) - TOLERANCE, 0.5 * (side + extent) - TOLERANCE
     padded, near = np.pad(ranks, 1), (np.rint(u), np.rint(v))
-    # Differences are at most a few cells, and need fewer digits than positions.
+    # Single precision is sufficient, because the differences are at most a few cells.
     du, dv = (near[0] - u).astype(np.float32), (near[1] - v).astype(np.float32)
     neighbors = range(-int(reach + 0.5), int(reach + 0.5) + 1)
     rows, columns = (
@@ -163,9 +163,9 @@ def _worst(
 def _worst_along(
     ranks: npt.NDArray[np.int16], centers: npt.NDArray[np.float64], side: float
 ) -> npt.NDArray[np.int16]:
-    """Return, for each interval, the elementwise maximum of the rows of `ranks` that it touches.
+    """For each interval, return the elementwise maximum of the rows of `ranks` that it touches.
 
-    Row i spans i - 0.5 to i + 0.5. The intervals have the length `side` and the given centers.
+    Row i extends from i - 0.5 to i + 0.5. The intervals have the length `side`.
     """
     reach = 0.5 * (1 + side) - TOLERANCE
     ends = np.stack([np.ceil(centers - reach), np.floor(centers + reach)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Definitions of the file formats bag and octomap for `grid_map_core_py.files`."""
+"""Definitions of the file formats `bag` and `octomap` for `grid_map_core_py.files`."""
 
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -22,7 +22,7 @@ def _describe_bag(
     """Describe the topics of a bag and, for each topic with maps, the map at `index`."""
     chosen = [one for one in bag_topics(path, recover=recover) if topic in (None, one.name)]
     if topic is not None and not chosen:
-        BagReader(path, topic, recover=recover)  # raises: the topic does not exist
+        BagReader(path, topic, recover=recover)  # raises an error that lists the topics
     topics = []
     for one in chosen:
         facts = asdict(one)

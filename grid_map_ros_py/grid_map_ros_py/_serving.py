@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 @contextmanager
 def place_below(directory: str, path: str) -> Iterator[Path]:
-    """Yield the resolved path; errors in the `with` block become a `RequestError` naming `path`.
+    """Yield the resolved path; convert errors in the `with` block to `RequestError`.
 
     Args:
         directory: root directory; an empty string rejects all requests.
@@ -143,7 +143,7 @@ def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequenc
 
 
 class LatestOnly(Generic[T]):
-    """Worker thread that calls a function with the newest item; older waiting items are dropped.
+    """Worker thread that calls a function with the newest item and drops older waiting items.
 
     Args:
         function: called with one item at a time.
@@ -171,7 +171,7 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process a waiting item, then stop; return True if this takes at most `timeout` [s]."""
+        """Process the waiting item and stop; return whether this finished within `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

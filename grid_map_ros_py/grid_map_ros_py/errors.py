@@ -24,7 +24,7 @@ DROPPED = (GridMapError, MemoryError)
 
 
 def reason(error: Exception) -> str:
-    """Return the text of an error, or "out of memory" if the text is empty."""
+    """Return the message of an error, or "out of memory" if the message is empty."""
     return str(error) or "out of memory"
 
 
@@ -64,7 +64,7 @@ class NodeFailedError(GridMapError):
 
 
 class RequestError(GridMapError):
-    """A service request is rejected; the text gives the reason."""
+    """A service request is rejected; the message gives the reason."""
 
 
 class TiltedFrameError(GridMapError):

@@ -111,7 +111,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Call `step` until `condition()` holds; fail after `timeout` [s] with `what` in the error."""
+    """Call `step` until `condition()` is true, for at most `timeout` [s]; errors name `what`."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -218,7 +218,7 @@ def refusals(
         assert process.wait(2 * TIMEOUT) == 0, process.text
     finally:
         process.kill()
-    # The first process after a build also says that loops are compiled.
+    # The first process after a build also prints that loops are being compiled.
     lines = [line for line in process.lines if "numba compiles loops" not in line]
     assert lines[1::2] == ["exit code 1\n"] * len(starts), process.text
     return lines[::2]
@@ -251,7 +251,7 @@ class Peer:
         publisher.publish(message)
 
     def wait_until(self, condition: Callable[[], object], what: str) -> None:
-        """Spin until `condition()` holds; fail after `TIMEOUT` with `what` in the error."""
+        """Spin until `condition()` is true; fail after `TIMEOUT` with `what` in the error."""
         wait_until(condition, what, step=lambda: self._executor.spin_once(timeout_sec=0.05))
 
     def spin(self, seconds: float) -> None:
@@ -273,7 +273,7 @@ def peer(domain: int | None = None) -> Iterator[Peer]:
     context = Context()
     with patch.dict(os.environ, environment(domain), clear=True):
         rclpy.init(context=context)
-        # Some settings are not read until the first node is created.
+        # Some settings are read only when the first node is created.
         node = Node("peer", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Infer from the name of a layer what it contains, such as heights."""
+"""Infers the content of a layer, such as heights, from its name."""
 
 import re
 from typing import TYPE_CHECKING
@@ -39,7 +39,7 @@ def titled(layer: str, label: str = "", *, is_empty: bool = False) -> str:
 
 
 def lit_heights(site: "GridMap | TiledMap", layer: str, hillshade: bool | str | None) -> str:
-    """Return the height layer used to shade `layer`; empty if `layer` is not to be shaded.
+    """Return the height layer used to shade `layer`, or "" if `layer` is not shaded.
 
     Raises:
         ConfigError: `hillshade` is true, but the map has no height layer.

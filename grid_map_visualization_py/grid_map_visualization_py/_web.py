@@ -48,9 +48,9 @@ def names_of(host: str, allowed_hosts: Sequence[str]) -> set[str]:
 def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) -> bool:
     """Return True if the page may answer a request with these headers.
 
-    `Host` must be an IP address or one of `names`, which excludes foreign names that resolve to
-    this machine (DNS rebinding). `Origin` must be the page itself. It may be missing, because
-    programs other than browsers do not send it.
+    `Host` must be an IP address or one of `names`, which prevents DNS rebinding (foreign names that
+    resolve to this machine). `Origin` must be the page itself, or missing, because only browsers
+    send it.
     """
     host = headers.get("Host", "").lower()
     origin = headers.get("Origin", f"http://{host}")

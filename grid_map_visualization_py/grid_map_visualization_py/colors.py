@@ -55,7 +55,7 @@ def check_color(color: int) -> None:
 
 
 def is_empty(coloring: "Coloring", values: npt.NDArray[np.float32]) -> bool:
-    """Return True if a color bound is missing and no finite value exists to compute it from."""
+    """Return True if a color bound is missing and there is no finite value to compute it from."""
     return None in (coloring.lower, coloring.upper) and not np.isfinite(values).any()
 
 
@@ -97,9 +97,8 @@ class Coloring:
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
         """Return the values at the lower and upper end of the color map for an array of values.
 
-        If a bound is None, the smallest or largest finite value is used, but not beyond the other
-        bound. If no value is finite, the other bound replaces a missing bound, and two missing
-        bounds are 0.
+        A bound that is None becomes the smallest or largest finite value, clamped to the other
+        bound. If no value is finite, it becomes equal to the other bound, or 0 if both are None.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper
@@ -114,8 +113,7 @@ class Coloring:
     def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
         """Return the colors (..., 3) for an array (...) of layer values.
 
-        NaN is gray, except in the mode "flat". The range of a color map is divided into 256 equal
-        steps, with one color each.
+        NaN is gray, except in the mode "flat". A color map has 256 equal steps with one color each.
         """
         if self.mode == "flat":
             one = np.stack(color_value_to_bytes(np.array(self.color)))

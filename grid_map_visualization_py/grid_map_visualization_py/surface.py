@@ -6,9 +6,9 @@ triangles if all four heights are finite, one triangle if three are finite, and 
 The square is split along the diagonal with the smaller height difference (the higher diagonal if
 the differences are equal), so that edges and ridges are straight.
 
-If a map has more than `max_drawn_cells` cells, only every n-th row and column is kept, plus those
-at the border, so that the surface covers the map. Values are not averaged. Rows and columns
-are chosen by position in the map frame, so that the surface of a moving map does not flicker.
+If a map has more than `max_drawn_cells` cells, only every n-th row and column and those at the
+border are kept. Values are not averaged. Rows and columns are chosen by position in the map frame,
+so that the surface of a moving map does not flicker.
 """
 
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ __all__ = [
 
 def check_max_drawn_cells(max_drawn_cells: int) -> None:
     """Raise `ConfigError` unless `max_drawn_cells` is 0 (no limit) or at least 9."""
-    # A thinned-out map may have three rows and three columns: first, inner, and last.
+    # A thinned-out map may have three rows and columns: first, inner, and last.
     is_limit = max_drawn_cells == 0 or max_drawn_cells >= 9
     check(is_limit, "max_drawn_cells", "0 (never thin out) or at least 9", max_drawn_cells)
 
@@ -176,7 +176,7 @@ class Surface:
             return 1
 
         def lines(cells: int, step: int) -> int:
-            # Every n-th line is kept, plus up to two border lines.
+            # Every n-th line and up to two border lines are kept.
             return min(cells, -(-cells // step) + 2)
 
         return next(n for n in count(2) if lines(rows, n) * lines(columns, n) <= most)
@@ -222,7 +222,7 @@ def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, i
     kept = inside & row & column & ~turned
     yield kept & first, (0, 1, rows)
     yield kept & both, (1, rows + 1, rows)
-    # Use the other diagonal if it is better, or if a corner of the usual one is a hole.
+    # Use the other diagonal if it has a smaller height difference, or if this one ends in a hole.
     crossed = inside & first & both
     yield crossed & column & (turned | ~row), (0, rows + 1, rows)
     yield crossed & row & (turned | ~column), (0, 1, rows + 1)

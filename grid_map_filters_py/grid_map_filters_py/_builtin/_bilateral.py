@@ -75,16 +75,16 @@ class Bilateral(LayerFilter):
         return result
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
-        """Return the weighted means in the block `center`; `around` is the block with margins."""
+        """Return the weighted means for the block `center`; `around` is the block with margins."""
         sigma, (rows, columns) = np.float32(self.sigma_range), center.shape
         # The cell itself has weight 1.
         weights, total = np.ones_like(center), np.zeros_like(center)
         distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
         shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)
         top, left = disc.reach
-        # Each pair of cells is computed only once: seen from the other cell, the weight is the same
-        # and the difference has the opposite sign. `first` and `second` hold the two cells of every
-        # pair with at least one cell in `center`.
+        # Each pair of cells is computed once, because the weight is symmetric and the difference
+        # antisymmetric. `first` and `second` are the two cells of every pair with a cell in
+        # `center`.
         pairs = [at for at in np.argwhere(shares) - disc.reach if tuple(at) > (0, 0)]
         for down, right in pairs:
             start, stop = left - max(right, 0), left + columns - min(right, 0)

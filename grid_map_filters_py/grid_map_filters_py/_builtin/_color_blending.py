@@ -20,7 +20,7 @@ _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 class ColorBlending(CellFilter):
     """Blend a foreground color layer over a background color layer.
 
-    Where only one of the two layers has a color, the result is that color.
+    If only one of the two layers has a color in a cell, the result is that color.
 
     Attributes:
         background_layer: layer with the background colors.
@@ -85,7 +85,7 @@ def _blended(
     front: tuple[Value, ...],
     weights: tuple[Value, ...],
 ) -> Value:
-    """Return the color of a cell; `front` holds the blended channels (0 to 1) at full opacity."""
+    """Return the color of a cell; `front` holds its channels (0 to 1) at full opacity."""
     r = FULL * (back[0] * weights[1] + front[0] * weights[0])
     g = FULL * (back[1] * weights[1] + front[1] * weights[0])
     b = FULL * (back[2] * weights[1] + front[2] * weights[0])

@@ -26,8 +26,8 @@ class Cost(CellFilter):
     """Convert a layer such as traversability or slope to Nav2 costs.
 
     With u = (value - free_value) / (lethal_value - free_value), the cost is 0 (free) if u <= 0, 254
-    (lethal) if u >= 1, else 1 + floor(252 u). Only `InflationFilter` assigns cost 253. Limits are
-    rounded to float32, the precision of the layers.
+    (lethal) if u >= 1, else 1 + floor(252 u). Only `InflationFilter` assigns cost 253. `free_value`
+    and `lethal_value` are rounded to float32, the precision of the layers.
 
     Attributes:
         input_layer: layer to convert; cells that are not finite are unknown.
@@ -36,8 +36,8 @@ class Cost(CellFilter):
         lethal_value: value that gets cost 254; may be less than `free_value`.
         unknown: cost of unknown cells: `unknown` means NaN, `lethal` 254, `free` 0.
         lethal_layer: layer with a second criterion, such as step height.
-        lethal_above: cells where `lethal_layer` exceeds this value are lethal, even if unknown; NaN
-            has no effect.
+        lethal_above: cells where `lethal_layer` exceeds this value are lethal, even if unknown. NaN
+            in `lethal_layer` has no effect.
     """
 
     input_layer: str

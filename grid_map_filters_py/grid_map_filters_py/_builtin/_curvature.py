@@ -35,8 +35,7 @@ class Curvature(LayerFilter):
         # Pad with one cell that replicates the border.
         heights = cv2.copyMakeBorder(layer.T, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         width, flat = heights.shape[1], np.asarray(heights).ravel()
-        # Slices of the flattened image, including its left and right margins: first the cells, then
-        # their four neighbors.
+        # Slices of the flattened image with its left and right margins: cells and their neighbors.
         shifts = 0, -width, width, -1, 1
         neighbors = [flat[width + shift : flat.size - width + shift] for shift in shifts]
         curvature = _curvature(neighbors, (-1 / resolution**2,))

@@ -78,7 +78,7 @@ class Inflation(LayerFilter):
         along = np.roll(start, -1, axis=0) - start
         with np.errstate(invalid="ignore"):
             share = -(start * along).sum(axis=1) / (along**2).sum(axis=1)
-        # `fmax` maps the NaN of edges without length to 0.
+        # Edges of zero length give NaN, which `fmax` replaces with 0.
         nearest = start + np.fmin(np.fmax(share, 0.0), 1.0)[:, None] * along
         return float(np.hypot(*nearest.T).min())
 
@@ -100,8 +100,8 @@ class Inflation(LayerFilter):
         others = np.ascontiguousarray(~lethal.T).view(np.uint8)
         distances = cv2.distanceTransform(others, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).T
         cells = math.ceil(min(self.reach(resolution), math.hypot(*layer.shape)))
-        # Squared distances [cells] are whole numbers, which rounding recovers exactly. Without a
-        # lethal cell, OpenCV returns a huge distance.
+        # Squared distances [cells^2] are integers, so rounding makes them exact. Without a lethal
+        # cell, OpenCV returns a huge distance.
         squares = np.rint(np.square(np.minimum(distances, np.float32(cells + 1))))
         table = self._costs_by_square(cells, resolution)
         inflated = table.take(squares.astype(np.intp), mode="clip")

@@ -56,8 +56,8 @@ class Inpaint(LayerFilter):
     """Fill the non-finite cells of a layer from surrounding cells.
 
     The filter uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV.
-    Finite cells keep their values. A layer without finite cells is copied, with a warning. Missing
-    cells that touch, even if only at corners, form one hole.
+    Finite cells keep their values. A layer without finite cells is copied, with a warning.
+    Non-finite cells that touch, even if only at corners, form one hole.
 
     Attributes:
         radius: radius of the neighborhood used to fill a cell [m]; clamped to 1 to 100 cells.
@@ -75,7 +75,8 @@ class Inpaint(LayerFilter):
         check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
 
     def reach(self, _resolution: float) -> float:
-        # A hole may be as large as the map, and the gray-value scale depends on all heights.
+        # A hole may be as large as the map, and the scale of the gray values depends on all
+        # heights.
         return WHOLE_MAP
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: TileOptions) -> Filter:
@@ -210,13 +211,13 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the `wanted` holes; hole i has the label i + 1, other cells have 0."""
+    """Return a mask of the `wanted` holes; hole i has the label i + 1, all other cells have 0."""
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 
 
 def _near(radius: float) -> int:
-    """Return the largest distance [cells] at which holes affect each other; `radius` in [cells]."""
+    """Return the largest distance [cells] at which holes affect each other."""
     return math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
 
 
@@ -252,7 +253,7 @@ def _fill(
         _fill(wide, whole, ~np.isfinite(whole), wanted, radius, extremes)
         filled[chosen] = wide[inner][chosen]
         return
-    # The method uses gradients as weights, with thresholds for 8-bit gray values.
+    # The weights depend on gradients, with thresholds for gray values from 0 to 255.
     scale = 255.0 / (highest - lowest)
 
     def fill(strip: tuple[slice, Mask]) -> None:
@@ -279,9 +280,9 @@ def _fill(
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     """Yield strips of columns, each with a mask of the holes that are filled together.
 
-    The value of a filled cell depends on the cells within the radius and on their neighbors. Groups
-    of holes that are further apart do not affect each other, so filling only the columns around a
-    group yields exactly the same values as filling the whole layer.
+    The value of a filled cell depends only on the cells within the radius and on their neighbors.
+    Groups of holes that are farther apart are independent, so filling only the columns around a
+    group gives exactly the same values as filling the whole layer.
 
     Args:
         holes: (rows, columns) mask of all holes.
@@ -292,8 +293,7 @@ def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     if count == 1:
         yield slice(0, columns), holes
         return
-    # Dilating the holes with blocks of side `near` joins those that affect each other. Map rows run
-    # along the x axis of the image.
+    # Dilation with blocks of side `near` joins holes that affect each other.
     grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
     starts, lengths = boxes[:, cv2.CC_STAT_TOP], boxes[:, cv2.CC_STAT_HEIGHT]

@@ -28,7 +28,7 @@ _CELLS = 4 * CELLS
 class MathExpression:
     """Compute `output_layer` with a matrix expression over the layers of the map.
 
-    If the result is a scalar, all cells get this value. A matrix must have the shape of the map.
+    If the result is a scalar, all cells get this value. A matrix result must have the map's shape.
 
     Attributes:
         expression: expression to evaluate, for example `0.5 * slope + roughness`.
@@ -66,7 +66,7 @@ class MathExpression:
 
     def _evaluate(self, grid_map: GridMap) -> npt.NDArray[np.float32]:
         names, (rows, columns) = self._parsed.names, grid_map.size
-        # A layer with the name of a function or constant replaces it in the expression.
+        # A layer hides a function or constant of the same name.
         is_cellwise = self._parsed.is_cellwise and not self._parsed.is_changed_by(grid_map)
         if not (is_cellwise and names and names <= set(grid_map)):
             return np.asarray(self._parsed(grid_map), dtype=np.float32)

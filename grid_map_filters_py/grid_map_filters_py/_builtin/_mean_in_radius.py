@@ -25,10 +25,10 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
 
     def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Layer:
         disc = Disc(self.radius, resolution, layer.shape)
-        # Single-precision sums of few values are as precise as the layer.
+        # Single precision is sufficient for sums of few values.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean, too_large = _mean(disc, layer, offset, dtype)
-        # Replacing all cells would make the results depend on the division into blocks.
+        # If all cells were replaced, the results would depend on the division into blocks.
         if dtype == np.float32 and too_large.any():
             exact, _ = _mean(disc, layer, offset, np.float64)
             mean[too_large] = exact[too_large]

@@ -38,8 +38,8 @@ class MedianFill:
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
         fill_mask_layer: mask layer of cells that may change; computed if the map lacks it.
-        num_erode_dilation_iterations: number of one-cell dilations in the closing, and of the
-            erosions that follow.
+        num_erode_dilation_iterations: number of one-cell dilations in the closing, followed by as
+            many erosions.
         debug: also store the computed mask before the closing.
         debug_infill_mask_layer: layer for that mask; required with `debug`.
     """
@@ -111,8 +111,8 @@ class MedianFill:
 def _mask(layer: Layer, iterations: int) -> Layer:
     """Return a mask that is 1 in cells that may change, and 0 elsewhere.
 
-    Starting with the finite cells, a morphological opening removes narrow areas. A closing with
-    `iterations` dilations and as many erosions then bridges gaps.
+    A morphological opening removes narrow areas from the mask of finite cells. A closing with
+    `iterations` dilations and erosions then bridges gaps.
     """
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))

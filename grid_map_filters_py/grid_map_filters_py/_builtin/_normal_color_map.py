@@ -43,5 +43,5 @@ def _color(x: Value, y: Value, z: Value, _: tuple[Value, ...]) -> Value:
 
 
 def _channel(normal: Value) -> Value:
-    # Bitwise equal to 255 * (0.5 * normal + 0.5).
+    # The result is bitwise equal to 255 * (0.5 * normal + 0.5).
     return (normal + _ONE) * _HALF

@@ -11,12 +11,12 @@ from ..parts._normals import plane_deviations
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness(AroundTypicalValue, DiscFilter):
-    """Compute the standard deviation of the points around a cell from a fitted plane [m].
+    """Compute the standard deviation [m] of the heights around each cell from a fitted plane.
 
-    The roughness is sqrt(sum(d^2) / (n - 1)), where d is the distance of each of n finite points in
-    the disc from a plane. The plane passes through the mean of the points, and its normal is the
-    one that `NormalVectors` computes for this disc. traversability_estimation uses the same
-    definition (M. Wermelinger et al., "Navigation planning for legged robots in challenging
+    The roughness is sqrt(sum(d^2) / (n - 1)), where n is the number of finite points in the disc,
+    and d is the distance of a point from the plane. The plane contains the mean of the points and
+    has the normal that `NormalVectors` computes for this disc. traversability_estimation uses the
+    same definition (M. Wermelinger et al., "Navigation planning for legged robots in challenging
     terrain", IROS 2016). The result is NaN where the input is not finite or the disc contains no
     other finite cell.
 

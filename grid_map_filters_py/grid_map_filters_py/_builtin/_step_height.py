@@ -26,7 +26,7 @@ class StepHeight(DiscFilter):
         min(1, n / critical_cell_number) * h,
 
     where h is the largest difference in the second disc, and n is the number of cells in that disc
-    whose difference exceeds `critical_value`. Steps of only a few cells, which may be noise, thus
+    whose difference exceeds `critical_value`. Thus, steps of only a few cells, which may be noise,
     count less.
 
     Attributes:

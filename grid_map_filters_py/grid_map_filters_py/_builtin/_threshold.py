@@ -22,7 +22,7 @@ class Threshold(CellFilter):
         condition_layer: layer compared with the threshold; requires `output_layer`.
         output_layer: existing layer in which cells are set; requires `condition_layer`.
         lower_threshold: finite cells below this value are set.
-        upper_threshold: finite cells above this value are set; set exactly one threshold.
+        upper_threshold: finite cells above this value are set. Exactly one threshold is required.
         set_to: new value of the cells; may be `.nan` or `.inf`.
     """
 

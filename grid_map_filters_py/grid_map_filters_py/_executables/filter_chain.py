@@ -33,7 +33,7 @@ class FilterChainNode(ConfiguredNode):
     """Node that subscribes to maps, filters each map and publishes the result."""
 
     def __init__(self) -> None:
-        # The parameters of a filter that is added at run time have not been declared beforehand.
+        # Allow parameters of filters that are added while the node runs.
         super().__init__("grid_map_filters", allow_undeclared_parameters=True)
         topic = self.read_topic("input_topic", "/grid_map", "topic of the incoming maps")
         output = self.read_topic("output_topic", "/filtered_map", "topic of the filtered maps")

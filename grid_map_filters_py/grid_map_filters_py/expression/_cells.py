@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Detects cellwise expressions, whose result in a cell depends only on that cell of the layers.
+"""Detects cellwise expressions: each cell of the result depends only on that cell of the layers.
 
-Reductions such as `max(elevation)` depend on all cells, but return a number. An expression may
-become cellwise when its reductions are replaced by these numbers.
+A reduction such as `max(elevation)` depends on all cells, but returns a number. Replacing the
+reductions of an expression with these numbers may make it cellwise.
 """
 
 from collections.abc import Container, Iterator
@@ -25,9 +25,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers, which hide functions and constants of the same name. If None,
-            the names are unknown: a call that may be an index into a layer, such as `mean(2, 3)`,
-            is then treated as an index, but no constant is treated as hidden.
+        layers: names of the layers, which hide functions and constants of the same name. None means
+            unknown: calls that may index a layer, such as `mean(2, 3)`, are then treated as
+            indexing, but no constant is treated as hidden.
         reduced: treat reductions as numbers.
     """
 
@@ -83,7 +83,7 @@ class Analysis:
         if self.reduced and self._reduces(function, arguments):
             return _Kind.NUMBER
         kinds = [self._kind(argument) for argument in arguments]
-        # With a matrix as second argument, `min` and `max` compare cell by cell.
+        # If the second argument is a matrix, `min` and `max` compare cell by cell.
         pairwise = function in ("min", "max") and kinds[1:] == [_Kind.CELLS]
         of_number = FUNCTIONS[function].reduces == len(kinds) and {*kinds} == {_Kind.NUMBER}
         if not (FUNCTIONS[function].elementwise or pairwise or of_number):

@@ -81,7 +81,7 @@ class Expression:
         return Analysis(self._layers).is_cellwise(self._root)
 
     def why_whole_map(self, layers: Container[str]) -> str:
-        """Return the reason why tiles do not suffice for maps with these layers; "" if they do.
+        """Return why the expression cannot be computed tile by tile for these layers, or "".
 
         Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
         """
@@ -156,7 +156,7 @@ class Expression:
         return Interpreter(Matrices(), values, ", ".join(sorted(layers)) or "none")
 
     def fill(self, out: NDArray[np.float32], layers: Mapping[str, NDArray[Any]]) -> None:
-        """Evaluate the expression into an existing array, which saves one temporary array.
+        """Evaluate the expression and write the result to an existing array, to save memory.
 
         Args:
             out: (rows, columns) float32 array for the result.
@@ -226,7 +226,7 @@ class _PartsOfTile:
         return {part.parts[0] for part in parts if part.kind in ("name", "call")}
 
     def __call__(self, layers: Mapping[str, NDArray[Any]]) -> list[list[float]]:
-        """Return the fold results for each reduction on a tile."""
+        """Return the partial results of each reduction on a tile."""
         with _faults_as_errors(self.expression.text):
             interpreter = self.expression._interpreter(layers)
             partials = []
@@ -237,7 +237,7 @@ class _PartsOfTile:
         return [partial.parts for partial in partials]
 
     def combined(self, of_tiles: Sequence[list[list[float]]], size: Size) -> list[float]:
-        """Combine the partial reductions of all tiles into the reductions of the whole map.
+        """Combine the partial results of all tiles into the reductions of the whole map.
 
         Args:
             of_tiles: results for each tile, in tile order.

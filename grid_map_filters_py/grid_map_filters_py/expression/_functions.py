@@ -181,8 +181,8 @@ def _length(value: Value, argument: int) -> int:
 class Function:
     """A function of the expression language.
 
-    `skips_missing` uses `keeps_nan` and `skips_nan` to decide whether windows at the border can be
-    padded with NaN, which is faster than cropping the windows.
+    `skips_missing` uses `keeps_nan` and `skips_nan` to decide whether windows at the map border can
+    be padded with NaN, which is faster than cropping.
 
     Attributes:
         apply: called with a `Matrices` object, followed by `least` to `most` arguments.
@@ -191,8 +191,8 @@ class Function:
             argument.
         keeps_nan: True if the function is elementwise, and NaN in any argument gives NaN.
         skips_nan: True if the function has one argument and ignores its NaN elements.
-        reduces: number of arguments in calls that reduce the elements or the shape of the first
-            argument to a single number; 0 if no call does.
+        reduces: number of arguments with which a call reduces the elements or the shape of the
+            first argument to a number; 0 if there is none.
     """
 
     apply: Callable[..., Any]
@@ -272,7 +272,7 @@ FUNCTIONS = {
     "numberOfFinites": Function(_folding(FINITE_COUNT), skips_nan=True, reduces=1),
     "min": Function(_extreme(MINIMUM, np.minimum, "cwiseMin"), most=2, axis=True, reduces=1),
     "max": Function(_extreme(MAXIMUM, np.maximum, "cwiseMax"), most=2, axis=True, reduces=1),
-    # The signed value with the largest magnitude, as in EigenLab.
+    # As in EigenLab, this is the signed value with the largest magnitude.
     "absmax": Function(
         lambda algebra, value, axis=None: algebra.elementwise(
             lambda high, low: np.where(np.abs(high) >= np.abs(low), high, low),

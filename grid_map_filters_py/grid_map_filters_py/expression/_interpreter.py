@@ -22,7 +22,7 @@ class Interpreter:
     Args:
         algebra: primitive operations for the type of the values.
         names: values by name; a name hides the function or constant of the same name.
-        available: available names, as text for error messages.
+        available: list of the available names, for error messages.
     """
 
     def __init__(self, algebra: Matrices, names: Mapping[str, Value], available: str) -> None:
@@ -97,7 +97,7 @@ class Interpreter:
         count = (stop - start) / stride if stride else math.nan
         if not 0.0 <= count < LARGEST:
             raise Fault(f"the range {start:g}:{stride:g}:{stop:g} is empty or endless")
-        # The tolerance lets 0:0.1:0.3 end at 0.3 despite rounding errors.
+        # Because of the tolerance, 0:0.1:0.3 ends at 0.3 despite rounding errors.
         places = np.arange(math.floor(count + 1e-9) + 1)
         return simplified((start + stride * places).astype(np.float32).reshape(1, -1))
 
@@ -176,8 +176,8 @@ def _check_count(name: str, arguments: tuple[Node, ...]) -> None:
 # --- checks without layers ------------------------------------------------------------------------
 
 # Parts that do not depend on layers are evaluated when the expression is created, so that errors
-# such as `[1, 2] + [1, 2, 3]` or `zeros(1.5)` are found early. Calls whose arguments may be indices
-# are checked later, with the layers: `mean(2, 3)` is a cell if there is a layer `mean`.
+# such as `[1, 2] + [1, 2, 3]` or `zeros(1.5)` are found early. Calls that may index a layer are
+# checked later: `mean(2, 3)` is a cell if there is a layer `mean`.
 
 _EVALUATE = Interpreter(Matrices(), {}, "")
 

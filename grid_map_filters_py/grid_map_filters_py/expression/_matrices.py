@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluates expressions on whole matrices: numbers are Python floats, matrices float32 arrays.
+"""Evaluates expressions on matrices (float32 arrays) and numbers (Python floats).
 
 In NumPy 1 and 2, an operation between a Python float and a float32 array results in float32. Layers
-are read-only views. An array that is writeable must therefore be a temporary result, and the next
-operation may overwrite it.
+are read-only views, so a writable array is a temporary result that may be overwritten.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -27,7 +26,7 @@ SCALAR: Shape = (1, 1)
 class Fold:
     """A reduction: apply `map` to every element, then `combine` the results in any order.
 
-    The optional `whole` reduces a whole array faster, but may return NaN if no element is finite.
+    The optional `whole` reduces an array faster, but may return NaN if no element is finite.
     """
 
     map: Callable[[Any], Any]
@@ -63,7 +62,7 @@ class Matrices:
     """Primitive operations of the expression language, applied to numbers and matrices.
 
     Args:
-        spare: float32 array or None; the buffer for the first result of the same shape.
+        spare: float32 buffer for the first result of the same shape, or None.
     """
 
     def __init__(self, spare: NDArray[np.float32] | None = None) -> None:
@@ -87,7 +86,7 @@ class Matrices:
 
     def product(self, left: Value, right: Value) -> Value:
         """Return the matrix product of values with compatible shapes."""
-        # The product of the transposes returns the result in Fortran order.
+        # The product of the transposes gives the result in Fortran order.
         return (as_matrix(right).T @ as_matrix(left).T).T
 
     def transpose(self, value: Value) -> Value:
@@ -99,13 +98,13 @@ class Matrices:
         return simplified(as_matrix(value)[_as_slice(rows)][:, _as_slice(columns)])
 
     def stack(self, blocks: Sequence[Sequence[Value]]) -> Value:
-        """Assemble a matrix from rows of blocks with compatible shapes."""
+        """Combine rows of blocks with compatible shapes into a matrix."""
         rows = [np.concatenate([as_matrix(block) for block in row], axis=1) for row in blocks]
         return simplified(np.asfortranarray(np.concatenate(rows, axis=0)))
 
 
 class Partial(Matrices):
-    """Primitive operations on a tile, which collect the results of all folds in `parts`.
+    """Primitive operations on a tile; the results of all folds are collected in `parts`.
 
     A reducing function is applied to each tile with `Partial`, then once with `Combined`.
     """
@@ -122,10 +121,10 @@ class Partial(Matrices):
 
 
 class Combined(Matrices):
-    """Primitive operations for a tiled map; each fold combines stored results of all tiles.
+    """Primitive operations for a tiled map; each fold combines the stored results of all tiles.
 
     Args:
-        parts: for each fold, in the order of evaluation, the results of all tiles.
+        parts: results of all tiles for each fold, in order of evaluation.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:
@@ -164,8 +163,7 @@ def apply(
         A new array or an overwritten temporary array; a float if all values are numbers.
     """
     if isinstance(function, np.ufunc):
-        # Temporary arrays of the evaluation may be overwritten, except 1 x 1 arrays, which may be
-        # smaller than the result.
+        # Temporary arrays may be overwritten, except 1 x 1 arrays, which may be too small.
         for value in values:
             if isinstance(value, np.ndarray) and value.flags.writeable and value.size > 1:
                 spare = value if value.dtype == dtype else spare

@@ -37,7 +37,7 @@ class Node:
 
     @contextmanager
     def blamed(self) -> Iterator[None]:
-        """Context that adds the position of this node to each `Fault` raised without a position."""
+        """Context manager that adds the position of this node to a `Fault` without a position."""
         try:
             yield
         except Fault as fault:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on the windows of many cells with few NumPy calls.
 
-The value of a subexpression is a small matrix *per cell*, stored as a matrix of elements. An
-element is a number, or a field: an array with the values of this element in all cells. Elements are
-computed on demand and freed after use, so the memory for a few layers suffices for any window.
-Fields use double precision, because the heights in a window may be large but almost equal. Numbers
-are rounded to float32 as in C++.
+The value of a subexpression is a small matrix *per cell*, stored as one matrix of elements. An
+element is a number, or a field: an array with the values of the element in all cells. Elements are
+computed on demand and freed after use, so any window needs the memory of only a few layers. Fields
+use double precision, because the heights in a window may be large but almost equal. Numbers are
+rounded to float32 as in C++.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -27,9 +27,9 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: function that returns element (row, column). Writeable fields may be overwritten, so a
-            field that is still needed must be read-only. `at` must not refer to the matrix:
-            reference cycles delay freeing memory.
+        at: function that returns element (row, column). Writable fields may be overwritten, so a
+            field that is still needed must be read-only. `at` must not refer to the matrix, because
+            reference cycles delay the release of memory.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -59,7 +59,7 @@ class SlidingWindow(WindowMatrix):
         source.flags.writeable = False
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold along one axis, then along the other, which takes only rows + columns steps."""
+        """Fold along one axis and then along the other, in only rows + columns steps."""
         return [_fold_box(fold, self.source, self.shape) for fold in folds]
 
 
@@ -72,7 +72,7 @@ class WeightedWindow(WindowMatrix):
         self._window = window
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; correlate the source with the kernel to sum the finite values."""
+        """Fold the elements; sums of finite values are computed by correlation with the kernel."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
@@ -93,7 +93,7 @@ class DeviatingWindow(WindowMatrix):
 
 
 class SquaredDeviations(WindowMatrix):
-    """Squared differences of a window from one number per cell, such as the window mean."""
+    """Squared differences between a window and a number per cell, such as the window mean."""
 
     def __init__(self, deviations: DeviatingWindow) -> None:
         super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
@@ -101,7 +101,7 @@ class SquaredDeviations(WindowMatrix):
         self._number = deviations.number.at(0, 0)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; summing finite squares takes only rows + columns steps."""
+        """Fold the elements; sums of finite squares take only rows + columns steps."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
             return super().reduce(folds)
         total = self._sum()
@@ -115,8 +115,8 @@ class SquaredDeviations(WindowMatrix):
         ]
         too_large = ~np.isfinite(total)
         if too_large.any():
-            # Squares beyond the double-precision range are not finite, so the sum omits them.
-            # Only cells with such squares are replaced, so that no result depends on the block.
+            # Squares beyond the double-precision range are not finite, so the sum omits them. Only
+            # these cells are replaced, so that no result depends on the block.
             for result, exact in zip(results, super().reduce(folds), strict=True):
                 np.copyto(result, exact, where=too_large)
         return [*results]
@@ -124,7 +124,7 @@ class SquaredDeviations(WindowMatrix):
     def _sum(self) -> Element:
         """Sum the squares, using the mean of each column and the deviations from this mean.
 
-        All terms of this sum are nonnegative, so that they cannot cancel.
+        All terms of this sum are nonnegative, so they cannot cancel out.
         """
         height, width = self.shape
         count, mean = (
@@ -155,7 +155,7 @@ class SquaredDeviations(WindowMatrix):
 
 
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return the windows of chosen cells, padded beyond the map.
+    """Return the windows of chosen cells, padded with their means beyond the map border.
 
     Cells beyond the map get the mean of the finite values in the same window. Fields are (N,)
     arrays with one value per chosen cell, in Fortran order.
@@ -183,7 +183,7 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
 
 
 class WindowMatrices(Matrices):
-    """Operations on one matrix per cell; values shared by all cells stay numbers or matrices."""
+    """Operations on one matrix per cell; values shared by all cells remain numbers or matrices."""
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         if not any(isinstance(value, WindowMatrix) for value in values):
@@ -271,7 +271,7 @@ def _accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) 
         mapped = [fold.map(element) for fold in folds]
         if not totals:
             totals = [
-                # Truth values are counted in the smallest sufficient integer type.
+                # Count truth values in the smallest sufficient integer type.
                 np.array(values, counter if np.asarray(values).dtype == np.bool_ else np.float64)
                 if np.ndim(values)
                 else float(values)

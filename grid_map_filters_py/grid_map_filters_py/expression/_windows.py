@@ -18,7 +18,7 @@ from ._window_matrices import SlidingWindow, WindowMatrices, WindowMatrix, mean_
 
 EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 
-# Number of cells per block: arrays of this size fit into the cache of one core.
+# Number of cells per block; arrays of this size fit into the cache of one core.
 _BLOCK = 2**17
 
 # Maximum number of cells by which a window may exceed the layer, to limit memory.
@@ -47,12 +47,12 @@ def evaluate_over_windows(
         result.T[border.T] = number(mean_padded_window(layer, border, size))
         return result
     if edge_handling == "inside":
-        # Evaluate the expression for zero windows: this finds errors even if no window fits.
+        # Evaluate the expression for zero windows, to find errors even if no window fits.
         number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
     result = np.full(layer.shape, np.nan, np.float32, order="F")
     row_spans, column_spans = (_spans(length, size, edge_handling) for length in layer.shape)
     for rows, span in product(row_spans, column_spans):
-        # Rectangles of cells that fit into the cache and have windows of equal shape.
+        # Each block of cells fits into the cache, and its windows have the same shape.
         for columns in span.split(max(1, _BLOCK // (rows.stop - rows.start))):
             values = np.array(layer[rows.source, columns.source], np.float64, order="F")
             window = SlidingWindow(values, (rows.window, columns.window))
@@ -61,7 +61,7 @@ def evaluate_over_windows(
 
 
 class _Span(NamedTuple):
-    """Neighboring cells along one axis whose windows are cropped in the same way.
+    """Consecutive cells along one axis whose windows are cropped in the same way.
 
     The span contains the cells from `start` up to, but not including, `stop`. Each cropped window
     has `window` cells. The window of the cell `start` begins at the cell `first`.
@@ -124,11 +124,11 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
 
 
 def skips_missing(root: Node, name: str) -> bool:
-    """Return True if cropping windows of the layer `name` is equivalent to padding with NaN.
+    """Return whether cropping the windows of the layer `name` is equivalent to padding with NaN.
 
-    With padding, all windows have the same size, and the border needs no special treatment. Padding
-    is possible if every use of the window ends in a reduction that skips NaN, and all functions
-    before the reduction keep NaN. The result is False if this simple analysis cannot decide.
+    With padding, all windows have the same size, and the border needs no special treatment. Both
+    are equivalent if each use of the window ends in a reduction that skips NaN, after functions
+    that keep NaN. If this simple analysis cannot decide, the result is False.
     """
     # If a layer hides a function, parentheses after the name mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)
@@ -158,7 +158,7 @@ def _keeps_missing(node: Node, name: str) -> bool:
         case "name", (other,):
             return bool(other == name)
         case "binary", (operator, left, right) if operator in POWERS:
-            # NaN to the power of 0, and 1 to the power of NaN, are 1.
+            # NaN ** 0 and 1 ** NaN are 1.
             positive = right.kind == "number" and right.parts[0] > 0.0
             return positive and _keeps_missing(left, name)
         case "binary", (operator, left, right):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Helpers for fast filters: sums over discs, cellwise functions, blocks and threads.
 
-`Disc` sums the values in the disc around every cell. `cell_function` applies a function of the
-values of one cell to all cells, and compiles it if numba is installed. `blockwise` computes a layer
-block by block in the threads of the chain, and `side_by_side` runs other work in these threads.
+`Disc` sums the values in the disc around every cell. `cell_function` applies a function to each
+cell, and compiles it if numba is installed. `blockwise` computes a layer block by block in the
+threads of the chain. `side_by_side` runs other work in these threads.
 """
 
 from grid_map_core_py import _lazy

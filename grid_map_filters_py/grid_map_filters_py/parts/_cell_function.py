@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Functions of the values of one cell, applied to all cells of a map.
+"""Functions that are applied to each cell of a map.
 
-A function uses only operators and helpers such as `choose` and `clamp`, so that it works for both
-numbers and arrays. If numba is installed, the function is compiled to a loop over the cells on
-first use. Otherwise, NumPy evaluates it part by part, which takes several times as long.
-The results are bitwise equal.
+A function uses only operators and helpers such as `choose` and `clamp`, so that it works for
+numbers and for arrays. If numba is installed, the function is compiled to a loop over the cells on
+first use. Otherwise, NumPy evaluates it piece by piece, which is several times slower. The results
+are bitwise equal.
 """
 
 import functools
@@ -48,12 +48,12 @@ def is_finite(value: Value) -> Value:
 
 @dataclass(frozen=True, eq=False)
 class CellFunction:
-    """Function of the values of one cell, created with the decorator `cell_function`.
+    """Function that is applied to each cell, created with the decorator `cell_function`.
 
     Attributes:
         function: called with one value per layer, followed by a tuple of numbers that are the same
-            for all cells. Constants in the function must be float32 or uint32, like the values: a
-            Python number would widen the result.
+            for all cells. Constants in the function must be float32 or uint32, like the values,
+            because a Python number would widen the result.
         takes: type of the values: float32, or uint32 for the bits of colors.
         gives: type of the result, float32 or uint32.
         numbers: length of the tuple of float32 numbers.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Helpers for cell functions that compute colors.
 
-They pack and unpack colors as grid_map_core_py does, and also clamp and scale the channels.
+They use the same packed format as grid_map_core_py, and also clamp and scale the channels.
 """
 
 import numpy as np

@@ -4,8 +4,8 @@
 A disc contains the cells whose centers are inside, on the rim, or at most 1e-9 m beyond the rim.
 Cells outside the map count as missing.
 
-Sums are never differences of running sums (as in an integral image), so that a huge value affects
-the precision only in discs that contain the value.
+Unlike in an integral image, sums are not differences of running sums. Therefore, a huge value
+reduces the precision only in discs that contain it.
 """
 
 import math
@@ -37,7 +37,7 @@ def disc_reach(radius: float, resolution: float) -> float:
         resolution: side of a cell [m].
 
     Returns:
-        A number of cells, or `WHOLE_MAP` for a disc that exceeds any map.
+        A number of cells, or `WHOLE_MAP` if the disc is larger than any map.
     """
     cells = (max(radius, 0.0) + BORDER_TOLERANCE) / resolution
     return math.floor(cells) if cells < _LARGEST else WHOLE_MAP
@@ -124,7 +124,7 @@ class Disc:
         known = np.zeros(values.shape, np.bool_, order="F")
         finite = np.isfinite(layer, out=known[self.inner])
         differences = np.subtract(layer, offset, out=values[self.inner], dtype=dtype)
-        # Three times as fast as the argument `where` of `subtract`.
+        # This is three times as fast as the argument `where` of `subtract`.
         np.copyto(differences, 0.0, where=~finite)
         return known, values
 
@@ -137,7 +137,7 @@ class Disc:
     def sums_of_lines(
         self, values: Field, axis: int, *, moments: bool = False
     ) -> Iterator[tuple[int, Field, Field]]:
-        """Yield sums over the lines of cells in the discs, from the rim to the center.
+        """Yield the sums over each line of cells in the discs, from the rim to the center.
 
         Args:
             values: array returned by `padded`.
@@ -146,12 +146,12 @@ class Disc:
 
         Yields:
             distance: distance of the line from the center [cells].
-            ahead: sum over the line at this distance after the center, for the disc around each
-                cell. The array has the layout of the flat array of `totals`, and is overwritten by
-                the next iteration.
-            behind: the same for the line before the center; at distance 0, equal to `ahead`.
+            ahead: sums over the lines at this distance after the center, one for each cell. The
+                array has the layout of the flat array of `totals` and is overwritten by the next
+                iteration.
+            behind: the same for the lines before the center; at distance 0, equal to `ahead`.
         """
-        # In a flat array, a single slice contains the neighbors of all cells at a given offset.
+        # In a flat array, one slice contains the neighbors of all cells at a given offset.
         flat, strides = values.T.reshape(-1), (1, len(values))
         along, across = strides[axis], strides[1 - axis]
         widths, margin = self.half_widths[axis], along * self.reach[axis]
@@ -173,7 +173,7 @@ class Disc:
             yield distance, line[first + shift :][:length], line[first - shift :][:length]
 
     def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
-        """Return zeros (rows, columns), and a flat view of them that has gaps between columns."""
+        """Return zeros (rows, columns), and the flat array (with gaps) that stores them."""
         (height, width), (rows, _) = self.size, self.reach
         stride = height + 2 * rows
         flat = np.zeros(width * stride, dtype)
@@ -198,12 +198,12 @@ class Disc:
 def typical_value(layer: Layer) -> float:
     """Return the approximate median of the finite values; 0 if there are none.
 
-    Subtracting this value preserves the precision of sums at heights of 1000 m, even with outliers.
+    Subtracting it preserves the precision of sums, even at heights of 1000 m and with outliers.
     """
     flat = layer.ravel("K")
     sample = flat[:: flat.size // 1000 + 1]
     known = sample[np.isfinite(sample)]
     if not known.size:
         known = flat[np.isfinite(flat)]
-    # In double precision, the mean of two huge numbers stays finite.
+    # In double precision, the mean of two huge values is finite.
     return float(np.median(known.astype(np.float64))) if known.size else 0.0

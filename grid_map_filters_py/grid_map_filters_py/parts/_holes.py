@@ -90,18 +90,18 @@ class Edge(NamedTuple):
         return cls(len(numbers), cells.astype(np.int32), numbers[cells].astype(np.int32))
 
     def shifted(self, first: int) -> Integers:
-        """Return the hole number of every cell of the edge plus `first`, or 0 outside holes."""
+        """Return the hole number plus `first` for each cell of the edge, or 0 outside holes."""
         numbers = np.zeros(self.length, np.int64)
         numbers[self.cells] = self.numbers + np.int64(first)
         return numbers
 
 
 class HolesOfTile(NamedTuple):
-    """Holes in a tile that must be merged across the whole map.
+    """Holes in a tile that are merged across the whole map.
 
     Args:
         lowest, highest: extremes of the finite values; NaN if there are none.
-        holes: long holes and holes that touch the tile border, positioned in the whole map.
+        holes: long holes and holes that touch the tile border, in cells of the whole map.
         edges: edges of the tile, in the order first row, last row, first column, last column.
     """
 
@@ -118,8 +118,7 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: maximum side of the bounding box of holes to omit [cells]; holes that touch the tile
-            border are never omitted.
+        length: holes of at most this length [cells] are omitted, unless they touch the tile border.
     """
 
     layer: str
@@ -151,12 +150,12 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
     pairs = [np.empty((2, 0), np.int64)]
     for lines, sides in ((numbers, (1, 0)), (numbers.T, (3, 2))):
         for both in pairwise(lines):
-            # Map-wide hole numbers on both sides of the border between two lines of tiles.
+            # Hole numbers in the whole map on both sides of the border between two lines of tiles.
             last, first = (
                 np.concatenate([tiles[n].edges[side].shifted(firsts[n]) for n in line])
                 for line, side in zip(both, sides, strict=True)
             )
-            # A hole continues straight or diagonally across the border.
+            # A hole may continue straight or diagonally across the border.
             for one, other in ((last, first), (last[1:], first[:-1]), (last[:-1], first[1:])):
                 touch = (one > 0) & (other > 0)
                 pairs.append(np.stack([one[touch], other[touch]]))
@@ -172,10 +171,10 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
 
 
 def _roots(count: int, ones: Integers, others: Integers) -> Integers:
-    """Return, for each number below `count`, the smallest number in the same group.
+    """For each number below `count`, return the smallest number in the same group.
 
     Args:
-        count: all numbers are less than this.
+        count: exclusive upper limit of the numbers.
         ones, others: arrays of equal length; `ones[i]` and `others[i]` are in the same group.
     """
     roots = np.arange(count)

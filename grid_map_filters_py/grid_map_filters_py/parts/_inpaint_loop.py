@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Compiled version of `cv2.inpaint`, several times faster for maps with many holes.
 
-It implements Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and Video
-Inpainting" (2001) like OpenCV: holes are filled from the rim inwards by fast marching (Sethian
-1996). A cell gets a weighted mean of the known and filled cells around it. Weights decrease with
-distance, and are largest where the gradient is perpendicular to the line between the two cells.
+Like OpenCV, it implements Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image
+and Video Inpainting" (2001). Fast marching (Sethian 1996) fills holes from the rim inwards. A cell
+gets a weighted mean of the known and filled cells around it. Weights decrease with distance and are
+largest where the gradient is perpendicular to the line between the two cells.
 
 Images are padded with one cell on all sides.
 """
@@ -46,7 +46,7 @@ def inpainted(
 
 
 def _change(before: Any, here: Any, after: Any, has_before: Any, has_after: Any) -> Any:
-    """Sum the absolute differences to two neighbors; if one is unknown, count the other twice."""
+    """Sum the absolute differences from two neighbors; if one is unknown, count the other twice."""
     change = (abs(after - here) if has_after else _ZERO) + (
         abs(here - before) if has_before else _ZERO
     )
@@ -83,7 +83,8 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
                 times[np.uintp(cell - 1)] != _UNKNOWN,
                 times[np.uintp(cell + 1)] != _UNKNOWN,
             )
-            # Gradient component perpendicular to the line between the two cells, times its length.
+            # Component of the gradient perpendicular to the line between the cells, times its
+            # length.
             change = abs(np.float32(y - row) * along - np.float32(x - column) * across)
             weight = _WEIGHT_OF_FLAT
             if change > _FLAT:
@@ -105,7 +106,7 @@ def _arrival(times: Any, one: Any, other: Any) -> Any:
 
 
 def _has_unknown_neighbor(times: Any, cell: Any, width: Any) -> Any:
-    # The sum is infinite if one of the four times is infinite.
+    # The sum is infinite if any of the four times is infinite.
     return times[cell - width] + times[cell + width] + times[cell - 1] + times[cell + 1] == _UNKNOWN
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Base classes for filters that compute one layer from another, and extremes in discs."""
+"""Base classes of filters that compute one layer from another, and extreme values in discs."""
 
 import math
 from abc import ABC, abstractmethod
@@ -39,7 +39,7 @@ class LayerFilter(ABC):
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer, resolution = grid_map[self.input_layer], grid_map.resolution
         function = self._for_blocks_of(layer)
-        # Cellwise filters divide the layer themselves, and write each part only once.
+        # Cellwise filters process the layer in parts themselves, and write each part only once.
         reach = WHOLE_MAP if isinstance(self, CellFilter) else self.reach(resolution)
         result = blockwise(lambda block: function(block, resolution), layer, reach=reach)
         return grid_map.with_layers({self.output_layer: result})

@@ -40,12 +40,12 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
         output: (rows, cols) array in Fortran order, to which the medians are written.
         layer: (rows, cols) array in Fortran order.
         cells: (rows, cols) bool mask of the chosen cells, in Fortran order.
-        half_width: squares have 2 half_width + 1 cells per side, and are cropped at the map border.
+        half_width: squares have 2 half_width + 1 cells per side and are cropped at the map border.
     """
     # Wider squares would contain no additional cells.
     half_width, chosen = min(half_width, max(layer.shape) - 1), cells
     side = 2 * half_width + 1
-    # Missing values become infinity, which is sorted to the end.
+    # Sorting moves infinity, which replaces missing values, to the end.
     padded = np.full(np.add(layer.T.shape, 2 * half_width), np.inf, np.float32)
     inner = slice(half_width, half_width + layer.shape[1]), slice(half_width, -half_width or None)
     np.copyto(padded[inner], layer.T, where=np.isfinite(layer.T))
@@ -91,11 +91,11 @@ def _put_blurred(
     ranks: npt.NDArray[Any],
     side: int,
 ) -> Mask:
-    """Write the medians that `cv2.medianBlur` can compute; return a mask of the other cells.
+    """Write the medians that `cv2.medianBlur` can compute, and return a mask of the other cells.
 
     If half of the missing values in a window are set to infinity and the others to minus infinity,
-    the middle value is the upper median of the finite values. In most windows, a checkerboard of
-    signs, or the inverse checkerboard, splits the missing values in this way.
+    the middle value is the upper median of the finite values. In most windows, a checkerboard
+    pattern or its inverse divides the missing values in this way.
     """
     rest = cells.T.copy()
     for color in (0, 1):
@@ -112,16 +112,16 @@ def _put_blurred(
 
 @loop("int64*", ("int64", 3), "uint8*", "int64*", "int64*")
 def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> None:
-    """Convert the ranks of the medians in their windows to places in the sorted block.
+    """Find the places of the medians in the sorted block, given their ranks in the windows.
 
-    From one window to the next, one column of values leaves and one enters, and the median moves
-    by a few places (J. Suomela, "Median Filtering is Equivalent to Sorting", 2014).
+    From one window to the next, one column of values is replaced, and the median moves by a few
+    places (J. Suomela, "Median Filtering is Equivalent to Sorting", 2014).
 
     Args:
         places: place of each value in the sorted list of all values in and around the block.
         shape: rows and columns of the block, and side of the windows.
         used: work array: 1 if the value at a place is in the window.
-        in_buckets: work array: number of values in the window, by bucket of places.
+        in_buckets: work array: number of values in the window for each bucket of places.
         found: (rows, columns) ranks of the medians on entry, places on return.
     """
     rows, columns, side = shape

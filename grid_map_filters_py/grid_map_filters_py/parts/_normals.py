@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Computes surface normals of a layer, and deviations from fitted planes.
 
-A layer is a (rows, cols) array of heights [m] in map order, non-finite where unknown. `offset` is a
-typical height. `radius` is the radius of the disc [m], `resolution` the side of a cell [m]. Normals
-are three (rows, cols) arrays: the x, y and z components of unit vectors.
+A layer is a (rows, cols) array of heights [m] in map order; unknown heights are not finite.
+`offset` is a typical height [m], `radius` the radius of the disc [m], and `resolution` the side of
+a cell [m]. Normals are three (rows, cols) arrays: the x, y and z components of unit vectors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -128,13 +128,13 @@ def _sums(
     The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
     """
     known, heights = disc.padded(layer, offset)
-    # x and y are integer index offsets, measured towards -x and -y because indices increase that
-    # way. With negated heights, all three axes are reversed: the covariances do not change.
+    # x and y are index offsets, which increase towards -x and -y. Heights are also negated: with
+    # all three axes reversed, the covariances do not change.
     heights *= -1.0 / disc.resolution
     z, xz = _moments(disc, heights, 1, (0, 1))
     (yz,) = _moments(disc, heights, 1, (0,), along=True)
     (zz,) = _moments(disc, heights * heights, 1, (0,))
-    # The smallest integer type that can represent the moments of a whole disc is fastest.
+    # The smallest integer type that can hold the moments of a disc is fastest.
     largest = np.count_nonzero(disc.kernel) * max(disc.reach) ** 2
     one = known.astype(np.min_scalar_type(-largest - 1))
     (x, xx), (y, yy) = (_moments(disc, one, axis, (1, 2)) for axis in (1, 0))
@@ -143,15 +143,15 @@ def _sums(
 
 
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
-    """Return unit normals, which are the z axis for ignored cells and for points on a line.
+    """Return unit normals; they are the z axis for ignored cells and for points on a line.
 
     Points are on a line if the second eigenvalue of their covariance matrix is at most `spread`.
     """
     *normals, is_exact = _smallest_eigenvectors(*covariances)
     xx, xy, _, yy, _, _ = covariances
-    # The second eigenvalue is at least the smaller eigenvalue of the horizontal 2 x 2 part, which
-    # exceeds the spread if the matrix (xx - spread, xy; xy, yy - spread) has a positive diagonal
-    # and determinant.
+    # The second eigenvalue is at least the smaller eigenvalue of the horizontal 2 x 2 part. This
+    # eigenvalue exceeds `spread` if (xx - spread, xy; xy, yy - spread) has a positive diagonal and
+    # a positive determinant.
     is_exact &= (xx > spread) & ((xx - spread) * (yy - spread) > xy * xy)
     # Calling LAPACK is slow even for an empty array.
     if (doubtful := ~(is_exact | ignored)).any():
@@ -176,12 +176,12 @@ def _moments(
     *,
     along: bool = False,
 ) -> list[npt.NDArray[Any]]:
-    """Return the sums of value * distance^order over the disc around every cell, for each order.
+    """For each order, return the sums of value * distance^order over the disc around every cell.
 
     Args:
         disc: disc around every cell.
         values: padded values.
-        axis: array axis along which lines run; distances are measured along the other axis.
+        axis: array axis along which the lines run; distances are measured along the other axis.
         orders: exponents of the distance, from 0 to 2.
         along: also multiply each value by its signed distance from the middle of the line.
     """
@@ -220,8 +220,8 @@ def _smallest_eigenvectors(
     radius = np.sqrt(square)
     determinant = (b * c - yz2) * a - xz2 * b - xy2 * c + xy * xz * yz * 2.0
     cosine = determinant / (square * radius * 2.0)
-    # Find the smallest t with 4 t^3 - 3 t = cosine. The root is computed in single precision, which
-    # is faster, and refined by one Newton step. This suffices unless the next root is close.
+    # Find the smallest t with 4 t^3 - 3 t = cosine. The root is computed in single precision for
+    # speed, and refined by one Newton step. This suffices unless the next root is close.
     angle = np.arccos(np.clip(cosine.astype(np.float32), -1.0, 1.0))
     root = np.cos((angle + np.float32(2.0 * np.pi)) * np.float32(1.0 / 3.0)).astype(np.float64)
     squared = root * root
@@ -230,7 +230,7 @@ def _smallest_eigenvectors(
     a, b, c = xx - smallest, yy - smallest, zz - smallest
     x, y, z = xy * yz - xz * b, xy * xz - yz * a, a * b - xy2
     # The trace of the adjugate is the factor of the outer product. If the last column is much
-    # shorter than this factor, rounding errors dominate it.
+    # shorter, rounding errors dominate it.
     factor = (a + b) * c - xz2 - yz2 + z
     length = np.sqrt(x * x + y * y + z * z)
     is_exact = (gap > _SMALLEST_GAP) & (length > _SMALLEST_Z * factor)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""ROS node for commands that subscribe or publish, and queries about topics of other nodes."""
+"""ROS node for commands that subscribe or publish, with queries for the topics of other nodes."""
 
 import argparse
 import math
@@ -61,7 +61,7 @@ class Session:
         self.ended = True
 
     def spin(self, seconds: float, *, until_ended: bool = True) -> None:
-        """Process callbacks for `seconds`; with `until_ended`, stop early if `ended` is set."""
+        """Process callbacks for `seconds`; if `until_ended` is true, stop when `ended` is set."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
             if until_ended and self.ended:
@@ -94,7 +94,7 @@ def message_class(types: Sequence[str]) -> Any:
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")
     found = None
-    # Import only message packages, because the name comes from a bag or from another machine.
+    # The name may come from an untrusted bag or machine, so import only message packages.
     if (match := _TYPE.fullmatch(types[0])) and has_resource("rosidl_interfaces", match["package"]):
         found = getattr(messages_of(match["package"], kind=match["kind"]), match["name"], None)
     if not hasattr(found, "get_fields_and_field_types"):

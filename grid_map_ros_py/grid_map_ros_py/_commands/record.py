@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Record until a signal, a limit or a full disk stops it; the bag is valid in each case."""
+    """Record until a signal, a limit or a full disk ends the recording; the bag is always valid."""
     if options.all == bool(options.topics):
         raise UsageError("name the topics to record, or use --all")
     check_positive(options, "duration", "count")
@@ -93,7 +93,7 @@ class _Recorder:
         return sum(self.counts.values())
 
     def record(self, seconds: float, most: float) -> None:
-        """Record at most `most` messages in `seconds`; stop early on a signal or a full disk."""
+        """Record up to `most` messages for `seconds`; stop early on a signal or a full disk."""
         self._most = most
         end = time.monotonic() + seconds
         while not self._session.ended and (left := end - time.monotonic()) > 0:
@@ -156,7 +156,7 @@ class _Recorder:
 def _definition_of(type_name: str) -> str:
     """Return the definitions of a message type and of all nested types, as rosbag2 stores them.
 
-    The text is empty if any definition file is not installed.
+    The text is empty if a definition file is missing.
     """
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}

@@ -2,7 +2,7 @@
 """Camera model: converts depth images to points, and finds the map cells visible in an image.
 
 Camera frames are optical frames (REP-103): x right, y down, z forward. Pixel
-coordinates (u, v) are a column and a row. Pixel centers have integer coordinates.
+coordinates (u, v) are column and row. Pixel centers have integer coordinates.
 """
 
 import math
@@ -76,14 +76,14 @@ class Camera:
         return np.where(is_seen[:, None], pixels, np.nan)
 
     def rays(self, stride: int = 1) -> npt.NDArray[np.float32]:
-        """Return the rays (rows, cols, 2) through every `stride`-th pixel: x and y at depth 1.
+        """Return x and y at depth 1 (rows, cols, 2) of the rays through every `stride`-th pixel.
 
         A ray is NaN if the distortion of its pixel cannot be inverted.
         """
         height, width = self.size
         u, v = np.arange(0.0, width, stride), np.arange(0.0, height, stride)
         rays = np.empty((len(v), len(u), 2), np.float32)
-        # Process a few rows at a time: temporary arrays need many times the memory of the rays.
+        # Process a few rows at a time, because the temporary arrays are much larger than the rays.
         for part in slices(len(v), _PIECE // len(u)):
             pixels = np.stack(np.meshgrid(u, v[part]), axis=-1)
             with np.errstate(over="ignore"):
@@ -99,7 +99,7 @@ class Camera:
         if count != 8:
             fisheye = cv2.fisheye.distortPoints
             return fisheye(flat[None], np.eye(3), coefficients)[0] if len(flat) else flat
-        # `cv2.projectPoints` takes 20 times as long.
+        # `cv2.projectPoints` is 20 times slower.
         k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
         x, y = flat.T
         r2 = x * x + y * y
@@ -125,7 +125,7 @@ class Camera:
 
     @cached_property
     def _reach(self) -> float:
-        """Largest distance from the optical axis at which a point of depth 1 is in the image.
+        """Largest distance from the optical axis at which a point at depth 1 is in the image.
 
         The distortion model may wrongly project points farther from the axis into the image.
         """
@@ -163,7 +163,7 @@ def from_camera_info(message: Any) -> Camera:
         if count < 1:
             raise MessageError(name, "at least one pixel", count)
     check_cells("camera_info", (size[0], size[1]))
-    # Pixel centers are half a pixel from the edge, before and after binning.
+    # Binning scales distances from the image edge, which is half a pixel from the first center.
     cx = (matrix[0, 2] - roi.x_offset + 0.5) / binning[0] - 0.5
     cy = (matrix[1, 2] - roi.y_offset + 0.5) / binning[1] - 0.5
     return Camera(
@@ -203,7 +203,7 @@ class CameraImages:
     Attributes:
         stride: only every `stride`-th row and column of a depth image is used.
         camera: the camera; None until a `CameraInfo` arrives.
-        topic: function that returns a description of the `CameraInfo` topic, for error texts.
+        topic: function that returns a description of the `CameraInfo` topic for error messages.
     """
 
     stride: int = 1
@@ -265,7 +265,7 @@ def seen_cells(
 
     Args:
         grid_map: the map, with any start index.
-        layer: layer of heights [m]; cells without a height are not visible and hide no other cells.
+        layer: layer of heights [m]; cells without a height are invisible and hide nothing.
         camera: the camera.
         transform: (4, 4) transform from the camera frame to the map frame.
 
@@ -304,6 +304,6 @@ def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt
         cells, inside = grid_map.get_indices(on_way[:, :2])
         blocks = inside & (heights[cells] > on_way[:, 2] + OCCLUSION_TOLERANCE * side)
         hidden[left[blocks]] = True
-        # The map is convex: a line that has left the map does not reenter it.
+        # The map is convex, so a line that has left it does not reenter.
         left = left[inside & ~blocks]
     return hidden

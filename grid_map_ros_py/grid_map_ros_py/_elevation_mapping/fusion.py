@@ -50,7 +50,7 @@ class ElevationFusion:
         clears_before_scan: whether to clear the map before each scan.
         image_fusions: fusion methods of image channels, by channel name or regular expression.
         report: last report of the mapper; None before the first scan.
-        milliseconds: last duration [ms] of each stage, and moving mean of its durations [ms].
+        milliseconds: last duration and moving mean of the durations of each stage [ms].
         version: number of changes to the map.
         changed: time of the last change [s], on the steady clock; None before the first change.
         warnings: warnings that the caller must log and then remove from this list.
@@ -80,12 +80,12 @@ class ElevationFusion:
 
     @property
     def grid_map(self) -> GridMap:
-        """The current map; each scan creates a new map, but images modify the map in place."""
+        """The current map. Each scan creates a new map, but images modify the map in place."""
         return self.mapper.grid_map
 
     @property
     def fused_map(self) -> GridMap:
-        """The map; with `horizontal_variances`, its heights include the horizontal uncertainty."""
+        """The map; if `horizontal_variances` is set, heights include the horizontal uncertainty."""
         if self.mapper.parameters.horizontal_variances:
             return self.mapper.fused_map()
         return self.mapper.grid_map
@@ -195,19 +195,19 @@ class ElevationFusion:
         self._note({})
 
     def time(self, stage: str, last: float) -> None:
-        """Record the duration of a stage [ms]."""
+        """Record the duration `last` of a stage [ms]."""
         _, mean = self.milliseconds.get(stage, (last, last))
         self.milliseconds[stage] = last, mean + FORGETTING * (last - mean)
 
     def clear(self) -> None:
-        """Clear the map: all cells become unknown."""
+        """Set all cells to unknown."""
         self.mapper.clear()
         self._note({})
 
     def _limits_of(self, source: InputSource, placement: Placement) -> Parameters:
-        """Return the mapper parameters, with the limits of the source where these are stricter."""
+        """Return the mapper parameters, tightened to the limits of the source."""
         given, own, processor = self.mapper.parameters, source.settings, source.processor
-        # Source limits are relative to the robot, but mapper limits are relative to the sensor.
+        # Height limits are relative to the robot in the source, but to the sensor in the mapper.
         above, below = processor.above, processor.below
         if placement.robot is not None:
             offset = float(placement.robot[2, 3] - placement.transform[2, 3])

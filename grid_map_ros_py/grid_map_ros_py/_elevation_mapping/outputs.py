@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Publishers of the raw and the filtered map of elevation mapping.
 
-Filter chains are loaded from another package through an entry point of the group
-`grid_map_ros_py.chains`.
+Another package provides the filter chains through the entry-point group `grid_map_ros_py.chains`.
 """
 
 import math
@@ -35,7 +34,7 @@ class Chain(Protocol):
     def without_copies(
         self, grid_map: GridMap, *, warnings: list[str] | None = None
     ) -> tuple[GridMap, Size]:
-        """Return the filtered map, unwrapped, and the start index to use in its message.
+        """Return the unwrapped filtered map and the start index for its message.
 
         Warnings of the filters are appended to `warnings`.
         """
@@ -89,7 +88,7 @@ class MapOutputs:
             steady_timer(node, 1 / filtered_rate, self._publish_filtered)
 
     def on_scan(self, publish: bool) -> None:
-        """Log the warnings of the fusion; if `publish` is true, publish maps that have changed."""
+        """Log the warnings of the fusion and, if `publish` is true, publish changed maps."""
         for text in self._fusion.warnings:
             self._log.warning(text)
         self._fusion.warnings.clear()
@@ -107,7 +106,7 @@ class MapOutputs:
         self._filtered.publish()
 
     def filtered(self) -> tuple[GridMap, Size]:
-        """Return the filtered map, and the start index to use in its message."""
+        """Return the filtered map and the start index for its message."""
         grid_map, texts = self._fusion.fused_map, list[str]()
         if self._chain is None:
             return grid_map, grid_map.start_index

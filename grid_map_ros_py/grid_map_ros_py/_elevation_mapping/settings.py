@@ -173,7 +173,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine may spend some seconds on compilation."""
+    """Create the fusion; the first call on a machine may take several seconds to compile code."""
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
@@ -213,7 +213,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
 
 
 def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
-    """Return a text for each parameter that is set but has no effect: its name and the reason."""
+    """Return the name of each parameter that is set but has no effect, with the reason."""
     given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
     for name in given:
         value = node._parameter_overrides[name].value

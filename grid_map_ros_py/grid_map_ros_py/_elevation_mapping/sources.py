@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parameters of input sources and of their sensor models.
 
-Parameters are named as in the ROS 1 package `elevation_mapping`. Those for channels are named as in
+The parameters have the same names as in the ROS 1 package `elevation_mapping` or, for channels, in
 `elevation_mapping_cupy`.
 """
 
@@ -73,7 +73,7 @@ class SensorProcessor:
     Attributes:
         model: the sensor model.
         above, below: ignore points above or below these heights relative to the robot [m].
-        unused: parameters without effect, each with the reason.
+        unused: parameters that have no effect, with the reasons.
     """
 
     model: SensorModel

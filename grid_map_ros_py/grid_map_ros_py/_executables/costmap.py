@@ -43,7 +43,7 @@ class CostmapSettings:
 
     Attributes:
         layer: layer with integer costs from 0 to 254; NaN means unknown.
-        frame_id: frame of the costmap; empty means the map frame. Another frame needs tf2.
+        frame_id: frame of the costmap; empty means the map frame. Other frames require tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
         origin_grid: send the largest part of the map with borders at multiples of this number of
             cells.
@@ -69,10 +69,10 @@ class CostmapSettings:
 
 
 class Output:
-    """Publisher of latched full grids of type `kind`, and of updates of type `update` if not None.
+    """Publisher of latched full grids of type `kind` and, unless `update` is None, of updates.
 
-    An update expires after `period` [s]. Two full grids follow it, one per period. If a late
-    subscriber applies an update to a newer grid, a full grid soon replaces the result.
+    An update expires after `period` [s] and is followed by two full grids, one per period. They
+    correct the grid of a late subscriber that applied the update to a newer grid.
     """
 
     def __init__(self, node: Node, topic: str, kind: type, update: Any, period: float) -> None:
@@ -98,7 +98,7 @@ class Output:
             self._pending = 2
 
     def send_unknown(self, stamp: Time) -> None:
-        """If a grid was sent, send a grid of unknown cells and discard the latched updates."""
+        """Discard latched updates and send a grid of unknown cells, if a grid was sent before."""
         if self.last is None:
             return
         if self._update:
@@ -119,7 +119,7 @@ class Output:
 
 
 class CostmapNode(ConfiguredNode):
-    """Node that converts every map to costs in the requested frame, and publishes the changes."""
+    """Node that converts each map to costs in the requested frame and publishes the changes."""
 
     def __init__(self) -> None:
         super().__init__("costmap")
@@ -159,7 +159,7 @@ class CostmapNode(ConfiguredNode):
             return None
 
     def _answer(self, _request: Any, response: Any) -> Any:
-        """Fill the response of the service; before the first map, its costmap has no cells."""
+        """Answer the service with the last costmap, or with an empty one before the first map."""
         if self._outputs[-1].last is None:
             topic = self._subscription.topic_name
             self._log.warning(f"get_costmap: no costs yet, as no map of {topic} has been used")
@@ -191,13 +191,13 @@ class CostmapNode(ConfiguredNode):
             self._send(received, transform)
             return
         if len(self._waiting) == QUEUE:
-            # The oldest map stays, so that its missing transform is logged.
+            # Keep the oldest map, so that its missing transform is logged.
             self._waiting.pop()
         self._waiting.append((received, time.monotonic()))
         self._health.defer()
 
     def _transform(self, received: ReceivedMap, since: float = np.inf) -> Planar | None:
-        """Return the pose of the map in the frame of the costmap; None if it is not known yet."""
+        """Return the pose of the map in the costmap frame, or None if it is not known yet."""
         source, target = received.frame_id, self._settings.frame_id
         if target in ("", source):
             return 0.0, 0.0, 0.0
@@ -228,7 +228,7 @@ class CostmapNode(ConfiguredNode):
         self._used, self._is_stale, self._health.problem = time.monotonic(), False, ""
 
     def _work(self) -> None:
-        """Send waiting maps whose transform has arrived; make outdated costs unknown."""
+        """Send waiting maps whose transforms have arrived, and set outdated costs to unknown."""
         while self._waiting and self._finish(*self._waiting[0]):
             self._waiting.popleft()
         limit = self._settings.stale_after

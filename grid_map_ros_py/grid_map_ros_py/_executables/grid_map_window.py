@@ -93,7 +93,7 @@ class GridMapWindowNode(ConfiguredNode):
         if writes:
             if self.resolve_topic_name(write_topic) == self._publisher.topic_name:
                 raise ConfigError(f"write_topic and output_topic are both {write_topic!r}")
-            # Writing a NaN cell changes nothing, but reveals errors at startup.
+            # Writing a NaN cell does not change the store, but reveals errors at startup.
             first = self._whole.geometry.cropped(slice(0, 1), slice(0, 1))
             cell = GridMap.from_geometry(first, frame_id=self._whole.frame_id)
             self._whole.write(
@@ -112,7 +112,7 @@ class GridMapWindowNode(ConfiguredNode):
     # --- windows ----------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        """Publish a window, no faster than `rate`, if the robot has moved or maps were merged."""
+        """Publish a window if the robot has moved or maps were merged, limited to `rate`."""
         self._note_merged()
         found, now = self._poses.latest(), time.monotonic()
         if found is None:
@@ -153,7 +153,7 @@ class GridMapWindowNode(ConfiguredNode):
 
     def _merge(self, received: ReceivedMap) -> None:
         """Merge a received map into the store; runs in the writer thread."""
-        # Layers that the store does not contain are ignored.
+        # Ignore layers that the store does not contain.
         known = [name for name in received.layers if name in self._whole.layers]
         if not known:
             raise MessageError("layers", f"one of {list(self._whole.layers)}", received.layers)
@@ -169,7 +169,7 @@ class GridMapWindowNode(ConfiguredNode):
                 raise error
 
     def destroy_node(self) -> None:
-        """Merge the last received map, and destroy the node."""
+        """Merge the last received map and destroy the node."""
         if self._writer and not self._writer.close(PATIENCE):
             self.get_logger().error(f"did not merge the last map within {PATIENCE:g} s")
         self._note_merged()

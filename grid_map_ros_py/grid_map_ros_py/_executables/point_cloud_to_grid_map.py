@@ -67,7 +67,7 @@ class RollingSettings:
         sensor_xyz: position of the sensor on the robot [m]; unused with tf.
         sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
         publish_rate: rate at which a changed map is published [Hz]; 0 means after every cloud.
-        statistics_period: time between two log messages with statistics [s]; 0 disables them.
+        statistics_period: interval between log messages with statistics [s]; 0 disables them.
         input_reliability: `best_effort` works with every publisher; `reliable` recovers lost
             clouds, but needs a reliable publisher.
     """

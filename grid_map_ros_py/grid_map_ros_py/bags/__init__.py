@@ -3,8 +3,8 @@
 
 New bags are folders with `metadata.yaml` and one storage file, as written by `ros2 bag record` in
 ROS 2 Jazzy. Readers accept bags in both formats, including split bags, and single storage files.
-All functions raise `BagError` if a bag cannot be read or written, and `MissingPackageError` if it
-is an MCAP bag and neither the package `mcap` nor `rosbag2_py` is installed.
+All functions raise `BagError` if a bag cannot be read or written. For MCAP bags, they raise
+`MissingPackageError` if neither the package `mcap` nor `rosbag2_py` is installed.
 """
 
 from grid_map_core_py import _lazy

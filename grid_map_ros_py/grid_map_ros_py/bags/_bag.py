@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bag reader and writer, and convenience functions that load and save maps."""
+"""Bag readers and writers, and convenience functions that load and save maps."""
 
 import bisect
 import os
@@ -66,8 +66,8 @@ def save_to_bag(
         path: folder of the bag.
         layers: names of the layers to write; None means all.
         overwrite: replace an existing bag. Other files and folders are never replaced.
-        storage: "mcap", "sqlite3", which the C++ function `loadFromBag` can read, or "auto": "mcap"
-            if the package `mcap` or `rosbag2_py` is installed, else "sqlite3" with a warning.
+        storage: "mcap", "sqlite3" (readable by the C++ function `loadFromBag`) or "auto": "mcap" if
+            the package `mcap` or `rosbag2_py` is installed, else "sqlite3" with a warning.
         compression: "none", "lz4" or "zstd" for MCAP; "none" for sqlite3.
     """
     names = _once(layers)
@@ -80,7 +80,7 @@ def save_to_bag(
 class BagWriter:
     """Context manager that writes maps to a bag, one at a time.
 
-    When the context ends without an exception, the new bag replaces an existing bag.
+    If the context ends without an exception, the new bag replaces any existing bag.
 
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
@@ -150,7 +150,7 @@ class BagWriter:
             bag_storage.save(self._folder, document)
 
     def check(self, topic: str) -> None:
-        """Raise `BagError` if writing a map to `topic` would fail; nothing is written."""
+        """Check that a map can be written to `topic`; raise `BagError` if not."""
         self._check_topic(topic)
         with bag_errors(self._path, "written"):
             self._check_parent()
@@ -212,7 +212,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_parent(self) -> None:
-        """Raise `BagError` if the path is in another bag: that bag could not be replaced later."""
+        """Raise `BagError` if the path is inside another bag: that bag could not be replaced."""
         parent = self._path.resolve().parent
         if Path(parent, bag_storage.FILE_NAME).is_file() and any(
             file.suffix in _BAG_ENDINGS for file in parent.iterdir()
@@ -271,7 +271,7 @@ def bag_maps(
     *,
     recover: bool = False,
 ) -> Iterator[GridMap]:
-    """Yield the maps on a topic in time order, one at a time; arguments as in `load_from_bag`."""
+    """Yield the maps on a topic in time order; takes the same arguments as `load_from_bag`."""
     names = _once(layers)
     with BagReader(path, topic, recover=recover) as bag:
         for record in bag:
@@ -302,7 +302,7 @@ class BagTopic:
 
 
 def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagTopic]:
-    """Return the topics of a bag, sorted by name; arguments as in `load_from_bag`."""
+    """Return the topics of a bag, sorted by name; `recover` is as in `load_from_bag`."""
     with BagFiles(path, recover=recover) as files:
         times: dict[str, list[int]] = {name: [] for name in sorted(files.topics)}
         for entry, _, name in files.entries(times):
@@ -314,7 +314,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """Recorded message in CDR, with its recording time [ns]; `place` identifies it in errors."""
+    """CDR message with its recording time [ns]; `place` identifies it in error messages."""
 
     topic: str
     type: str
@@ -323,7 +323,7 @@ class BagMessage(NamedTuple):
     place: str
 
     def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
-        """Decode the map from a map message; arguments: see `from_message`."""
+        """Decode the map; the arguments are the same as in `from_message`."""
         try:
             return from_serialized_message(self.data, layers, unwrap=unwrap)
         except MessageError as error:
@@ -379,7 +379,7 @@ class BagFiles:
         return sorted(found, key=lambda one: one[0].time)
 
     def read(self, file: int, entry: Entry) -> bytes:
-        """Return the serialized message of an entry in a file, decompressed."""
+        """Return the decompressed bytes of a message."""
         path = self.paths[file]
         with bag_errors(path):
             data = self._storage(file).read(entry)
@@ -391,7 +391,7 @@ class BagFiles:
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Open a storage file and close the previous one, because a bag may have many files."""
+        """Open a storage file. A bag may have many files, so only one is open at a time."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)
@@ -425,7 +425,8 @@ class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
     A message is read from the bag when it is accessed, and decoded by its method `grid_map`. Close
-    the reader after use, or use it as a context manager. The arguments are as in `load_from_bag`.
+    the reader after use, or use it as a context manager. The arguments are the same as in
+    `load_from_bag`.
     """
 
     def __init__(
@@ -505,7 +506,7 @@ def _open(path: Path, *, recover: bool) -> _Storage:
 def _mcap_classes(
     path: Path,
 ) -> tuple[type[McapFile | Rosbag2File], type[McapWriter | Rosbag2Writer]]:
-    """Return reader and writer of MCAP files: those of `mcap`, or else those of `rosbag2_py`."""
+    """Return the reader and writer of MCAP files, based on `mcap` or else on `rosbag2_py`."""
     try:
         package("mcap.writer", path)
     except MissingPackageError:
@@ -530,5 +531,5 @@ def chosen_storage(storage: str, warn: Callable[[str], object] = warnings.warn) 
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return layer names as a tuple, which, unlike an iterator, can be reused for each map."""
+    """Return layer names as a tuple, because an iterator could be used for one map only."""
     return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)

@@ -141,11 +141,11 @@ class McapFile:
         self._file.close()
 
     def _scan(self, *, recover: bool = False) -> list[tuple[int, Entry]]:
-        """Scan the file for messages and return (channel, entry) of each."""
+        """Scan the file and return (channel, entry) for each message."""
         self._scanned = []
         try:
             self._scan_records(self._file, len(MAGIC), self._size)
-        # The decompression packages may raise any exception if data is damaged.
+        # Damaged data may cause any exception in the decompression packages.
         except Exception as error:
             if not recover or isinstance(error, LimitError):
                 raise
@@ -240,7 +240,7 @@ class McapWriter:
             if written != self._written:
                 self._written, self._waiting = written, 0
             self._waiting += len(data) + _RESERVE_PER_MESSAGE
-            # The chunk index is smaller than 1/1024 of the chunks.
+            # The chunk index needs less than 1/1024 of the size of the chunks.
             needed = written + written // 1024 + self._waiting + _RESERVE
             if needed > self._reserved:
                 os.posix_fallocate(self._file.fileno(), self._reserved, needed - self._reserved)

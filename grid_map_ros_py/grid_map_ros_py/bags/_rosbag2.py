@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reader and writer of MCAP bag files, based on `rosbag2_py`, if the package `mcap` is missing."""
+"""Reader and writer of MCAP bag files based on `rosbag2_py`, used if `mcap` is not installed."""
 
 import shutil
 from collections import Counter
@@ -42,7 +42,7 @@ class Rosbag2File:
         }
 
     def entries(self, topics: Collection[str]) -> list[tuple[Entry, str]]:
-        """Return (entry, topic) of each message on `topics`, in time order; reads the messages."""
+        """Read all messages, and return (entry, topic) of those on `topics`, in time order."""
         self._seek(0, topics)
         found, counts = list[tuple[Entry, str]](), Counter[tuple[str, int]]()
         while self._reader.has_next():
@@ -72,7 +72,7 @@ class Rosbag2File:
 class Rosbag2Writer:
     """Writes serialized messages to a new MCAP file, without reserving disk space.
 
-    `rosbag2_py` only writes whole bags. Until the file is finished, it is in a bag next to `path`.
+    `rosbag2_py` can only write whole bags, so the file is first written to a bag next to `path`.
     """
 
     def __init__(self, path: Path, compression: str = "none", **_: object) -> None:
@@ -94,10 +94,10 @@ class Rosbag2Writer:
         self._writer.write(topic, data, time)
 
     def finish(self, _: object) -> None:
-        """Close the file and move it to its place; `rosbag2_py` has written the metadata."""
+        """Close the file and move it to `path`; `rosbag2_py` has written the metadata."""
         self._writer.close()
         file = self._folder / self._path.name
-        # The writer ignores a full disk, but the file then has no end and cannot be opened.
+        # The writer does not report a full disk, but the truncated file cannot be opened.
         Rosbag2File(file).close()
         file.rename(self._path)
 

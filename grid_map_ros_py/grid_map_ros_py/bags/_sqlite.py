@@ -77,7 +77,7 @@ class SqliteFile:
     """A rosbag2 database of any schema version, open for reading."""
 
     def __init__(self, path: Path) -> None:
-        # If the recorder is running or was killed, the write-ahead log contains further messages.
+        # If the recorder is running or was killed, more messages are in the write-ahead log.
         log = path.with_name(path.name + "-wal")
         mode = "mode=ro"
         if not log.exists() or not log.stat().st_size:

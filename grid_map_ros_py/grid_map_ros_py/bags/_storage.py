@@ -42,7 +42,7 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Time [ns] and place of a message; the place is a row id in sqlite3, or offsets in MCAP."""
+    """Time [ns] of a message and its place: a row ID in sqlite3, offsets in MCAP."""
 
     time: int
     place: Any
@@ -57,7 +57,7 @@ def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
         raise
     except OSError as error:
         raise BagError(path, f"cannot be {doing}: {error.strerror or error}") from error
-    # The packages that read bags may raise any exception if data is damaged.
+    # Damaged data may cause any exception in the packages that read bags.
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise BagError(path, f"cannot be {doing}: {text}") from error
@@ -121,7 +121,7 @@ _UNLIMITED = {"sec": 9223372036, "nsec": 854775807}
 
 
 def qos_profile(*, reliable: bool, latched: bool) -> dict[str, Any]:
-    """Return the quality-of-service profile of a publisher in the form that rosbag2 records."""
+    """Return the quality-of-service profile of a publisher as rosbag2 stores it."""
     return {
         # rosbag2 does not record the history either.
         "history": "unknown",
@@ -152,7 +152,7 @@ def save(folder: Path, document: object) -> None:
 def files_of(path: Path, *, recover: bool = False) -> list[Path]:
     """Return the storage files of a bag in recording order.
 
-    If `recover` is true, the folder may lack the metadata file, as after an interrupted recording.
+    If `recover` is true, the metadata file may be missing, as after an interrupted recording.
     """
     if path.is_file():
         return [path]

@@ -98,7 +98,7 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
 @dataclass(frozen=True)
 class Reordered:
-    """Values (N,) to serialize in another order; `write` writes them to an array in this order."""
+    """Values (N,) to serialize in another order; `write` copies them to an array in that order."""
 
     values: npt.NDArray[Any]
     write: Callable[[npt.NDArray[Any]], object]
@@ -191,7 +191,7 @@ class _Reader:
         return number
 
 
-# Each type has a codec; `smallest` is the minimum number of bytes of a serialized value.
+# Each type has a codec; `smallest` is the minimum size of a serialized value [bytes].
 
 
 class _Number:

@@ -62,7 +62,7 @@ class _Occupancies:
 def _published(occupancy: int) -> Any:
     """Return the cost that Nav2 publishes as `occupancy`.
 
-    If Nav2 publishes several costs as this occupancy, return the closest to a linear scale.
+    If there are several such costs, return the one closest to a linear scale.
     """
     same = np.flatnonzero(occupancy == OCCUPANCY_OF_COST)
     return same[np.abs(99 * same - 253 * occupancy).argmin()]

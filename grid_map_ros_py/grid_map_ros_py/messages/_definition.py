@@ -75,7 +75,7 @@ DEFINITION = f"\n{'=' * 80}\n".join(
 
 
 def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
-    """Return field types by field name, as `get_fields_and_field_types` of a message class does."""
+    """Return field types by name, like `get_fields_and_field_types` of a message class."""
     fields = {}
     for line in lines:
         kind, name, *_ = line.split()

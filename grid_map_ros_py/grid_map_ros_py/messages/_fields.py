@@ -138,9 +138,9 @@ def check_finite(
 
 
 def check_unrotated(field: str, orientation: "Quaternion") -> None:
-    """Raise `MessageError` if a grid is rotated: map axes must be parallel to the frame axes.
+    """Raise `MessageError` unless the axes of a grid are parallel to the axes of its frame.
 
-    A quaternion of zeros is accepted: publishers that do not set the orientation send zeros.
+    An all-zero quaternion is accepted, because publishers may leave the orientation unset.
     """
     *axis, w = found = (orientation.x, orientation.y, orientation.z, orientation.w)
     rotated = max(map(abs, axis)) > ROTATION_TOLERANCE * abs(w)
@@ -154,7 +154,7 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
     The `origin` of the grid is its corner with the smallest x and y.
 
     Args:
-        field: path of `info` in the message, for error texts.
+        field: path of `info` in the message, for error messages.
         info: part of the message with `resolution`, `origin` and both cell counts.
         cells: attribute names of the cell counts along x and y.
         values: number of values in the message; must equal the number of cells.
@@ -188,7 +188,7 @@ def as_float32(field: str, value: float) -> float:
 
 
 def as_written(value: float) -> float:
-    """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1.
+    """Convert a float32 to the float64 with the same shortest decimal form: 0.1, not 0.10000000149.
 
     Values outside the float32 range, which received messages never contain, become 0 or infinity.
     """
@@ -207,7 +207,7 @@ def from_pose(message: Any) -> Matrix:
             `PoseWithCovarianceStamped` or `Odometry`.
 
     Raises:
-        MessageError: a coordinate is not finite, or the quaternion norm differs from 1 by over 1 %.
+        MessageError: a coordinate is not finite, or the quaternion norm is off from 1 by over 1 %.
     """
     kind = "geometry_msgs/Pose, or one with a pose"
     return _from(message, "pose", kind, "position", "orientation")
@@ -232,7 +232,7 @@ def to_pose(matrix: npt.ArrayLike) -> "Pose":
 
 
 def to_transform(matrix: npt.ArrayLike) -> "Transform":
-    """Convert a (4, 4) matrix to a `geometry_msgs/Transform`; errors: see `to_pose`."""
+    """Convert a (4, 4) matrix to a `geometry_msgs/Transform`; see `to_pose` for the errors."""
     return _filled(messages_of("geometry_msgs").Transform(), "translation", "rotation", matrix)
 
 

@@ -32,7 +32,7 @@ BLOCK = 8192
 
 
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
-    """Convert the cells whose value is finite and between two bounds to `nav_msgs/GridCells`.
+    """Convert the cells with finite values between two bounds to `nav_msgs/GridCells`.
 
     For large maps, `to_serialized_grid_cells` is faster, because it creates no object per cell.
 
@@ -67,8 +67,8 @@ def from_grid_cells(
     Args:
         message: the cells; z is ignored.
         layer: name of the layer.
-        resolution: cell size [m]; None means the cell width in the message (float32), converted to
-            the float64 with the same shortest decimal form.
+        resolution: cell size [m]; None means the cell width in the message. The float32 width is
+            converted to the float64 with the same decimal form, such as 0.1.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
             None means the smallest grid that covers all cells. If the centers in the message lie on
             a lattice, as in messages from `to_grid_cells`, this grid has the same cells.
@@ -98,7 +98,7 @@ def centers_between(
 ) -> npt.NDArray[np.float64]:
     """Return the centers (N, 3) [m, map frame] of cells with values between two bounds; z is 0.
 
-    Cells are in column-major order of the map buffer. Arguments: see `to_grid_cells`.
+    Cells are in column-major order of the map buffer. See `to_grid_cells` for the arguments.
     """
     values = grid_map[layer].ravel("F")
     bounds = as_number(lower, "lower"), as_number(upper, "upper")
@@ -110,7 +110,7 @@ def centers_between(
     chosen &= np.isfinite(values)
     rows, columns = grid_map.size
     x, y = grid_map.axes()
-    # Process a few columns at a time, so that they fit in the cache and can share one array of x.
+    # Process a few columns at a time: they fit in the cache and share one array of x.
     width = max(1, min(BLOCK // rows, columns))
     x = np.tile(x, width)
     centers = np.zeros((np.count_nonzero(chosen), 3))

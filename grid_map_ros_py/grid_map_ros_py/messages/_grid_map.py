@@ -213,7 +213,7 @@ def from_serialized_message(
     unwrap: bool = True,
     copy: bool = True,
 ) -> GridMap:
-    """Create a map from a serialized message; other arguments and errors: see `from_message`.
+    """Create a map from a serialized message; see `from_message` for other arguments and errors.
 
     Args:
         data: the message in CDR, for example from a raw subscription or a bag.
@@ -275,7 +275,7 @@ class ReceivedMap:
         unwrap: bool = True,
         copy: bool = True,
     ) -> GridMap:
-        """Decode the map or some of its layers; arguments and errors: see `from_message`."""
+        """Decode the map or some of its layers; see `from_message` for arguments and errors."""
         return from_message(
             self._message, layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap, copy=copy
         )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and `sensor_msgs/Image`.
 
-Pixel (row, column) of an image is cell (row, column) of a map in map order: +x points up in the
-image, and +y points left.
+Pixel (row, column) of an image corresponds to cell (row, column) of a map in map order: +x points
+up in the image, and +y points left.
 """
 
 import array
@@ -68,8 +68,8 @@ def to_image(
 
     Args:
         grid_map, layer, lower, upper: as in `grid_map_core_py.to_image`.
-        encoding: any name in `ENCODINGS`. Three color channels all contain the gray value; an
-            alpha channel is 0 where the layer is NaN.
+        encoding: any name in `ENCODINGS`. All color channels contain the gray value; an alpha
+            channel is 0 where the layer is NaN.
     """
     kind = _encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
@@ -106,8 +106,8 @@ def from_image(
 ) -> GridMap:
     """Create a map with one layer from the gray values of an image.
 
-    The map has the frame and the timestamp of the message. Other arguments: see
-    `grid_map_core_py.from_image`.
+    The map has the frame and the timestamp of the message. See `grid_map_core_py.from_image` for
+    the other arguments.
     """
     image, order = to_pixels(message)
     return pixels.from_image(
@@ -135,8 +135,8 @@ def add_layer_from_image(
 ) -> None:
     """Set a layer of a map to the gray values of an image.
 
-    The map must have the size of the image. Its start index may be nonzero. Other arguments: see
-    `from_image`.
+    The map must have the size of the image. Its start index may be nonzero. See `from_image` for
+    the other arguments.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_layer_from_image(
@@ -149,7 +149,7 @@ def add_color_layer_from_image(
 ) -> None:
     """Set a layer of a map to the packed colors of an image.
 
-    Gray pixels get equal red, green and blue values. Arguments: see `add_layer_from_image`.
+    Gray pixels get equal red, green and blue values. See `add_layer_from_image` for the arguments.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_color_layer_from_image(
@@ -170,7 +170,7 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
     """Return the pixels (rows, cols, channels) of an image and the color order.
 
     The pixels keep the byte order of the sender. They are a view of the message data, or a copy if
-    the values are not aligned. `size` is the required size (rows, cols). None accepts any size.
+    the values are not aligned. `size` is the required size (rows, cols); None accepts any size.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

@@ -49,8 +49,8 @@ def to_occupancy_grid(
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
             Values outside this range are clamped; NaN becomes -1 (unknown). Required if
             `codec` is None.
-        codec: used instead of `data_min` and `data_max`; converts values to costs, which become
-            the occupancies that Nav2 publishes. For a layer of costs, pass `CostRange()`.
+        codec: converts values to costs, which become the occupancies that Nav2 publishes; replaces
+            `data_min` and `data_max`. For a layer of costs, pass `CostRange()`.
     """
     if codec is None:
         stored = occupancies(grid_map[layer], data_min, data_max)
@@ -73,8 +73,8 @@ def to_occupancy_grid(
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Create a map with one layer from an occupancy grid.
 
-    Values of -1 become NaN; all others are kept. The float32 resolution becomes the float64 with
-    the same shortest decimal form, so that a resolution of 0.1 is exactly 0.1 in the map.
+    Values of -1 become NaN; all others are kept. The float32 resolution is converted to the float64
+    with the same decimal form, so that 0.1 in the message is exactly 0.1 in the map.
     """
     check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
@@ -87,7 +87,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 
 
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
-    """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
+    """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, or -1 for NaN.
 
     The computation uses float32, so that the results match the C++ library.
     """
@@ -100,7 +100,7 @@ def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.
             raise MessageError("data_min, data_max", expected, (data_min, data_max))
         cells = np.asarray(values, dtype=np.float32)
         flat, found = cells.ravel("F"), np.empty(cells.size, np.int8)
-        # Process pieces that fit in the cache.
+        # Each piece fits in the cache.
         for piece in slices(flat.size, PIECE):
             share = (flat[piece] - low) / extent
             scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)

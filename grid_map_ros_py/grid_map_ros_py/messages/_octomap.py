@@ -139,7 +139,7 @@ def load_octomap(
     """Load an elevation map from an OctoMap file (`.bt` or `.ot`).
 
     Args:
-        layers: names of the layers to load; `height_layer` is the only one. None means all.
+        layers: names of the layers to load; None means all. Only `height_layer` exists.
         height_layer: name of the layer with the heights [m].
         resolution, min_bound, max_bound: as in `from_octomap`.
     """

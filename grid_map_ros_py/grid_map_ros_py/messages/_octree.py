@@ -3,10 +3,10 @@
 
 Nodes are stored in preorder: each node precedes its children. The binary form stores only inner
 nodes, with two bits for each of the eight children: unknown (0), free (1), occupied (2) or inner
-node (3). The full form stores all nodes: the log-odds as a float32, three color bytes (in trees
-with colors), and a byte whose bits mark existing children. Both forms are little-endian. The root
-is a cube around the origin with 65536 voxels per side, and a voxel is a node of depth 16. Bit 0, 1
-or 2 of a child number is set if the child is in the half of its parent with the larger x, y or z,
+node (3). The full form stores every node: its log-odds (float32), three color bytes if the tree has
+colors, and a byte whose bits mark the existing children. Both forms are little-endian. The root is
+a cube around the origin with 65536 voxels per side, and a voxel is a node of depth 16. Bit 0, 1 or
+2 of a child number is set if the child is in the half of its parent with the larger x, y or z,
 respectively.
 
 The reader first checks the whole tree, then reads all nodes of one depth at a time.
@@ -113,7 +113,7 @@ def _levels(
 
 def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp]:
     """Return the depths (N,) of nodes in preorder; node i has `counts[i]` children."""
-    # At each position, count the nodes still to come, including the node at that position.
+    # Number of pending nodes at each position, including the node at that position.
     open_ends = np.append(0, np.cumsum(counts - 1)) + 1
     closed = np.flatnonzero(open_ends == 0)
     if not len(closed):
@@ -121,8 +121,8 @@ def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp
     if closed[0] != len(counts):
         found = f"{len(counts) * node_size} bytes"
         raise MessageError("data", f"{closed[0] * node_size} bytes, where the tree ends", found)
-    # A subtree ends at the first later position where one node fewer is still to come.
-    # Sorting by (nodes to come, position) allows a binary search for that position.
+    # A subtree ends at the first later position with one fewer pending node. Sorting by (pending
+    # nodes, position) allows a binary search for that position.
     numbers, count = np.arange(len(open_ends)), len(open_ends)
     by_open_ends = np.sort(open_ends * count + numbers)
     one_less = (open_ends[:-1] - 1) * count + numbers[:-1]
@@ -160,7 +160,7 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 
 
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
-    """Return the z index of the highest occupied voxel in each column of a box, -1 if none.
+    """Return the z index of the highest occupied voxel in each column of a box, or -1.
 
     The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The axes of the
     result are x and y, counted from `first`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Imports message packages only when creating messages, so that reading them works without ROS."""
+"""Imports message packages lazily, so that messages can be read without ROS."""
 
 import array
 import sys
@@ -20,7 +20,6 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
 def set_array(message: Any, values: "array.array[Any]") -> None:
     """Set the field `data` of a message to an array without copying.
 
-    The generated constructor and setter would copy the array. The array must have the type of the
-    field.
+    The constructor and the setter would copy the array, which must have the type of the field.
     """
     message._data = values

@@ -56,8 +56,8 @@ def to_point_cloud(
 
     A cell is valid if the point layer and all basic layers are finite. Points are in column-major
     order of the map buffer. The layers become float32 fields in the same order and with the same
-    names, except that x, y, z [m] replace the point layer. Viewers expect packed colors in `rgb`.
-    `color` is therefore renamed to `rgb`, unless a layer `rgb` is also sent.
+    names, except that x, y, z [m] replace the point layer. The layer `color` becomes the field
+    `rgb`, where viewers expect packed colors, unless a layer `rgb` is also sent.
 
     Args:
         grid_map: the map.
@@ -88,7 +88,7 @@ def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2"
     if not abs(height) <= float(np.finfo(np.float32).max):
         raise MessageError("height", "a finite number", height)
     flat = np.full(grid_map.size, height, dtype=np.float32, order="F")
-    # The flat layer comes last, and replaces any layer of the same name.
+    # The flat layer is the last one and replaces any layer of the same name.
     others = [name for name in grid_map.layers if name != FLAT_LAYER]
     return to_point_cloud(
         grid_map.with_layers({FLAT_LAYER: flat}), FLAT_LAYER, [*others, FLAT_LAYER]
@@ -105,8 +105,7 @@ def _interleaved(
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
-    # Process only as many columns of cells at a time as fit in the cache. A mask selects the valid
-    # cells faster than indices would.
+    # Process as many columns of cells at a time as fit in the cache. A mask is faster than indices.
     block = np.empty((max(1, min(BLOCK // rows, columns)), rows, len(names) + 2), FLOAT)
     block[:, :, field_of_x] = x
     cells = block.reshape(-1, len(names) + 2)

@@ -93,8 +93,8 @@ def to_triangle_list_marker(
 ) -> "Marker":
     """Convert the area of a polygon to a `visualization_msgs/Marker` with a triangle list.
 
-    The triangles are those of `Polygon.triangulate`, and all have the same color. Arguments: see
-    `to_line_marker`.
+    The triangles are those of `Polygon.triangulate`, in a single color. See `to_line_marker` for
+    the arguments.
     """
     # Triangle fan as in `Polygon.triangulate`, without creating an object per triangle.
     count = max(len(polygon) - 2, 0)

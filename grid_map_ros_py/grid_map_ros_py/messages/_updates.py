@@ -76,7 +76,7 @@ def with_cells(grid: Any, values: npt.NDArray[np.uint8], header: Any) -> Any:
 
 
 def is_same_grid(before: Any, after: Any) -> bool:
-    """Return whether frame, size, resolution and, up to rounding, origin are the same."""
+    """Return whether frame, size, resolution and (up to rounding) origin are equal."""
     (_, one, _), (_, other, _) = _read(before), _read(after)
     if (before.header.frame_id, one.size) != (after.header.frame_id, other.size):
         return False
@@ -85,7 +85,7 @@ def is_same_grid(before: Any, after: Any) -> bool:
 
 
 def filled(update: Any, before: Any, after: Any) -> Any:
-    """Fill `update` with the changes between two grids and return it, or None if they are equal."""
+    """Return `update` filled with the changes between two grids, or None if there are none."""
     (old, geometry, _), (new, other, (field, *sides, kind)) = _read(before), _read(after)
     if not is_same_grid(before, after):
         expected = f"frame and grid of the first message, {before.header.frame_id!r}, {geometry}"

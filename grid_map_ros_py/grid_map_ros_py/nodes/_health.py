@@ -30,10 +30,10 @@ class Health:
     """State of a node: counts of its inputs, and the last error.
 
     Attributes:
-        inputs: noun for the inputs, such as "maps".
+        inputs: plural noun for the inputs, such as "maps".
         received, used, dropped: number of received, processed and unusable inputs.
         last_error: reason why the last unusable input was dropped; empty if there was none.
-        problem: current problem that does not make inputs unusable; empty if there is none.
+        problem: current problem other than unusable inputs; empty if there is none.
         details: function that returns additional values for the report, by name.
         drop_level: diagnostic level that is reported if the last input was dropped.
     """
@@ -145,15 +145,15 @@ def health_of(node: Node) -> Health:
 
 
 class LogThrottle:
-    """Logs similar texts at most once per period; the next one states how many were suppressed.
+    """Logs similar messages at most once per period, and states how many were suppressed.
 
-    Texts are similar if they are equal up to the second colon, such as "get_grid_map: frame_id:
-    expected ...". At most `LIMIT` different texts are logged per period. (rclpy throttles per line
-    of code, and therefore drops the second of two problems logged by the same line.)
+    Messages are similar if they are equal up to the second colon, as in "get_grid_map: frame_id:
+    expected ...". At most `LIMIT` different messages are logged per period. (The throttling of
+    rclpy would suppress different messages if the same line of code logs them.)
 
     Args:
         logger: logger of the node.
-        period: time between two similar texts [s].
+        period: minimum time between similar messages [s].
         clock: returns the time [s]; the default clock continues while a simulation is paused.
     """
 
@@ -166,22 +166,22 @@ class LogThrottle:
         self._recent: dict[tuple[str, ...], tuple[float, int]] = {}
 
     def error(self, text: str) -> None:
-        """Log an error, unless a similar text was logged recently."""
+        """Log an error, unless a similar message was logged recently."""
         if line := self._line(text, "error"):
             self._logger.error(line)
 
     def warning(self, text: str) -> None:
-        """Log a warning, unless a similar text was logged recently."""
+        """Log a warning, unless a similar message was logged recently."""
         if line := self._line(text, "warning"):
             self._logger.warning(line)
 
     def info(self, text: str) -> None:
-        """Log an info text, unless a similar text was logged recently."""
+        """Log an info message, unless a similar message was logged recently."""
         if line := self._line(text, "info"):
             self._logger.info(line)
 
     def _line(self, text: str, level: str) -> str:
-        """Return the line to log, or "" if the text is suppressed; count suppressed texts."""
+        """Return the line to log, or "" if the message is suppressed; count suppressed messages."""
         text, now = cut(text), self._clock()
         key = level, *text.split(": ")[:2]
         logged, held_back = self._recent.get(key, (-math.inf, 0))

@@ -48,9 +48,9 @@ def read_parameter(
 ) -> T:
     """Declare a parameter on the node and return its value.
 
-    If `kind` requires it, integers become floats, and whole numbers such as 3.0 become integers. An
-    empty list in a file has no type: if `kind` is a list, the value is an empty list. Otherwise,
-    the parameter counts as not set.
+    If `kind` is float, integers are converted to floats; if it is int, whole numbers such as 3.0
+    are converted to integers. An empty list in a file has no type. If `kind` is not a list, a
+    parameter with an empty list counts as not set.
 
     Args:
         node: the node.
@@ -116,7 +116,7 @@ def read_fields(
 def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> None:
     """Call `apply` with the new settings when the user changes parameters.
 
-    Changes that the dataclass rejects are refused.
+    If the dataclass rejects a change, the parameters keep their values.
 
     Args:
         node: the node.
@@ -146,7 +146,7 @@ def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> Non
 
 
 def names_below(node: "Node", prefix: str) -> list[str]:
-    """Return the sorted parameter names one level below a prefix."""
+    """Return the sorted names of the parameters one level below a prefix."""
     value = _given(node).get(prefix)
     # The ROS parser turns an empty value into the text "null".
     check(not value or value == "null", prefix, "parameters below it", value)
@@ -225,8 +225,8 @@ def check_topic(node: "Node", name: str, topic: str) -> str:
 
 
 def _given(node: "Node") -> dict[str, Any]:
-    # rclpy gives public access to overrides only if a node declares them all automatically, but
-    # such a node fails to start if its parameter file contains an empty list.
+    # The overrides are public only in nodes that declare them automatically, and such nodes fail to
+    # start if the parameter file contains an empty list.
     given = {**node._parameter_overrides, **node.get_parameters_by_prefix("")}
     return {
         name: list(entry.value) if isinstance(entry.value, array.array) else entry.value

@@ -65,7 +65,8 @@ class Poses:
 
     Attributes:
         map_frame: frame of the map.
-        waits_for: description of the pose or transform missing when `place` last returned None.
+        waits_for: description of the pose or transform that was missing when `place` last returned
+            None.
     """
 
     waits_for = ""
@@ -86,7 +87,7 @@ class Poses:
         return Placement(np.eye(4))
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        """Return the transform from a frame to the map frame, or None; arguments as in `place`."""
+        """Return the transform from a frame to the map frame, or None if it is not known yet."""
         placement = self.place(frame_id, stamp)
         return None if placement is None else placement.transform
 
@@ -142,7 +143,7 @@ class PoseHistory(Poses):
     def add(self, message: Any) -> None:
         """Add the pose of an `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        A pose more than `LONGEST_JITTER` earlier than the last pose indicates a time reset. All
+        A pose more than `LONGEST_JITTER` earlier than the last pose means that time was reset. All
         stored poses are then discarded.
         """
         if message.header.frame_id.removeprefix("/") != self.map_frame:
@@ -186,7 +187,7 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the robot pose at `stamp` [ns], or None if all poses are earlier; 0 means latest.
+        """Return the robot pose at `stamp` [ns] (0: latest), or None if all poses are earlier.
 
         Raises:
             GridMapError: all poses are later.
@@ -203,7 +204,7 @@ class PoseHistory(Poses):
         return end if before == after else between(begin, end, share)
 
     def covariance_at(self, stamp: int) -> Covariance | None:
-        """Return the pose covariance at `stamp` [ns], or None if unknown; 0 means latest.
+        """Return the pose covariance at `stamp` [ns] (0: latest), or None if it is unknown.
 
         Between two poses, the covariance is interpolated. Before the first and after the last pose,
         the covariance of the nearest pose is returned.
@@ -249,7 +250,7 @@ def check_optical_frame(frame_id: str, placement: Placement) -> None:
         return
     rotation = placement.transform[:3, :3]
     turn = placement.robot[:3, :3].T @ rotation
-    # This trace is that of a rotation by 18 degrees.
+    # A rotation by 18 degrees has this trace.
     if np.trace(turn) > 2.9 and rotation[2, 2] > 0.9:
         raise GridMapError(
             f"header.frame_id: expected an optical frame with z forward, got {frame_id!r} with z "
@@ -264,7 +265,7 @@ def from_xyz_rpy(xyz: npt.ArrayLike, rpy: npt.ArrayLike) -> Matrix:
 
 
 def between(begin: Matrix, end: Matrix, share: float) -> Matrix:
-    """Interpolate between two poses: linearly in position, with slerp in rotation."""
+    """Interpolate between two poses: positions linearly, rotations with slerp."""
     turn = Slerp([0.0, 1.0], Rotation.from_matrix([begin[:3, :3], end[:3, :3]]))
     return as_matrix(turn(share), (1 - share) * begin[:3, 3] + share * end[:3, 3])
 

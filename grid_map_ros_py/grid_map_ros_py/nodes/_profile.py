@@ -18,7 +18,7 @@ SHARED_MEMORY = 2**28
 
 
 def use_profile() -> None:
-    """Select the Fast DDS profile for large maps, unless the user selects other settings.
+    """Select the Fast DDS profile for large maps, unless the user has selected other settings.
 
     Call this before `rclpy.init`, in processes that publish.
     """

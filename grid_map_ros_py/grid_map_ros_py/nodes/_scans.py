@@ -78,7 +78,7 @@ class Cloud:
         points: (N, 3) x, y, z [m].
         columns: additional values (N,) of the points, by layer name.
         missing: number of pixels without a depth.
-        is_optical: True if the points come from a depth image, whose frame has z forward.
+        is_optical: True if the points come from a depth image, in whose frame z points forward.
     """
 
     frame_id: str
@@ -92,9 +92,9 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return a warning with causes and a remedy if too few points are used (see `FEW`), or "".
+        """Return a warning with causes and a remedy if too few points are used, else "".
 
-        `unused` contains the number of unused points for each reason.
+        `unused` contains the number of unused points for each reason. See `FEW`.
         """
         total = len(self) + self.missing
         counts = Counter({**unused, "without a depth": self.missing}).most_common()
@@ -116,8 +116,8 @@ class Cloud:
 class ScanQueue:
     """Queue of scans of one sensor, which wait for their poses.
 
-    A scan more than `LONGEST_JITTER` earlier than the previous scan indicates a time reset, for
-    example when a bag restarts. Waiting scans and outdated poses are then discarded.
+    A scan more than `LONGEST_JITTER` earlier than the previous scan means that time was reset, for
+    example because a bag restarted. Waiting scans and outdated poses are then discarded.
 
     Attributes:
         poses: source of the poses.
@@ -125,13 +125,13 @@ class ScanQueue:
             scan is a `Cloud`, or another object with `frame_id`, `stamp` and a length.
         fuse: called with a scan and its placement. It returns the number of unused points by
             reason, or None, and raises `GridMapError` if the scan is invalid.
-        report: called with a text when a scan is dropped.
-        what: noun for a message in the texts passed to `report`.
+        report: called with an error message when a scan is dropped.
+        what: term for a sensor message, such as "cloud", in these error messages.
         timeout: maximum time a scan waits for its pose [s].
         queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
         clock: returns the time [s]; the default clock continues while a simulation is paused.
         statistics: counts of scans.
-        problem: text from `Cloud.usage` about the last fused scan; empty if there is no problem.
+        problem: warning from `Cloud.usage` about the last fused scan; empty if there is none.
     """
 
     poses: Poses
@@ -308,7 +308,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """Sensor whose last message arrived at `heard` [s]; infinity once it is reported as silent."""
+    """Sensor; `heard` is the time of its last message [s], or infinity if reported as silent."""
 
     name: str
     topic: str

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs node executables, from arguments to exit code, and defines their base class and timers."""
+"""Entry point, base class and timers of node executables."""
 
 import gc
 import signal
@@ -59,18 +59,18 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
     Call this in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
-    callback. A second signal interrupts the callback. (The signal handlers of rclpy are not used:
-    they shut ROS down during a callback, and a spinning executor may not notice that.) An ignored
-    SIGHUP, as under `nohup`, stays ignored. The node reports its state on `/diagnostics`; see
-    `Health`.
+    callback. A second signal interrupts the callback. An ignored SIGHUP, as under `nohup`, stays
+    ignored. (The signal handlers of rclpy are not used, because they shut ROS down during a
+    callback, which a spinning executor may not notice.)
+
+    An error in the configuration is logged as one message: a `GridMapError` or a ROS error (invalid
+    name, missing security keys) that `create_node` raises. A `NodeFailedError` from a callback is
+    logged likewise. All other exceptions propagate. Parameters that are set but not declared cause
+    a warning. The node reports its state on `/diagnostics`; see `Health`.
 
     Args:
-        create_node: class of the node, or a function that returns the node. A `GridMapError` or a
-            ROS error (invalid name, missing security keys) raised by this call counts as a wrong
-            configuration. Such an error, or a `NodeFailedError` from a callback, is logged as one
-            message; other exceptions propagate. Parameters that are set but not declared by the
-            node cause a warning.
-        args: command line arguments; None means `sys.argv`.
+        create_node: class of the node, or a function that returns the node.
+        args: command-line arguments; None means `sys.argv`.
 
     Returns:
         0 after an interrupt or a shutdown; 1 if the arguments or the configuration are wrong or the
@@ -155,7 +155,7 @@ class _Life:
             raise KeyboardInterrupt
 
     def start(self, create_node: Callable[[], Node]) -> None:
-        """Create the node; raise a `NodeFailedError` for errors that the user can fix."""
+        """Create the node; convert errors that the user can fix to `NodeFailedError`."""
         use_profile()
         loops.addFilter(lambda record: self._logger().info(record.getMessage()) and False)
         try:
@@ -177,7 +177,7 @@ class _Life:
         except (GridMapError, NameValidationException, rclpy_implementation.RCLError) as error:
             text = str(error)
             if isinstance(error, NameValidationException):
-                # The last line of the error text is only a caret that marks the invalid character.
+                # The last line of the message is only a caret that marks the invalid character.
                 text = text.rpartition("\n")[0]
             if not isinstance(error, GridMapError):
                 text = " ".join(text.split())

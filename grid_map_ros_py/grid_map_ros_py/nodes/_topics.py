@@ -77,8 +77,8 @@ def listen(
 ) -> Callable[[], str]:
     """Subscribe to a topic (best effort); drop and log messages that the callback rejects.
 
-    The messages are not counted in the `Health` of the node, unlike with a `LatchedSubscription`.
-    Returns a function that describes the topic, for use in texts about missing messages.
+    Unlike in a `LatchedSubscription`, the messages are not counted in the `Health` of the node.
+    Returns a function that describes the topic, for warnings about missing messages.
     """
 
     def receive(message: Any) -> None:
@@ -222,13 +222,13 @@ class MapSubscription(LatchedSubscription):
 class MapPublisher:
     """Latched publisher that creates messages only while there are subscribers.
 
-    A new subscriber triggers a publication, because the map kept by the middleware may be outdated.
+    Each new subscriber triggers a publication, because the latched map may be outdated.
 
     Args:
         node: the node that publishes.
         topic: topic of the maps.
-        serialized: returns the current map as bytes, or None if there is no map yet. A message
-            instead of bytes is serialized.
+        serialized: function that returns the current map as a message or its serialized bytes, or
+            None if there is no map yet.
         log: logs the error if a map cannot be published.
         kind: class of the messages.
 

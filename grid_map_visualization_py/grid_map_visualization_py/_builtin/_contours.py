@@ -31,7 +31,7 @@ class ContoursVisualization(LineMarker):
     Attributes:
         layer: layer to draw, usually heights [m].
         interval: spacing of the contour values; lines are drawn at its multiples.
-        levels: contour values, in any order; used instead of `interval`.
+        levels: contour values in any order; replaces `interval`.
         flat: draw all lines at height zero; useful for layers without heights.
 
     Raises:
@@ -83,7 +83,7 @@ class ContoursVisualization(LineMarker):
             (points,), (offsets,) = generator.lines(level)
             if points is not None:
                 height = 0.0 if self.flat else level
-                # Line k starts at point `offsets[k]`; no segment may connect two lines.
+                # Line k starts at point `offsets[k]`. Segments must not connect two lines.
                 begins = np.delete(np.arange(len(points)), offsets[1:] - np.uint32(1))
                 ends = points[np.stack([begins, begins + 1], axis=-1).ravel()]
                 lines.append(np.insert(ends, 2, height, axis=1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells drawn as a point cloud at a constant height, with every layer as a field."""
+"""Point cloud of the cells at a constant height, with every layer as a field."""
 
 import math
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ from grid_map_ros_py.messages import to_serialized_grid_cells
 
 @dataclass(frozen=True, kw_only=True)
 class GridCellsVisualization:
-    """Show the cells whose layer value is finite and between two inclusive thresholds.
+    """Show the cells with finite values between two inclusive thresholds.
 
     Attributes:
         layer: layer with the values.

@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
-    """Return the map. For stores and rasters, it is a tiled map, to read only the drawn parts."""
+    """Return the map; open stores and rasters as tiled maps, to read only the drawn parts."""
     # Without Dask, only maps that are too large for memory are opened as tiled maps.
     tiled_map = tiled_source(options, also_small=find_spec("dask") is not None)
     if tiled_map is not None:
@@ -128,7 +128,7 @@ def _animate(options: argparse.Namespace) -> None:
     from ..pictures import save_animation
 
     with ExitStack() as stack, open_recording(options) as records, _telling(options.picture):
-        # Start the progress bar at the first map, so that no empty bar precedes an earlier error.
+        # Start the progress bar at the first map, to show no empty bar before an early error.
         start = cache(lambda: stack.enter_context(ProgressBar()))
         progress = lambda done, total: start()(done, total)  # noqa: E731
         if not len(records):
@@ -149,7 +149,7 @@ def check_style(
     for name, (styles, when) in _STYLES_OF.items():
         if getattr(options, name) is not None and (options.style or "flat") not in styles:
             raise UsageError(f"--{name.replace('_', '-')} goes {when} only")
-    # At 1200 pixels per inch, a picture uses 0.5 GB; below 10, text is illegible.
+    # At 1200 pixels per inch, a picture needs 0.5 GB of memory; below 10, text is illegible.
     if not 10 <= options.dpi <= 1200:
         raise UsageError(f"--dpi: expected a number from 10 to 1200, got {options.dpi:g}")
 

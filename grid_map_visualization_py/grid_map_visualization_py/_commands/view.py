@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     came: list[int] = []
     on_end(lambda number, _: came.append(number))
     grid_map = None if _is_whole_bag(options) else _read(options)
-    # Rerun needs up to a quarter more memory for its indexes.
+    # The indexes of Rerun need up to a quarter more memory.
     limit = f"{options.most_shown + options.most_shown // 4 + 100}MB"
     where = {"allowed_hosts": options.allowed_hosts, "memory_limit": limit}
     with Server(options.host, options.port, **where) as server:
@@ -120,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _is_whole_bag(options: argparse.Namespace) -> bool:
-    """Return True if all messages of a bag are to be shown; raise an error if none can be shown."""
+    """Return whether to show all messages of a bag; raise an error if none can be shown."""
     if source_format(options) != "bag" or options.index is not None:
         return False
     if has_rectangle(options):

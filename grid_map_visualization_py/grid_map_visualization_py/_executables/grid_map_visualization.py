@@ -26,10 +26,10 @@ from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(ConfiguredNode):
-    """Node that converts maps to visualizations, and publishes only those with subscribers.
+    """Node that converts maps to visualizations and publishes only those with subscribers.
 
-    The node subscribes to maps while any output has subscribers. During this time, it keeps the
-    last map, so that late-joining subscribers of an output receive a message immediately.
+    While any output has subscribers, the node subscribes to maps and keeps the last map, so that
+    late-joining subscribers of an output receive a message immediately.
     """
 
     def __init__(self) -> None:
@@ -115,7 +115,7 @@ class GridMapVisualizationNode(ConfiguredNode):
             output.is_due, output.problem = False, ""
             try:
                 output.publisher.publish(output.visualization(self._map))
-            except Exception as error:  # Plugins may raise anything; other outputs must continue.
+            except Exception as error:  # A plugin error must not affect other outputs.
                 cause = str(error) if isinstance(error, GridMapError) else repr(error)
                 output.problem = f"visualization {output.name!r}: {cause}"
                 self._log.warning(output.problem)

@@ -31,7 +31,7 @@ PERIOD = 0.5
 
 
 class RerunViewerNode(ConfiguredNode):
-    """Node that forwards topics to Rerun: those requested, or all topics of supported types."""
+    """Node that forwards the requested topics, or all topics of supported types, to Rerun."""
 
     def __init__(self) -> None:
         super().__init__("rerun_viewer")

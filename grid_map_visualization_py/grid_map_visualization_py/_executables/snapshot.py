@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Executable `snapshot`: saves a picture of the next map on a topic.
 
-The picture options are those of `grid-map plot`, which draws maps from files. The picture file is
-written completely or not at all. The exit code is 0 if the file was written, or after Ctrl-C.
+The picture options are the same as in `grid-map plot`. The file is written completely or not at
+all. The exit code is 0 if the file was written, or after Ctrl-C.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from .._commands.plot import add_style, check_style, draw
 
 
 class SnapshotNode(Node):
-    """Node that waits for a map (on a latched topic, the last published map) and draws it.
+    """Node that draws the next map or, if the topic is latched, the last published map.
 
     Args:
         options: command-line options, as returned by `parsed`.

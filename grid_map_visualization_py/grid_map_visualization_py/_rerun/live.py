@@ -64,10 +64,10 @@ class LiveScene:
         queue.append(_Arrival(kind, data, time.time_ns()))
 
     def write(self) -> list[str]:
-        """Write the queued messages; do nothing while Rerun is busy with earlier messages.
+        """Write the queued messages, unless Rerun is still busy with earlier messages.
 
         Returns:
-            One error text for each message that could not be shown.
+            An error message for each ROS message that could not be shown.
         """
         if self._stalled_since is not None and not self._delivers():
             return []
@@ -78,7 +78,7 @@ class LiveScene:
                 try:
                     self._scene.log_message(topic, kind, data, log_time=log_time)
                     self.shown += 1
-                except Exception as error:  # Messages may be malformed; Rerun may raise anything.
+                except Exception as error:  # Malformed messages may cause any exception.
                     why = reason(error) if isinstance(error, DROPPED) else repr(error)
                     refusals.append(f"{topic}: {why}")
         self._scene.send_layout()

@@ -54,7 +54,7 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
 def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
     """Yield the path of a pipe that a thread copies to `target`, and a list of write errors.
 
-    Without the pipe, Rerun would block forever after a failed write, for example on a full disk.
+    Without the pipe, Rerun would block forever if a write failed, for example on a full disk.
     """
     source, sink = os.pipe()
     errors: list[OSError] = []

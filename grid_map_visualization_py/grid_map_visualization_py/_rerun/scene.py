@@ -100,7 +100,7 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return `height_layer` or, if it is empty, the default of `layers` ("" without layers)."""
+        """Return `height_layer` or, if it is empty, the default layer; "" without layers."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
@@ -143,7 +143,7 @@ class Scene:
         self._first: tuple[npt.NDArray[np.float64], float] | None = None
         self._is_repeated = False
         self._laid_out: object = None
-        # Errors from writing the recording file; the next log call raises the first of them.
+        # Errors when writing the recording file; the next log call raises the first of them.
         self._errors: list[OSError] = []
         # Rerun must not add the times of the log calls.
         self._rr.set_log_time_enabled(False, recording=recording)
@@ -240,7 +240,7 @@ class Scene:
             for layer in layers
         ]
         is_crowded = len(images) > 6
-        # The titles of narrower images would be cut off.
+        # In narrower images, titles would be cut off.
         columns = 2 if is_crowded else None
         beside = [rrb.Grid(*images, grid_columns=columns, name="layers")] if images else []
         curves = []

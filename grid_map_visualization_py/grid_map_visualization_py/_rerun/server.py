@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Serves a Rerun recording to browsers.
 
-The program `rerun` does not check host names, and it accepts requests from rerun.io and from pages
-of any local program. The server therefore runs `rerun` at a random local address, behind a relay
-that accepts requests from browsers only if they come from its own page.
+The program `rerun` does not check host names, and accepts requests from rerun.io and from pages of
+any local program. Therefore, the server runs `rerun` at a random local address, behind a relay that
+rejects browser requests from other pages.
 """
 
 import asyncio
@@ -50,8 +50,8 @@ Address = tuple[str, int]
 class Server:
     """Serves a recording to browsers and to the native Rerun viewer.
 
-    The program `rerun` stores the recording. Linux ends it together with the thread that creates
-    the server, so this thread must outlive the server.
+    The program `rerun` stores the recording. Linux ends the program when the thread that created
+    the server ends, so this thread must outlive the server.
 
     Args:
         host: host name or IP address at which the page is served.
@@ -125,7 +125,7 @@ class Server:
         # The recording blocks while the program hangs; the timer then kills the program.
         last = threading.Timer(FAREWELL, self._process.kill)
         last.start()
-        with suppress(Exception):  # Rerun raises errors of any kind.
+        with suppress(Exception):  # Rerun may raise any exception.
             self.recording.disconnect()
         last.cancel()
         self._process.kill()
@@ -191,7 +191,7 @@ class _Relay:
             # The next request on this connection might have another origin.
             lines = (f"{name}: {value}" for name, value in headers.items())
             text = "\r\n".join((line.decode("latin-1"), *lines, "Connection: close", "", ""))
-            # A slow browser may pause for long while it compiles the files of the page.
+            # A slow browser may pause for a long time while it compiles the files of the page.
             is_data = target.startswith("/rerun.")
             way = (self._data, STALL) if is_data else (self._page, None)
             await _pass_on(text.encode("latin-1"), reader, writer, *way)

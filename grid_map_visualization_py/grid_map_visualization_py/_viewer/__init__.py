@@ -2,6 +2,6 @@
 """Components of `web_viewer`.
 
 `scene` converts a map to arrays for the browser, and `glb` converts meshes. `page` serves the web
-page with its controls. `axes` and `texts` provide its axes and texts. `viewer` passes maps and
-settings between these modules. No module needs rclpy, and only `page` needs viser.
+page with its controls, and `axes` and `texts` create its axes and tables. `viewer` connects these
+modules. None of them requires rclpy, and only `page` requires viser.
 """

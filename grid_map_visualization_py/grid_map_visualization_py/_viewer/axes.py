@@ -44,7 +44,7 @@ class Axes:
 
     def labels(self) -> list[tuple[str, tuple[float, ...], str]]:
         """Return the text, position relative to the corner [m], and anchor of each axis label."""
-        # Labels are outside the map, next to the sides that face the initial camera.
+        # Labels are placed outside the map, on the sides that face the initial camera.
         back = (self.high[1] - self.low[1]) * self.steps[1]
         starts = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, back, 0.0)])
         anchors = "top-left", "top-right", "center-right"
@@ -52,10 +52,10 @@ class Axes:
         for axis, (name, start, anchor) in enumerate(zip("xyz", starts, anchors, strict=True)):
             step, first, last = self.steps[axis], self.low[axis], self.high[axis]
             along = np.eye(3)[axis] * step
-            # The z axis labels the far end of the y axis.
+            # At the far end of the y axis, there is a label of the z axis.
             numbers = range(first, last + (name != "y"))
             places = [(f"{number * step:.10g}", float(number - first)) for number in numbers]
-            # Panels would cover names beyond the ends of the x and y axes.
+            # Beyond the ends of the x and y axes, panels would cover the names.
             end = last - first if name == "z" else (last - first) // 2
             places.append((f"{name} [m]", end + 0.5))
             labels += [(text, tuple((start + at * along).tolist()), anchor) for text, at in places]

@@ -18,7 +18,7 @@ CORNERS = {STRIP: 2, LINES: 2, TRIANGLES: 3}
 
 
 class Markers:
-    """Markers of one topic, as the messages received so far define them.
+    """Current markers of one topic, according to the messages received so far.
 
     Attributes:
         frames: frames of the markers.

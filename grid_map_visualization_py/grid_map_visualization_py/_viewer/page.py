@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Web page with scene, controls and texts, served with viser.
+"""Web page with a scene and controls, served with viser.
 
 All browsers share the controls. Each browser has its own view.
 """
@@ -232,7 +232,7 @@ class Page:
             node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
 
     def draw(self, name: str, drawing: Drawing) -> None:
-        """Draw lines and triangles in the map frame; they replace the drawing of that name."""
+        """Draw lines and triangles in the map frame, and replace the previous drawing `name`."""
         lines, triangles = self._lifted(drawing.lines), self._lifted(drawing.triangles)
         drawing = drawing._replace(lines=lines, triangles=triangles)
         before, node = self._drawings.get(name, (EMPTY, None))
@@ -347,12 +347,12 @@ class Page:
     def _look(self, view: View) -> None:
         """Set the view for new browsers and for the button that resets the view.
 
-        If the map would be out of sight, or has become much larger or smaller, the cameras of all
-        browsers move to the map, but keep their viewing direction.
+        If the map is out of sight or much larger or smaller than before, the cameras of all
+        browsers move to the map, but keep their viewing directions.
         """
         is_lost = self._aim is None or self._aim.loses(view)
         if is_lost:
-            # With this base, the map stays centered in the view for any exaggeration.
+            # With this base, the map stays centered at any exaggeration.
             self._exaggerate(float(view.target[2]))
         view = View(self._lifted(view.target) + view.offset, self._lifted(view.target))
         if self._view is None or not view.is_like(self._view):

@@ -84,7 +84,7 @@ class View:
         return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
     def loses(self, other: "View") -> bool:
-        """Return True if the map of `other` is out of view, or over 3 times larger or smaller."""
+        """Return whether the map of `other` is out of view, or over 3 times larger or smaller."""
         # Heights are ignored, because outliers would make the camera jump.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / 3 < other.reach / self.reach < 3
@@ -99,8 +99,8 @@ class SurfaceScene:
         glb: content of a GLB file with the surface; None if the surface has no faces.
         grid_lines: (N, 2, 3) lines between neighboring cells; empty unless requested.
         vectors: (N, 2, 3) start and end points of the vectors; empty unless requested.
-        bounds: values at the ends of the color map; None without a color map. A bound that the user
-            has not set is computed from all cells of the map, not only the shown ones; if no value
+        bounds: values at the ends of the color map; None without a color map. Bounds that the user
+            has not set are computed from all cells of the map, including hidden ones. If no value
             is finite, both bounds are NaN.
         box: lowest and highest corner (3,) of the bounding box [m], map frame.
         size: number of shown rows and columns.
@@ -139,7 +139,7 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
             for first, second in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:]))
             for both in [valid[first] & valid[second]]
         ]
-        # Lines slightly above the surface remain visible.
+        # Raise the lines slightly, so that they remain visible.
         lines = mesh.vertices[np.concatenate(pairs)] + np.array([0, 0, 0.02 * spacing], np.float32)
     if settings.vectors:
         vectors = _vectors(surface, mesh, settings)

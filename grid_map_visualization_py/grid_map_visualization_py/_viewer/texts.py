@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""HTML texts of the page, escaped because names in messages may contain markup."""
+"""Status, legend and cell values as HTML, escaped because names may contain markup."""
 
 import math
 from collections.abc import Iterable

@@ -39,7 +39,7 @@ def rate_of(arrivals: Iterable[float], now: float) -> float:
 class Viewer:
     """Shows maps on a page.
 
-    Layers are decoded only while a browser is connected, and only if the page needs them. `clock`
+    Only the layers that the page needs are decoded, and only while a browser is connected. `clock`
     returns the ROS time [ns].
     """
 
@@ -92,7 +92,7 @@ class Viewer:
         self._arrivals.append(time.monotonic())
 
     def receive_path(self, points: Positions, frame_id: str) -> None:
-        """Accept a path to draw on maps in the same frame, as points (N, 3) [m].
+        """Accept a path of points (N, 3) [m] to draw on maps in the same frame.
 
         Raises:
             MessageError: the shown map is in another frame. The page shows no path.
@@ -101,7 +101,7 @@ class Viewer:
         self._check_frames("header.frame_id", {frame_id} if len(points) else set())
 
     def receive_markers(self, message: Any) -> None:
-        """Accept a `visualization_msgs/MarkerArray` to draw on maps in the same frame.
+        """Accept a `visualization_msgs/MarkerArray`, to draw its markers on maps in the same frame.
 
         Raises:
             MessageError: the shape of a marker is not supported, or the shown map is in another
@@ -115,7 +115,7 @@ class Viewer:
             raise MessageError(field, f"{self.frame_id!r}, that of the map", min(others))
 
     def update(self) -> str:
-        """Update the page; return an error message, or an empty text if there is no error.
+        """Update the page; return an error message, or an empty string if there is no error.
 
         After an error in the map or the settings, the page shows the message and the last map.
         """

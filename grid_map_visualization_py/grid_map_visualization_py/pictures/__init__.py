@@ -7,7 +7,8 @@ accept a `GridMap`, a `TiledMap`, or an xarray dataset or array. Large tiled map
 resolution of the picture.
 
 In `plot` and `plot_3d`, the light for hillshading comes from the upper left, 45 degrees above the
-horizon. Level ground keeps its color. Slopes facing the light are lighter, other slopes darker.
+horizon. Level ground keeps its color; slopes are lighter if they face the light, and darker
+otherwise.
 """
 
 import math
@@ -94,7 +95,7 @@ def save_picture(
     elif style == "surface":
         plot_3d(grid_map, layer, figure.add_subplot(projection="3d"), **options)
     else:
-        # Draw one pixel of the relief per pixel of the picture.
+        # Draw the relief at the resolution of the picture.
         figure.set_layout_engine("none")
         width, height = options.get("size", RELIEF_SIZE)
         figure.set_size_inches(width / dpi, height / dpi)
@@ -122,8 +123,8 @@ def save_animation(
     All frames show the same rectangle, which covers all maps, and the same value range, so that
     motion and changed values are visible. The title shows the time since the first map. Maps are
     read twice: first to determine the rectangle and the value range, then to draw the frames. The
-    frame rate is constant and matches the median interval between maps. If the rate would exceed 50
-    frames per second, only every n-th map is drawn. For a GIF, all frames are kept in memory.
+    frame rate is constant and matches the median interval between maps. Above 50 frames per second,
+    only every n-th map is drawn. For a GIF, all frames are kept in memory.
 
     Args:
         records: maps in time order, such as a `BagReader`.
@@ -204,7 +205,7 @@ def _animate(
         writer = FFMpegWriter(rate / every, codec="h264")
     figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
     axes = figure.add_subplot()
-    # All frames keep the layout and legend of this first plot, so prefer a map with a hole.
+    # All frames keep the layout and legend of this plot, so it preferably shows a map with a hole.
     plot(records[with_hole].grid_map(layers), layer, axes, **options, title=title or " ")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")

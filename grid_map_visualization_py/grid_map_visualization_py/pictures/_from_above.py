@@ -59,7 +59,7 @@ class Blocks(NamedTuple):
 
 
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
-    """Return the side length [cells] of the square blocks, each of which is drawn as one pixel.
+    """Return the side length [cells] of the square blocks that are drawn as one pixel each.
 
     Args:
         axes: axes on which the map is drawn.
@@ -71,7 +71,7 @@ def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) ->
     # A color bar uses a fifth of the axes.
     box = axes.get_window_extent()
     cells = max(size[0] / (0.8 * box.width), size[1] / box.height)
-    # Matplotlib resamples images well if they are at most twice as large as the axes.
+    # Matplotlib resamples images well up to twice the size of the axes.
     return math.ceil(cells) if cells > 2 else 1
 
 
@@ -84,7 +84,7 @@ def paint(
         axes: axes on which the map is drawn.
         grid_map: the map.
         coloring: colors of the cells.
-        side: side length [cells] of the square blocks, each of which is drawn as one pixel.
+        side: side length [cells] of the square blocks that are drawn as one pixel each.
         heights: height layer for hillshading; empty means no hillshading.
         exaggeration: factor by which the heights are scaled.
 
@@ -102,7 +102,7 @@ def paint(
     cells = side * grid_map.resolution
     height, width = opacity.shape
     reach = x1 - cells * width, x1, y1 - cells * height, y1
-    # Cells larger than pixels are drawn sharp, and smaller cells are averaged.
+    # Cells larger than pixels have sharp edges; smaller cells are averaged.
     options: dict[str, Any] = {"interpolation": "antialiased", "extent": reach}
     if is_color or heights:
         colors = means / 255 if is_color else bar.cmap(bar.norm(values.astype(float)))[..., :3]
@@ -118,7 +118,7 @@ def paint(
             colors = lit(colors, np.stack([-right, down, np.ones_like(z)], axis=-1))
         image = axes.imshow(np.dstack([np.nan_to_num(colors), opacity]), **options)
         if not is_color:
-            # Matplotlib shows the layer value, not the lit color, at the mouse pointer.
+            # Make Matplotlib show the layer value, not the lit color, at the mouse pointer.
             told = AxesImage(axes, cmap=bar.cmap, norm=bar.norm, extent=reach)
             told.set_data(values)
             told.set_transform(image.get_transform())
@@ -229,7 +229,7 @@ def add_scale_bar(axes: Any, *, has_north: bool) -> None:
     x0, x1 = axes.get_xlim()
     most = (x1 - x0) / 4
     power = 10.0 ** math.floor(math.log10(most))
-    # The power itself always fits, except for a rounding error of the logarithm.
+    # `power` is at most `most`, up to a rounding error of the logarithm.
     length = max((n * power for n in (2, 5) if n * power <= most), default=power)
     units = {1000.0: "km", 1.0: "m", 0.01: "cm", 0.001: "mm"}
     unit = next((unit for unit in units if length >= unit), 0.001)

@@ -62,8 +62,8 @@ def plot(
     """Draw a layer of a map from above.
 
     Cells without a finite value are hatched in gray. If a side of the map has more than twice as
-    many cells as the axes have pixels, blocks of cells are averaged: each block shows the mean of
-    the finite values (or colors) and is partly transparent if some are missing. A tiled map is
+    many cells as the axes have pixels, blocks of cells are averaged. Each block shows the mean of
+    its finite values or colors, and is partly transparent if some are missing. A tiled map is
     first thinned out to at most four cells per pixel; see `TiledMap.thinned`.
 
     Args:
@@ -105,7 +105,7 @@ def plot(
     axes = _current_axes() if ax is None else ax
     side = block_side(axes, site.size, max_drawn_cells)
     drawn_map = _loaded(site, {layer, heights} - {""}, math.prod(site.size) / side**2)
-    # A tiled map may have been thinned out, which changes the block size.
+    # The block size changes if a tiled map was thinned out.
     side = block_side(axes, drawn_map.size, max_drawn_cells)
     has_holes = paint(axes, drawn_map, coloring, side, heights, exaggeration)
     _use_plain_ticks(axes)
@@ -138,7 +138,7 @@ def plot_3d(
     title: str = "",
     color_bar: bool = True,
 ) -> Any:
-    """Draw a map as a shaded, triangulated surface in three dimensions.
+    """Draw a map as a shaded triangle surface in three dimensions.
 
     Args:
         grid_map: as for `plot`.
@@ -150,7 +150,7 @@ def plot_3d(
         max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
             Matplotlib needs about one second for the default number.
 
-    Returns the Matplotlib axes. Errors: see `plot`.
+    Returns the Matplotlib axes. Raises the same errors as `plot`.
     """
     _check_options(color_mode, exaggeration)
     check_max_drawn_cells(max_drawn_cells)
@@ -230,10 +230,10 @@ def plot_relief(
         elevation: elevation angle of the camera [rad], between 0 and pi / 3.
         size: width and height of the picture [pixels].
 
-    Returns the Matplotlib axes. Errors: see `plot`.
+    Returns the Matplotlib axes. Raises the same errors as `plot`.
     """
     _check_options(color_mode, exaggeration)
-    # Near pi / 2, the projection of a level camera is extremely stretched.
+    # The projection of a level camera is extremely stretched near pi / 2.
     check(0 < elevation < math.pi / 3, "elevation", "an angle between 0 and pi / 3", elevation)
     check(math.isfinite(azimuth), "azimuth", "a finite angle", azimuth)
     check(min(size) >= 1, "size", "a width and height of at least 1 pixel", size)

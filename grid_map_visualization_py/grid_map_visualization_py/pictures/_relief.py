@@ -31,7 +31,7 @@ _SUNLIGHT, _SKYLIGHT = np.array([1.04, 1.0, 0.93]), np.array([0.86, 0.95, 1.12])
 _SKIRT = np.array([0.085, 0.08, 0.075])  # linear color of the cut sides
 _DISTANCE = 1.8  # ground distance from the map center to the camera [map diagonals]
 _MARGIN = 0.03
-_STEEPEST = 20.0  # maximum height relative to the longer side; higher blocks would be too thin
+_STEEPEST = 20.0  # maximum ratio of height to longer side; higher blocks would be too thin
 
 
 def draw_relief(
@@ -57,7 +57,7 @@ def draw_relief(
     step = -(-max(heights.shape) // MAX_SIDE)
     # Differences of large heights would overflow float32.
     heights, colors = heights[::step, ::step].astype(np.float64), colors[::step, ::step]
-    # The ground is interpolated between cell centers, which requires two cells per axis.
+    # Interpolation between cell centers requires two cells per axis.
     sides = [(0, max(0, 2 - side)) for side in heights.shape]
     heights, colors = np.pad(heights, sides, "edge"), np.pad(colors, [*sides, (0, 0)], "edge")
     if np.isfinite(heights).any():
@@ -150,7 +150,7 @@ def _light(heights: Floats, sun_azimuth: float) -> Floats:
     shadow = ndimage.gaussian_filter(np.clip(blocked / 1.5, 0.0, 1.0), 1.0)
     sunlight *= 1 - 0.75 * shadow
 
-    # Ambient occlusion: ground lower than the surroundings receives less light from the sky.
+    # Ambient occlusion: ground below its surroundings receives less light from the sky.
     skylight = np.ones_like(heights)
     for radius in (3, 8, 20):
         depth = ndimage.gaussian_filter(heights, radius) - heights
