@@ -81,7 +81,7 @@ class Loop:
         if failure is not None:
             name = f"{self.function.__module__}.{self.function.__qualname__}"
             text = f"{type(failure).__name__}: {failure}"
-            said = f"numba cannot compile {name}, NumPy does its work: {text}"
+            said = f"numba cannot compile {name}, so NumPy is used: {text}"
             warnings.warn(said, RuntimeWarning, stacklevel=3)
         return None
 
@@ -101,7 +101,7 @@ def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
 @lru_cache
 def _announce() -> None:
     # Logged rather than warned, because programs may turn warnings into errors.
-    logger.warning("numba compiles loops for some seconds, this first time only")
+    logger.warning("numba compiles loops once, which takes some seconds")
 
 
 def _has_numba() -> bool:

@@ -256,7 +256,7 @@ def test_bag_that_loops_within_seconds_still_clears():
     mapper = mapper_of(GridGeometry((6.0, 6.0), 0.1))
     mapper.update(np.vstack((ring(1.0, 0.2), ring(2.5, 1.0))), UP, timestamp=5 * SECOND)
     stamps = [step % 50 * SECOND // 10 for step in range(150)]
-    with pytest.warns(RuntimeWarning, match="the clock of the map starts anew"):
+    with pytest.warns(RuntimeWarning, match="the map's clock restarts"):
         reports = [mapper.update(ring(2.5, 1.0), UP, timestamp=stamp) for stamp in stamps]
     assert sum(report.cells_cleared for report in reports) > 50
 

@@ -19,7 +19,7 @@ from grid_map_core_py.simulation._rays import march
 print("numba" in sys.modules, march.compiled() is not None)
 """
 
-LINE = "numba compiles loops for some seconds, this first time only"
+LINE = "numba compiles loops once, which takes some seconds"
 
 
 def _scaled(value, factor):
@@ -106,6 +106,6 @@ def test_loops_that_numba_refuses_warn_once():
     def refused(values):
         values.no_such_method()
 
-    with pytest.warns(RuntimeWarning, match=r"cannot compile .*refused, NumPy does"):
+    with pytest.warns(RuntimeWarning, match=r"cannot compile .*refused, so NumPy is used"):
         assert refused.compiled() is None
     assert refused.compiled() is None

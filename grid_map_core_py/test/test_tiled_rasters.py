@@ -290,7 +290,9 @@ def test_other_rasters_are_refused_with_the_line_that_mends_them(transform, side
     write("my dem.tif", heights(5, 5), transform=Affine(*transform))
     line = f"gdalwarp -r bilinear -tr {side} {side} 'my dem.tif' 'my dem_north_up.tif'"
     for read in (open_map, load_geotiff):
-        with pytest.raises(GridMapError, match=r"^my dem\.tif: .*got .*; to mend it: " + line):
+        with pytest.raises(
+            GridMapError, match=r"^my dem\.tif: .*got .*; to fix this, run: " + line
+        ):
             read("my dem.tif")
 
 
@@ -383,7 +385,7 @@ def test_wide_strips_warn_and_say_what_mends_them():
     strips = {"tiled": False, "blockysize": 1}
     write("a.tif", np.zeros((1, 4, 9000), np.float32), compress="deflate", **strips)
     line = "gdal_translate -co TILED=YES -co BIGTIFF=IF_SAFER a.tif a_tiled.tif"
-    with pytest.warns(UserWarning, match=f"in strips of 9000 pixels, .*; to mend it: {line}"):
+    with pytest.warns(UserWarning, match=f"in strips of 9000 pixels, .*; to fix this, run: {line}"):
         open_map("a.tif")
     write("a.tif", np.zeros((1, 4, 9000), np.float32), **strips)
     open_map("a.tif")

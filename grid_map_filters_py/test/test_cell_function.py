@@ -98,5 +98,5 @@ def test_filters_work_if_numba_is_missing_turned_off_or_broken(tmp_path, setting
         command, capture_output=True, text=True, timeout=60, check=True, env=environ
     )
     assert done.stdout.split() == ["ff", "ff0000", "7f007f", "7fc00000", "ff0000", "ff"]
-    said = "NumPy does its work: SystemError: built for another NumPy"
+    said = "so NumPy is used: SystemError: built for another NumPy"
     assert (said in done.stderr) == (setting == "BROKEN")

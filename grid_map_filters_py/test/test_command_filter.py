@@ -92,7 +92,7 @@ def test_first_run_says_that_it_compiles(tmp_path):
     Path("chain.yaml").write_text(f"{CHAIN.partition('type:')[0]}{curvature} output_layer: c}}")
     words = [sys.executable, "-m", "grid_map_core_py", "filter", "chain.yaml", "site.npz", "-"]
     environ = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    for text in (b"grid-map: numba compiles loops for some seconds, this first time only\n", b""):
+    for text in (b"grid-map: numba compiles loops once, which takes some seconds\n", b""):
         assert subprocess.run(words, env=environ, capture_output=True).stderr == text
 
 

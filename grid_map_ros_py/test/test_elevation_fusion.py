@@ -103,7 +103,7 @@ def test_scans_out_of_order_by_a_little_keep_the_clock() -> None:
     made.fuse(EXACT, scan(seconds=5.0), placed())
     assert made.grid_map.timestamp == 5 * SECOND
     (text,) = made.warnings
-    assert "the clock of the map starts anew" in text
+    assert "the map's clock restarts" in text
 
 
 def test_scan_without_a_time_is_refused() -> None:

@@ -431,11 +431,11 @@ def test_lost_poses_bad_clouds_and_a_looping_bag_are_survived(robot: Robot, tmp_
         grid_map = robot.until_mapped(5.0, ground=0.2)
         assert grid_map.position.tolist() == [0.0, 0.0]
         assert grid_map.at_position("elevation", (-0.5, 0.5)) == pytest.approx(0.2, abs=0.01)
-        robot.peer.wait_until(lambda: lines(node, "clock of the map"), "a warning of the reset")
+        robot.peer.wait_until(lambda: lines(node, "clock restarts"), "a warning of the reset")
         robot.until_mapped(6.0, ground=0.2)
         # No sensor any more.
         robot.peer.wait_until(lambda: lines(node, "no messages of lidar on /points"), "silence")
-        for text in ("a later pose than", "lidar: data: ", "a pose: header", "starts anew"):
+        for text in ("a later pose than", "lidar: data: ", "a pose: header", "clock restarts"):
             assert 1 <= lines(node, text) <= 3, text
         found = details(robot.peer)
         assert int(found["scans dropped"]) >= 10
@@ -493,7 +493,7 @@ def test_files_of_this_package_start_the_node() -> None:
 def test_node_says_that_it_compiles_if_it_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = "[elevation_mapping]: numba compiles loops for some seconds"
+    text = "[elevation_mapping]: numba compiles loops once"
     ElevationMapper(GridGeometry((1.0, 1.0), 0.1))
     with running_node(MODULE, *options(tmp_path)) as node:
         wait_until(lambda: "poses: " in node.text, "the node")

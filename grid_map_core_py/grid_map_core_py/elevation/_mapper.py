@@ -342,7 +342,7 @@ class ElevationMapper:
             text = (
                 f"timestamp: expected a time within max_time_jump, "
                 f"{self._parameters.max_time_jump:g} s, of {last} ns, and not before it for more "
-                f"than a second, got {stamp}; the clock of the map starts anew"
+                f"than a second, got {stamp}; the map's clock restarts"
             )
             warnings.warn(text, RuntimeWarning, stacklevel=3)
             state.confirm(~np.isnan(state.heights), 0.0)

@@ -200,7 +200,7 @@ def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
         words = ["gdalwarp", "-r", "bilinear", "-tr", side, side, f"{path}", f"{target}"]
         raise ValueError(
             f"expected square pixels with north up, got {step.a:g} x {-step.e:g} turned by "
-            f"({step.b:g}, {step.d:g}); to mend it: {shlex.join(words)}"
+            f"({step.b:g}, {step.d:g}); to fix this, run: {shlex.join(words)}"
         )
     size = raster.width, raster.height
     position = np.array([step.c, step.f]) + np.array([0.5, -0.5]) * size * step.a

@@ -307,7 +307,7 @@ def _warn(raster: Any, path: str) -> None:
         words = ["gdal_translate", "-co", "TILED=YES", "-co", "BIGTIFF=IF_SAFER", path, target]
         warnings.warn(
             f"{path}: is stored in strips of {raster.width} pixels, so that windows are slow to "
-            f"read; to mend it: {shlex.join(words)}",
+            f"read; to fix this, run: {shlex.join(words)}",
             stacklevel=5,
         )
 

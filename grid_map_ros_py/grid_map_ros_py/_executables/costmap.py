@@ -234,7 +234,7 @@ class CostmapNode(ConfiguredNode):
         limit = self._settings.stale_after
         if limit and time.monotonic() - self._used > limit and not self._is_stale:
             self._is_stale, topic = True, self._subscription.topic_name
-            text = f"no usable map of {topic} for {limit:g} s, all cells are unknown"
+            text = f"no usable map of {topic} for {limit:g} s, so all cells are unknown"
             self._health.problem = text
             self._log.warning(f"{text}; set stale_after to 0 for a map that is published once")
             for output in self._outputs:
