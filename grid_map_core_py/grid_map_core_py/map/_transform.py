@@ -56,13 +56,14 @@ def transformed_map(
 
 
 def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) -> Positions:
-    """Return one coordinate (cols, rows) of transformed points.
+    """Return the x, y or z coordinate of transformed points as a (cols, rows) array.
 
     Args:
-        row: (4,) row of the transform for this coordinate.
+        row: (4,) row of the transform that yields this coordinate.
         x: (rows,) x of the points before the transform.
         y: (cols,) y of the points before the transform.
-        lift: `row[2] * z + row[3]`, (cols, rows) or one number for all points.
+        lift: contribution of z and of the translation, `row[2] * z + row[3]`: (cols, rows), or one
+            number for all points.
     """
     moved: Positions = row[0] * x + (row[1] * y)[:, None]
     moved += lift

@@ -345,10 +345,10 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write it to a GeoTIFF file, window by window.
 
-        A temporary file is renamed to `path` when it is complete. Each layer is a float32 band
+        The data is first written to a temporary file next to `path`. Each layer is a float32 band
         named after the layer. The nodata value is NaN. A tag stores frame, time and basic layers,
-        so that `open_map` and `load_geotiff` restore the same map. While a cloud-optimized file is
-        written, the uncompressed layers require additional disk space.
+        so that `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
+        temporarily needs disk space for the uncompressed layers.
 
         Args:
             path: path of the file.
@@ -357,7 +357,7 @@ class TiledMap(TiledData):
             layers: names of the layers to write; None means all.
             compress: compress the values with deflate.
             overwrite: replace an existing file.
-            progress: called after each window with the number of finished and of all windows.
+            progress: called after each window with the number of finished windows and the total.
         """
         from ._rasters import to_geotiff
 

@@ -173,7 +173,11 @@ class Disc:
             yield distance, line[first + shift :][:length], line[first - shift :][:length]
 
     def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
-        """Return zeros (rows, columns), and the flat array (with gaps) that stores them."""
+        """Return an array of zeros (rows, columns) to add sums to, and a flat view of its memory.
+
+        The flat view has the layout of the arrays from `sums_of_lines`, with unused elements
+        between the columns.
+        """
         (height, width), (rows, _) = self.size, self.reach
         stride = height + 2 * rows
         flat = np.zeros(width * stride, dtype)
