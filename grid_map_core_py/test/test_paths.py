@@ -195,31 +195,26 @@ def test_a_detour_is_taken_from_the_documented_weight_on():
         assert graph.path(start, goal).length == pytest.approx(length)
 
 
-def a_ramp():
-    """Return a ramp of 30 degrees between two flat parts; rows go down the ramp."""
-    profile = np.clip(0.1 * (40 - np.arange(60)), 0.0, 2.0) * math.tan(math.radians(30))
-    return a_map(np.zeros((60, 41)), resolution=0.1, height=np.repeat(profile[:, None], 41, axis=1))
-
-
 def ramp_path(cross, *, upwards):
-    grid_map = a_ramp()
-    limits = SlopeLimits(math.radians(25), math.radians(35), math.radians(cross))
+    """Return a path over a ramp of 30 degrees between two flat parts; rows go down the ramp."""
+    profile = np.clip(0.1 * (40 - np.arange(60)), 0.0, 2.0) * math.tan(math.radians(30))
+    heights = np.repeat(profile[:, None], 41, axis=1)
+    grid_map = a_map(np.zeros((60, 41)), resolution=0.1, height=heights)
+    limits = SlopeLimits(*np.radians((25, 35, cross)))
     ends = center(grid_map, 10, 20), center(grid_map, 50, 20)
     graph = TravelGraph(grid_map, elevation="height", limits=limits)
     return graph.path(*(reversed(ends) if upwards else ends))
 
 
-@pytest.mark.parametrize("cross", [10, 22])
-def test_low_cross_limit_leaves_no_way_up_a_steep_ramp(cross):
-    assert ramp_path(cross, upwards=False).length > 4.0
-    with pytest.raises(NoPathError, match="no path"):
-        ramp_path(cross, upwards=True)
-
-
-@pytest.mark.parametrize("cross", [23, 30, 90])
+@pytest.mark.parametrize("cross", [10, 22, 23, 30, 90])
 def test_a_steep_ramp_is_climbed_by_switchbacks(cross):
-    down, up = ramp_path(cross, upwards=False), ramp_path(cross, upwards=True)
+    down = ramp_path(cross, upwards=False)
     assert np.ptp(down.positions[:, 1]) == pytest.approx(0.0, abs=1e-9)
+    if cross < 23:
+        with pytest.raises(NoPathError, match="no path"):
+            ramp_path(cross, upwards=True)
+        return
+    up = ramp_path(cross, upwards=True)
     assert 1.10 < up.length / down.length <= 1.22
     rise, run = np.diff(up.heights), np.hypot(*np.diff(up.positions, axis=0).T)
     assert np.arctan2(rise, run).max() <= math.radians(25.01)
@@ -348,13 +343,12 @@ def test_start_and_goal_in_one_cell_cost_nothing():
 
 def test_each_cell_leads_to_its_nearest_goal():
     grid_map = a_map(np.zeros((1, 9)))
-    goals = np.stack([center(grid_map, 0, 0), center(grid_map, 0, 7)])
+    goals = center(grid_map, 0, 0) - [0, 0.1], center(grid_map, 0, 0), center(grid_map, 0, 7)
     field = TravelGraph(grid_map, cost="cost").cost_to(goals)
     assert field.costs.tolist() == [[0, 1, 2, 3, 3, 2, 1, 0, 1]]
-    assert field.path(center(grid_map, 0, 2)).positions[-1].tolist() == goals[0].tolist()
-    assert field.path(center(grid_map, 0, 8)).positions[-1].tolist() == goals[1].tolist()
-    field = TravelGraph(grid_map, cost="cost").cost_to([goals[0] + 0.1, goals[0]])
-    assert field.path(goals[1]).positions[-1].tolist() == (goals[0] + 0.1).tolist()
+    for column, goal in (2, 0), (0, 0), (8, 2):
+        path = field.path(center(grid_map, 0, column))
+        assert path.positions[-1].tolist() == goals[goal].tolist()
 
 
 def test_a_tolerance_leads_to_the_nearest_cell_within_reach():

@@ -247,9 +247,9 @@ class TravelGraph:
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
         """Return the center (2,) of the nearest of cells, and the distance [m]; inf without one."""
         centers = self._ground.to_positions(self._ground.cells(cells))
-        distances = np.append(np.hypot(*(centers - pose[:2]).T), np.inf)
-        nearest = distances.argmin()
-        return np.append(centers, [pose[:2]], axis=0)[nearest], float(distances[nearest])
+        centers = np.append(centers, [[np.inf, np.inf]], axis=0)
+        distances = np.hypot(*(centers - pose[:2]).T)
+        return centers[distances.argmin()], float(distances.min())
 
     def _cell(self, values: ArrayLike, name: str) -> int:
         """Return the flat index of the free cell of a start or goal; raise `NoPathError`."""
@@ -298,25 +298,22 @@ class CostField:
         Raises:
             NoPathError: the start is outside the map, blocked or unknown, or cannot reach a goal.
         """
-        cell, pose = self._graph._cell(start, "start"), _as_pose(start, "start")
+        graph, ground = self._graph, self._graph._ground
+        cell, pose = graph._cell(start, "start"), _as_pose(start, "start")
         if np.isinf(self._flat[cell]):
             goals = [*self._goals.values()]
             target = as_text(goals[0][:2]) if len(goals) == 1 else f"any of {len(goals)} goals"
             text = f"start: no path leads from {as_text(pose[:2])} to {target}"
             count = np.count_nonzero(np.isfinite(self._flat))
-            text += f", only from {count} of {np.count_nonzero(self._graph._free)} free cells"
+            text += f", only from {count} of {np.count_nonzero(graph._free)} free cells"
             raise NoPathError(text, PathFailure.NO_VALID_PATH)
         cells = [cell]
         while (cell := self._next.item(cell)) >= 0:
             cells.append(cell)
-        return self._path_along(np.array(cells), pose, self._goals[cells[-1]])
-
-    def _path_along(self, cells: Integers, start: Floats, goal: Floats) -> Path:
-        """Return the path through cells (K,), given as flat indices."""
-        ground, costs = self._graph._ground, self._flat[cells]
-        ends = ground.to_points(np.stack([start[:2], goal[:2]]))
+        points, costs = ground.cells(cells).astype(np.float64), self._flat[cells]
+        goal = self._goals[cells[-1]]
+        ends = ground.to_points(np.stack([pose[:2], goal[:2]]))
         lines = np.stack([costs[:-1] - costs[1:], np.ones(len(cells) - 1)])
-        points = ground.cells(cells).astype(np.float64)
         points, lines = ground.shortened(points, lines, np.zeros(len(cells), np.bool_))
         cost = min(float(lines[0].sum()), float(costs[0]))
         if len(cells) == 1:
@@ -334,15 +331,15 @@ class CostField:
         begin, _, _ = divided(points[:, :-1], points[:, 1:], lines[1])
         points = np.append(begin, points[:, -1:], axis=1)
         positions, heights = ground.to_positions(points), ground.heights_at(points)
-        positions[0], positions[-1] = start[:2], goal[:2]
+        positions[0], positions[-1] = pose[:2], goal[:2]
         x, y = np.diff(positions, axis=0).T
         yaws = np.arctan2(y, x)
         # Between the start or goal and the center of its cell, a robot does not turn.
         first, last = np.isinf(lines[0, [0, -1]]).astype(int)
         yaws[0], yaws[-1] = yaws[first], yaws[-1 - last]
         yaws = np.append(yaws, yaws[-1])
-        for index, pose in (0, start), (-1, goal):
-            yaws[index] = pose[2] if len(pose) == 3 else yaws[index]
+        for index, end in (0, pose), (-1, goal):
+            yaws[index] = end[2] if len(end) == 3 else yaws[index]
         length = float(np.hypot(np.hypot(x, y), np.diff(heights)).sum())
         return Path(positions=positions, heights=heights, yaws=yaws, length=length, cost=cost)
 
