@@ -338,6 +338,19 @@ def test_sole_on_few_known_cells():
     assert tilted.pitch == pytest.approx(-math.atan(slope[0]))
 
 
+@pytest.mark.parametrize(
+    "rules",
+    [{"limit": 0.5}, {"limit": 0, "mean_limit": 0.99}, {"surface": "elevation", "max_pitch": 0.1}],
+)
+def test_long_paths_are_checked_to_their_end(rules):
+    grid_map = hill(lambda x, _: 0.2 * (x > 1.2))
+    grid_map["value"] = grid_map["elevation"] == 0 if "surface" not in rules else 1.0
+    poses = [*[(-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)] * 15, (1.0, 0.0, 0.0)]
+    found = check_path(grid_map, ROBOT, poses, **{**RULES, **rules})
+    assert found.index == 29
+    assert 0.7 < found.pose[0] < 0.86
+
+
 @given(
     grid_maps(max_side=7),
     st.sampled_from([Footprint.rectangle(0.5, 0.3), ELL, FORK, Footprint.circle(0.2)]),

@@ -24,7 +24,7 @@ from ..regions import Polygon
 _CIRCLE_CORNERS = 32
 _WIDTH = 1e-6  # least width of a footprint [m]
 _FAR = 2.0**30  # row or column that is beyond every map
-_BATCH = 2**18  # edges times cells that are compared at once; they fit into the cache
+_BATCH = 2**17  # edges times cells that are compared at once; they fit into the cache
 
 
 class Footprint:
@@ -120,21 +120,22 @@ def touched_cells(
         turned = np.outer(corners, np.exp(1j * poses[batch, 2]))
         u, v = origins[batch, 0] - turned.real, origins[batch, 1] - turned.imag
         top, left = np.floor(u.min(axis=0) + tolerance), np.floor(v.min(axis=0) + tolerance)
-        # From here on, the axes are edges, poses, rows and columns.
-        u0, v0 = (u - top)[..., np.newaxis], (v - left)[..., np.newaxis]
+        # From here on, the axes are columns, edges, rows and poses; long inner loops are fast.
+        u0, v0 = (u - top)[:, np.newaxis], (v - left)[:, np.newaxis]
         u1, v1 = np.roll(u0, -1, axis=0), np.roll(v0, -1, axis=0)
-        rows, columns = (np.arange(np.ceil(one.max() - tolerance)) for one in (u0, v0))
+        rows = np.arange(np.ceil(u0.max() - tolerance))[:, np.newaxis]
+        columns = np.arange(np.ceil(v0.max() - tolerance)).reshape(-1, 1, 1, 1)
         upper, middle, lower = levels = np.add.outer([tolerance, 0.5, 1.0 - tolerance], rows)
         with np.errstate(divide="ignore", invalid="ignore"):
-            shares = (levels[:, np.newaxis, np.newaxis] - u0) / (u1 - u0)
-        begin, center, end = (v0 + (v1 - v0) * shares.clip(0.0, 1.0))[..., np.newaxis]
+            shares = (levels[:, np.newaxis] - u0) / (u1 - u0)
+        begin, center, end = v0 + (v1 - v0) * shares.clip(0.0, 1.0)
         in_row = (np.maximum(u0, u1) > upper) & (np.minimum(u0, u1) < lower)
-        ends_right = np.maximum(begin, end) > columns + tolerance
-        ends_left = np.minimum(begin, end) < columns + (1.0 - tolerance)
-        on_edge = (in_row[..., np.newaxis] & ends_right & ends_left).any(axis=0)
-        crosses = ((u0 > middle) != (u1 > middle))[..., np.newaxis]
-        is_inside = np.logical_xor.reduce(crosses & (center <= columns + 0.5))
-        pose, row, column = np.nonzero(on_edge | is_inside)
+        first = np.where(in_row, np.minimum(begin, end) - (1.0 - tolerance), np.inf)
+        last = np.maximum(begin, end) - tolerance
+        on_edge = ((first < columns) & (columns < last)).any(axis=1)
+        inner = np.where((u0 > middle) != (u1 > middle), center - 0.5, np.inf)
+        is_inside = np.logical_xor.reduce(inner <= columns, axis=1)
+        pose, row, column = np.nonzero((on_edge | is_inside).T)
         yield batch, pose, np.stack([row + top[pose], column + left[pose]]).astype(np.int64)
 
 

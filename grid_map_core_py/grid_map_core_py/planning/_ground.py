@@ -66,7 +66,8 @@ class Ground:
         passable: known, finite cells below the lethal cost.
         open: cells that the footprint may touch: the passable ones, and perhaps the border.
         factor: cost per meter, at least 1.
-        heights: [m]; NaN where unknown, 0 on flat ground.
+        is_flat: whether all heights are 0.
+        heights: [m]; NaN where unknown.
         limits, max_step: steepest slopes (None for any), and largest step [m].
         footprint: None for a robot that fits into a cell.
     """
@@ -75,6 +76,7 @@ class Ground:
     passable: Mask
     open: Mask
     factor: Floats
+    is_flat: bool
     heights: Floats
     limits: SlopeLimits | None
     max_step: float
@@ -115,6 +117,8 @@ class Ground:
 
     def heights_at(self, points: Floats) -> Floats:
         """Return the heights (P,) [m] at points (2, P): bilinear over the passable cells."""
+        if self.is_flat:
+            return np.zeros(points.shape[1])
         base = np.floor(points)
         down, right = points - base
         corners = self.flat(*base.astype(np.int64)) + [[0], [1], [self.stride], [self.stride + 1]]
@@ -153,7 +157,7 @@ class Ground:
         exists = np.logical_and.reduce([at(self.passable, cell) for cell in cells])
         exists &= at(free, (0, 0)) & at(free, move)
         for a, b in combinations(cells, 2):
-            if math.dist(a, b) == 1.0:
+            if math.dist(a, b) == 1.0 and math.isfinite(self.max_step):
                 step = at(self.heights, a) - at(self.heights, b)
                 exists &= np.abs(step) <= self.max_step + ROUNDING
         rise, length = at(self.heights, move) - at(self.heights, (0, 0)), math.hypot(i, j)
@@ -214,13 +218,14 @@ class Ground:
 
         middles = cells([0.5 * early, 0.5 * (early + late), 0.5 * (late + 1.0)])[0]
         mean = (self.factor[middles] * [early, late - early, 1.0 - late]).sum(axis=0)
-        touched = cells([early, late], _AROUND)
-        around, length = self.heights[touched], np.hypot(*extent)
-        low, high = self.heights_at(np.append(begin, end, axis=1)).reshape(2, -1)
-        rise = high - low
-        run, steps = self.geometry.resolution * length, np.abs(around - around[[1, 2, 3, 0]])
+        touched, length = cells([early, late], _AROUND), np.hypot(*extent)
         allowed = self.passable[touched].all(axis=(0, 1)) & (length > 0.0)
-        allowed &= steps.max(axis=(0, 1)) <= self.max_step + ROUNDING
+        low, high = self.heights_at(np.append(begin, end, axis=1)).reshape(2, -1)
+        rise, run = high - low, self.geometry.resolution * length
+        if math.isfinite(self.max_step):
+            around = self.heights[touched]
+            steps = np.abs(around - around[[1, 2, 3, 0]]).max(axis=(0, 1))
+            allowed &= steps <= self.max_step + ROUNDING
         if self.limits is not None:
             (rows, columns), (along, across) = self._gradient, extent / length
             slopes = rows[touched] * across - columns[touched] * along
