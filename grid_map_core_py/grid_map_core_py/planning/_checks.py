@@ -18,9 +18,6 @@ from ..plugins import check
 from ._footprint import Footprint, touched_cells
 from ._ground import divided
 
-_ON_A_LINE = 1e-9
-"""Share of the spread of points below which their spread in another direction is zero."""
-
 
 @dataclass(frozen=True, eq=False)
 class PathCheck:
@@ -308,7 +305,8 @@ def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, f
     middle, top = points[:, :2].mean(axis=0), points[:, 2].max()
     local = (points - (*middle, top)) / resolution
     spreads, directions = np.linalg.eigh(local[:, :2].T @ local[:, :2])
-    for direction in directions.T[spreads <= _ON_A_LINE * max(spreads[1], 1.0)]:
+    # Points on a line spread in one direction only.
+    for direction in directions.T[spreads <= 1e-9 * max(spreads[1], 1.0)]:
         across = np.append(direction, 0.0)
         local = np.concatenate((local + across, local - across))
     # With a point below the others, the hull of level ground has a volume, too.

@@ -19,8 +19,6 @@ from ..plugins import check
 from ._footprint import Footprint
 from ._ground import BORDER, EQUAL, Floats, Ground, SlopeLimits, divided
 
-_HIGHEST_COST = 252.0  # highest cost of Nav2 at which the robot is not in collision
-
 
 class PathFailure(IntEnum):
     """Reasons why there is no path, with the error codes of Nav2's action `ComputePathToPose`."""
@@ -161,7 +159,7 @@ class TravelGraph:
             geometry=grid_map.geometry,
             passable=passable,
             open=passable | (np.isnan(heights) & may_leave),
-            factor=1.0 + weight / _HIGHEST_COST * np.where(passable, costs, 0.0),
+            factor=1.0 + weight / 252.0 * np.where(passable, costs, 0.0),
             is_flat=elevation is None,
             heights=heights,
             limits=limits,
