@@ -15,9 +15,8 @@ from grid_map_core_py.testing import moved_in_buffer
 @pytest.fixture
 def site() -> GridMap:
     """Return a map with a wall that has a gap, and a slope."""
-    site = GridMap((4.0, 3.0), 0.1, layers={"cost": 0.0, "height": 0.0}, frame_id="map")
-    site["cost"][20, :22] = 254.0
-    site["cost"][5, 3] = np.nan
+    site = GridMap((4.0, 3.0), 0.1, layers={"cost": 0.0}, frame_id="map")
+    site["cost"][20, :22], site["cost"][5, 3] = 254.0, np.nan
     site["height"] = np.repeat(0.2 * site.axes()[0][:, None], 30, axis=1)
     return moved_in_buffer(site, (7, 11))
 
@@ -29,10 +28,8 @@ def command(site, grid_map_command):
 
 
 def test_path_passes_all_options_to_the_graph(command, site):
-    line = "path site.npz 1.5,1,0.5 -1.5,1.0,-3 --json --cost cost --cost-weight 2 --lethal 253"
-    line += (
-        " --elevation height --limits 20 15 20 --max-step 0.1 --footprint 0.5,0.3 --unknown free"
-    )
+    line = "path site.npz 1.5,1,0.5 -1.5,1.0,-3 --json --cost cost --cost-weight 2 --lethal 253 "
+    line += "--elevation height --limits 20 15 20 --max-step 0.1 --footprint 0.5,0.3 --unknown free"
     found = json.loads(command(line)[1])
     text = command(line.replace("--json", ""))[1]
     graph = TravelGraph(
@@ -41,7 +38,7 @@ def test_path_passes_all_options_to_the_graph(command, site):
         cost_weight=2.0,
         lethal=253.0,
         elevation="height",
-        limits=SlopeLimits(math.radians(20), math.radians(15), math.radians(20)),
+        limits=SlopeLimits(*map(math.radians, (20, 15, 20))),
         max_step=0.1,
         footprint=Footprint.rectangle(0.5, 0.3),
         unknown="free",

@@ -158,33 +158,24 @@ def test_costs_equal_a_slow_graph(seed):
 
 
 @pytest.mark.parametrize(("neighbors", "excess"), [(8, 0.083), (16, 0.028)])
-def test_flat_ground_is_nearly_euclidean(neighbors, excess):
+@pytest.mark.parametrize("degrees", [0, 20])
+def test_planes_are_nearly_euclidean(neighbors, excess, degrees):
+    slope = math.tan(math.radians(degrees))
     grid_map = a_map(np.zeros((61, 47)), resolution=0.1, start_index=(11, 5))
-    goal = center(grid_map, 30, 23)
-    field = TravelGraph(grid_map, cost="cost", neighbors=neighbors).cost_to(goal)
     x, y = grid_map.axes()
-    distances = np.hypot(x[:, None] - goal[0], y - goal[1])
-    assert (field.costs >= distances - 1e-9).all()
-    assert (field.costs <= (1.0 + excess) * distances + 1e-9).all()
+    grid_map["height"] = np.repeat(slope * x[:, None], len(y), axis=1)
+    goal = center(grid_map, 30, 23)
+    field = TravelGraph(grid_map, elevation="height", neighbors=neighbors).cost_to(goal)
+    rise = slope * (x[:, None] - goal[0])
+    distances = np.sqrt((x[:, None] - goal[0]) ** 2 + (y - goal[1]) ** 2 + rise**2)
+    assert (field.costs >= distances - 1e-5).all()
+    assert (field.costs <= (1.0 + excess + slope**2 / 8) * distances + 1e-5).all()
     for cell in (0, 0), (60, 3), (17, 46), (29, 0), (30, 24):
         start = center(grid_map, *cell)
-        path = field.path(start)
-        distance = math.dist(start, goal)
-        assert path.length == pytest.approx(distance)
-        assert path.cost == pytest.approx(distance)
-
-
-@pytest.mark.parametrize("end", [(2, 20), (25, 12), (38, 38), (20, 3)])
-def test_a_plane_of_20_degrees_is_longer_by_its_cosine(end):
-    slope = math.tan(math.radians(20))
-    heights = np.repeat(slope * 0.1 * np.arange(41)[:, None], 41, axis=1)
-    grid_map = a_map(np.zeros((41, 41)), resolution=0.1, height=heights)
-    start, goal = center(grid_map, 20, 20), center(grid_map, *end)
-    path = TravelGraph(grid_map, elevation="height").path(start, goal)
-    assert path.length == pytest.approx(
-        math.hypot(math.dist(start, goal), slope * abs(start - goal)[0]), rel=1e-5
-    )
-    assert path.heights[[0, -1]] == pytest.approx([slope * 2.0, slope * 0.1 * end[0]])
+        path, rise = field.path(start), slope * (start - goal)[0]
+        assert path.length == pytest.approx(math.hypot(math.dist(start, goal), rise), rel=1e-5)
+        assert path.cost == pytest.approx(path.length)
+        assert path.heights[[0, -1]] == pytest.approx([slope * start[0], slope * goal[0]], abs=1e-5)
 
 
 def test_a_detour_is_taken_from_the_documented_weight_on():
@@ -204,31 +195,26 @@ def test_a_detour_is_taken_from_the_documented_weight_on():
         assert graph.path(start, goal).length == pytest.approx(length)
 
 
-def a_ramp():
-    """Return a ramp of 30 degrees between two flat parts; rows go down the ramp."""
-    profile = np.clip(0.1 * (40 - np.arange(60)), 0.0, 2.0) * math.tan(math.radians(30))
-    return a_map(np.zeros((60, 41)), resolution=0.1, height=np.repeat(profile[:, None], 41, axis=1))
-
-
 def ramp_path(cross, *, upwards):
-    grid_map = a_ramp()
-    limits = SlopeLimits(math.radians(25), math.radians(35), math.radians(cross))
+    """Return a path over a ramp of 30 degrees between two flat parts; rows go down the ramp."""
+    profile = np.clip(0.1 * (40 - np.arange(60)), 0.0, 2.0) * math.tan(math.radians(30))
+    heights = np.repeat(profile[:, None], 41, axis=1)
+    grid_map = a_map(np.zeros((60, 41)), resolution=0.1, height=heights)
+    limits = SlopeLimits(*np.radians((25, 35, cross)))
     ends = center(grid_map, 10, 20), center(grid_map, 50, 20)
     graph = TravelGraph(grid_map, elevation="height", limits=limits)
     return graph.path(*(reversed(ends) if upwards else ends))
 
 
-@pytest.mark.parametrize("cross", [10, 22])
-def test_low_cross_limit_leaves_no_way_up_a_steep_ramp(cross):
-    assert ramp_path(cross, upwards=False).length > 4.0
-    with pytest.raises(NoPathError, match="no path"):
-        ramp_path(cross, upwards=True)
-
-
-@pytest.mark.parametrize("cross", [23, 30, 90])
+@pytest.mark.parametrize("cross", [10, 22, 23, 30, 90])
 def test_a_steep_ramp_is_climbed_by_switchbacks(cross):
-    down, up = ramp_path(cross, upwards=False), ramp_path(cross, upwards=True)
+    down = ramp_path(cross, upwards=False)
     assert np.ptp(down.positions[:, 1]) == pytest.approx(0.0, abs=1e-9)
+    if cross < 23:
+        with pytest.raises(NoPathError, match="no path"):
+            ramp_path(cross, upwards=True)
+        return
+    up = ramp_path(cross, upwards=True)
     assert 1.10 < up.length / down.length <= 1.22
     rise, run = np.diff(up.heights), np.hypot(*np.diff(up.positions, axis=0).T)
     assert np.arctan2(rise, run).max() <= math.radians(25.01)
@@ -238,24 +224,20 @@ def test_a_steep_ramp_is_climbed_by_switchbacks(cross):
 
 
 def test_a_diagonal_wall_is_not_crossed():
-    costs = np.where(np.eye(9) > 0, 254.0, 0.0)
-    grid_map = a_map(costs, start_index=(4, 7))
+    grid_map = a_map(np.where(np.eye(9) > 0, 254.0, 0.0), start_index=(4, 7))
     graph = TravelGraph(grid_map, cost="cost", lethal=253)
     with pytest.raises(NoPathError, match="only from 36 of 72 free cells"):
         graph.path(center(grid_map, 0, 8), center(grid_map, 8, 0))
 
 
-@pytest.mark.parametrize("layer", ["cost", "height"])
-def test_stepping_stones_of_one_cell_are_found(layer):
+@pytest.mark.parametrize(
+    "options", [{"cost": "stones"}, {"elevation": "stones", "limits": SlopeLimits(0.1, 0.1, 0.1)}]
+)
+def test_stepping_stones_of_one_cell_are_found(options):
     stones = np.full((7, 9), np.nan)
     stones[[3, 3, 3, 4, 5, 5, 5, 5], [0, 1, 2, 2, 2, 3, 4, 5]] = 0.0
-    grid_map = a_map(np.zeros((7, 9)))
-    grid_map[layer] = stones
-    limits = SlopeLimits(0.1, 0.1, 0.1) if layer == "height" else None
-    graph = TravelGraph(
-        grid_map, limits=limits, **{"cost" if layer == "cost" else "elevation": layer}
-    )
-    path = graph.path(center(grid_map, 3, 0), center(grid_map, 5, 5))
+    grid_map = a_map(np.zeros((7, 9)), stones=stones)
+    path = TravelGraph(grid_map, **options).path(center(grid_map, 3, 0), center(grid_map, 5, 5))
     assert path.length == pytest.approx(7.0)
 
 
@@ -325,41 +307,34 @@ def test_equal_maps_give_equal_bits(start_index):
     rng = np.random.default_rng(8)
     costs = rng.uniform(0, 250, (20, 30))
     grid_map = a_map(costs, height=rng.normal(0, 0.2, costs.shape))
-    moved = moved_in_buffer(grid_map, start_index)
-    ends = center(grid_map, 1, 2), center(grid_map, 17, 25)
+    start, goal = center(grid_map, 1, 2), center(grid_map, 17, 25)
     fields = [
-        TravelGraph(one, cost="cost", elevation="height").cost_to(ends[1])
-        for one in (grid_map, moved)
+        TravelGraph(one, cost="cost", elevation="height").cost_to(goal)
+        for one in (grid_map, moved_in_buffer(grid_map, start_index))
     ]
-    paths = [field.path(ends[0]) for field in fields]
-    moved["to_go"] = np.zeros(costs.shape)
     assert np.array_equal(np.roll(fields[0].costs, start_index, (0, 1)), fields[1].costs)
-    for name in "positions", "heights", "yaws":
-        assert np.array_equal(getattr(paths[0], name), getattr(paths[1], name))
-    assert (paths[0].cost, paths[0].length) == (paths[1].cost, paths[1].length)
+    np.testing.assert_equal(*(vars(field.path(start)) for field in fields))
 
 
 def test_positions_and_yaws_begin_and_end_at_start_and_goal():
     grid_map = a_map(np.zeros((10, 12)))
     start, goal = center(grid_map, 8, 9) + [0.3, -0.4], center(grid_map, 2, 1) + [-0.2, 0.45]
     graph = TravelGraph(grid_map, cost="cost")
-    path = graph.path((*start, 1.5), (*goal, -2.5))
-    assert path.positions[0].tolist() == start.tolist()
-    assert path.positions[-1].tolist() == goal.tolist()
-    assert (path.yaws[0], path.yaws[-1]) == (1.5, -2.5)
-    direction = math.atan2(*(goal - start)[::-1])
-    np.testing.assert_allclose(path.yaws[1:-1], direction)
+    path, without = graph.path((*start, 1.5), (*goal, -2.5)), graph.path(start, goal)
+    assert path.positions[[0, -1]].tolist() == [start.tolist(), goal.tolist()]
+    assert path.yaws[[0, -1]].tolist() == [1.5, -2.5]
+    np.testing.assert_allclose(without.yaws, math.atan2(*(goal - start)[::-1]))
+    np.testing.assert_array_equal(path.yaws[1:-1], without.yaws[1:-1])
     assert path.length == pytest.approx(math.dist(start, goal))
     assert path.cost == graph.path(center(grid_map, 8, 9), goal).cost
-    np.testing.assert_allclose(graph.path(start, goal).yaws, direction)
     assert np.hypot(*np.diff(path.positions, axis=0).T).max() < 2.3
     assert len(path.heights) == len(path.yaws) == len(path.positions)
 
 
 def test_start_and_goal_in_one_cell_cost_nothing():
     grid_map = a_map([[7.0]])
-    graph = TravelGraph(grid_map, cost="cost")
     start, goal = center(grid_map, 0, 0) + [0.2, 0.1], center(grid_map, 0, 0)
+    graph = TravelGraph(grid_map, cost="cost")
     path = graph.path(start, goal)
     assert path.positions.tolist() == [start.tolist(), goal.tolist()]
     assert (path.cost, path.length) == (0.0, pytest.approx(math.hypot(0.2, 0.1)))
@@ -368,13 +343,12 @@ def test_start_and_goal_in_one_cell_cost_nothing():
 
 def test_each_cell_leads_to_its_nearest_goal():
     grid_map = a_map(np.zeros((1, 9)))
-    goals = np.stack([center(grid_map, 0, 0), center(grid_map, 0, 7)])
+    goals = center(grid_map, 0, 0) - [0, 0.1], center(grid_map, 0, 0), center(grid_map, 0, 7)
     field = TravelGraph(grid_map, cost="cost").cost_to(goals)
     assert field.costs.tolist() == [[0, 1, 2, 3, 3, 2, 1, 0, 1]]
-    assert field.path(center(grid_map, 0, 2)).positions[-1].tolist() == goals[0].tolist()
-    assert field.path(center(grid_map, 0, 8)).positions[-1].tolist() == goals[1].tolist()
-    field = TravelGraph(grid_map, cost="cost").cost_to([goals[0] + 0.1, goals[0]])
-    assert field.path(goals[1]).positions[-1].tolist() == (goals[0] + 0.1).tolist()
+    for column, goal in (2, 0), (0, 0), (8, 2):
+        path = field.path(center(grid_map, 0, column))
+        assert path.positions[-1].tolist() == goals[goal].tolist()
 
 
 def test_a_tolerance_leads_to_the_nearest_cell_within_reach():
@@ -400,9 +374,9 @@ def test_a_tolerance_leads_to_the_nearest_cell_within_reach():
 def test_a_footprint_may_leave_the_map_with_free_unknown_cells():
     grid_map = a_map(np.zeros((3, 8)))
     ends = center(grid_map, 0, 0), center(grid_map, 0, 7)
-    options = {"cost": "cost", "footprint": Footprint.circle(0.8)}
+    options = {"cost": "cost", "footprint": Footprint.circle(1.6)}
     assert TravelGraph(grid_map, unknown="free", **options).path(*ends).length == pytest.approx(7.0)
-    with pytest.raises(NoPathError, match="the footprint touches"):
+    with pytest.raises(NoPathError, match=r"start: .* footprint touches .* has no free cell"):
         TravelGraph(grid_map, **options).path(*ends)
 
 
@@ -411,44 +385,33 @@ def test_a_footprint_needs_room_in_its_direction():
     costs[3:9, 2:38] = 0.0
     grid_map = a_map(costs, resolution=0.1, start_index=(9, 22))
     start, goal = center(grid_map, 5, 9), center(grid_map, 5, 20)
-    options = {"cost": "cost", "lethal": 253}
-    graph = TravelGraph(grid_map, **options, footprint=Footprint.rectangle(1.2, 0.3))
+    robot = Footprint.rectangle(1.2, 0.3)
+    graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=robot)
     assert graph.path(start, goal).length == pytest.approx(math.dist(start, goal))
     with pytest.raises(NoPathError, match=r"goal: .* where the footprint touches") as caught:
         graph.path(start, (*goal, 0.0))
     assert caught.value.reason is PathFailure.GOAL_OCCUPIED
-    with pytest.raises(NoPathError, match=r"start: .* where the footprint touches"):
-        TravelGraph(grid_map, **options, footprint=Footprint.circle(0.4)).path(start, goal)
 
 
 @pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("shape", ["circle", "rectangle"])
-def test_a_footprint_stays_free_along_the_path(shape, seed):
-    """Points all over the footprint are on free cells; between them, straight lines are free."""
-    x, y = np.meshgrid(np.linspace(-0.425, 0.425, 86), np.linspace(-0.225, 0.225, 46))
-    inside, footprint = np.stack([x.ravel(), y.ravel()]), Footprint.rectangle(0.9, 0.5)
-    if shape == "circle":
-        inside, footprint = inside[:, np.hypot(*inside) < 0.225], Footprint.circle(0.25)
+@pytest.mark.parametrize("footprint", [Footprint.circle(0.25), Footprint.rectangle(0.9, 0.5)])
+def test_a_footprint_stays_free_along_the_path(footprint, seed):
     rng = np.random.default_rng(seed)
-    density = 0.004 * (1 + seed % 4)
-    costs = np.where(rng.random((50, 60)) < density, 254.0, 0.0)
+    costs = np.where(rng.random((50, 60)) < 0.004 * (1 + seed % 4), 254.0, 0.0)
     costs[22:28, 27:33] = 0.0
     grid_map = a_map(costs, resolution=0.1, start_index=(20, 3))
-    graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=footprint)
-    free = np.argwhere(graph.cost_to((3.0, -2.0)).costs < np.inf)
-    start = max(free.tolist(), key=lambda cell: math.dist(grid_map.get_position(cell), (3, -2)))
-    path = graph.path(grid_map.get_position(start), (3.0, -2.0))
-    for position, yaw in zip(path.positions[1:-1], path.yaws[1:-1], strict=True):
-        turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-        assert grid_map.at_position("cost", position + (turn @ inside).T).max() == 0.0
     grid_map["traversability"] = grid_map["cost"] == 0.0
+    graph = TravelGraph(grid_map, cost="cost", lethal=253, footprint=footprint)
+    field, rules = graph.cost_to((3.0, -2.0)), {"layer": "traversability", "limit": 0.5}
+    free = np.argwhere(field.costs < np.inf).tolist()
+    start = max(free, key=lambda cell: math.dist(grid_map.get_position(cell), (3, -2)))
+    path = field.path(grid_map.get_position(start))
     for a, b, yaw in zip(path.positions, path.positions[1:-1], path.yaws[:-1], strict=False):
-        piece, rules = [(*a, yaw), (*b, yaw)], {"layer": "traversability", "limit": 0.5}
+        piece = [(*a, yaw), (*b, yaw)]
         # A move of the graph need only be free at its ends.
+        assert all(check_pose(grid_map, footprint, pose, **rules).is_free for pose in piece)
         cells = (grid_map.geometry.corner - np.stack([a, b])) / 0.1 - 0.5
-        if np.abs(cells - np.rint(cells)).max() < 1e-6:
-            assert all(check_pose(grid_map, footprint, pose, **rules).is_free for pose in piece)
-        else:
+        if np.abs(cells - np.rint(cells)).max() > 1e-6:
             assert check_path(grid_map, footprint, piece, **rules).is_free
 
 
@@ -500,27 +463,27 @@ def test_errors_tell_how_many_cells_are_connected(walled):
 
 
 @pytest.mark.parametrize(
-    ("options", "error", "text"),
+    ("options", "text"),
     [
-        ({"cost": "none"}, LayerNotFoundError, "no layer 'none'"),
-        ({"elevation": "none"}, LayerNotFoundError, "no layer 'none'"),
-        ({"cost": "signed"}, GeometryError, "cost: expected no negative numbers .* got -1 at "),
-        ({"cost_weight": -1}, GeometryError, "cost_weight: expected a number >= 0, got -1"),
-        ({"cost_weight": np.nan}, GeometryError, "cost_weight: expected a number"),
-        ({"cost": "cost", "lethal": np.nan}, GeometryError, "lethal: expected a finite number"),
-        ({"lethal": 253}, ConfigError, "lethal: expected the argument cost as well"),
-        ({"max_step": 1.0}, ConfigError, "max_step: expected the argument elevation as well"),
-        ({"elevation": "cost", "max_step": -1}, GeometryError, "max_step: expected .* >= 0"),
-        ({"limits": SlopeLimits(1, 1, 1)}, ConfigError, "limits: expected the argument elev"),
-        ({"elevation": "cost", "limits": 0.3}, ConfigError, "limits: expected a SlopeLimits"),
-        ({"footprint": 0.3}, ConfigError, "footprint: expected a Footprint, got 0.3"),
-        ({"neighbors": 4}, ConfigError, "neighbors: expected 8 or 16, got 4"),
-        ({"unknown": "lethal"}, ConfigError, "unknown: expected 'blocked' or 'free'"),
+        ({"cost": "none"}, "no layer 'none'"),
+        ({"elevation": "none"}, "no layer 'none'"),
+        ({"cost": "signed"}, "cost: expected no negative numbers in layer 'signed', got -1. Set"),
+        ({"cost_weight": -1}, "cost_weight: expected a number >= 0, got -1"),
+        ({"cost_weight": np.nan}, "cost_weight: expected a number"),
+        ({"cost": "cost", "lethal": np.nan}, "lethal: expected a finite number"),
+        ({"lethal": 253}, "'cost': expected a layer, for lethal"),
+        ({"max_step": 0.0}, "'elevation': expected a layer, for limits and max_step"),
+        ({"elevation": "cost", "max_step": -1}, "max_step: expected .* >= 0"),
+        ({"limits": SlopeLimits(1, 1, 1)}, "'elevation': expected a layer, for limits"),
+        ({"elevation": "cost", "limits": 0.3}, "'limits': expected SlopeLimits"),
+        ({"footprint": 0.3}, "'footprint': expected a Footprint, got 0.3"),
+        ({"neighbors": 4}, "'neighbors': expected 8 or 16, got 4"),
+        ({"unknown": "lethal"}, "'unknown': expected 'blocked' or 'free'"),
     ],
 )
-def test_wrong_options_are_named(options, error, text):
+def test_wrong_options_are_named(options, text):
     grid_map = a_map(np.zeros((2, 2)), signed=[[0, 1], [-1, np.nan]])
-    with pytest.raises(error, match=f"^{text}"):
+    with pytest.raises((ConfigError, GeometryError, LayerNotFoundError), match=text):
         TravelGraph(grid_map, **options)
 
 
@@ -534,8 +497,7 @@ def test_wrong_options_are_named(options, error, text):
         (lambda graph: graph.cost_to(np.zeros((1, 2, 2))), "goals: expected shape"),
         (lambda graph: graph.cost_to("here"), "goals: expected numbers"),
         (lambda _: SlopeLimits(25.0, 0.1, 0.1), "up: expected an angle .* Convert degrees"),
-        (lambda _: SlopeLimits(0.1, np.nan, 0.1), "down: expected an angle"),
-        (lambda _: SlopeLimits(0.1, 0.1, -0.1), "cross: expected an angle"),
+        (lambda _: SlopeLimits(0.1, np.nan, -0.1), "down: expected an angle"),
     ],
 )
 def test_wrong_arguments_are_named(call, text):

@@ -6,12 +6,14 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from .._arrays._checks import Positions
 from ._arguments import add_json, add_source, complete_layers, completed
 from ._maps import check_free, read_map
 from ._output import UsageError, message, number, print_json, print_table
 
 if TYPE_CHECKING:
-    from .. import planning
     from ..map import GridMap
 
 _ENDINGS = (".jpg", ".pdf", ".png", ".svg")
@@ -54,54 +56,45 @@ def _numbers(text: str) -> list[float]:
 
 
 def run(options: argparse.Namespace) -> int:
-    layers = [layer for layer in (options.cost, options.elevation) if layer is not None]
+    from ..planning import Footprint, SlopeLimits, TravelGraph
+
+    layers, output = [*filter(None, (options.cost, options.elevation))], options.output
     if not layers:
         raise UsageError("expected --cost or --elevation, or both")
-    if options.output is not None:
-        if options.output.suffix.lower() not in _ENDINGS:
-            expected = f"expected a name that ends in {', '.join(_ENDINGS)}"
-            raise UsageError(f"{options.output}: {expected}")
-        check_free(str(options.output), force=options.force)
+    if output is not None and output.suffix.lower() not in _ENDINGS:
+        raise UsageError(f"{output}: expected a name that ends in {', '.join(_ENDINGS)}")
+    if output is not None:
+        check_free(str(output), force=options.force)
+    shapes: dict[int, Any] = {0: lambda: None, 1: Footprint.circle, 2: Footprint.rectangle}
+    size = options.footprint or []
+    if len(size) not in shapes:
+        raise UsageError(f"--footprint: expected one or two numbers, got {len(size)}")
+    names = "cost", "cost_weight", "lethal", "elevation", "max_step", "unknown"
+    arguments = {name: getattr(options, name) for name in names}
+    if options.limits is not None:
+        arguments["limits"] = SlopeLimits(*map(math.radians, options.limits))
     grid_map = read_map(options, layers)
-    path = _find(grid_map, options)
+    graph = TravelGraph(grid_map, footprint=shapes[len(size)](*size), **arguments)
+    path = graph.path(options.start, options.goal, tolerance=options.tolerance)
     if options.json:
-        arrays = {name: getattr(path, name).tolist() for name in ("positions", "heights", "yaws")}
-        print_json({"length": path.length, "cost": path.cost, **arrays})
+        print_json({name: np.asarray(value).tolist() for name, value in vars(path).items()})
     else:
         print_table([("length", f"{number(path.length)} m"), ("cost", number(path.cost))])
-    if options.output is not None:
-        _draw(grid_map, layers[0], path, options.output)
-        message(f"{options.output} is drawn")
+    if output is not None:
+        _draw(grid_map, layers[0], path.positions, output)
+        message(f"{output} is drawn")
     return 0
 
 
-def _find(grid_map: "GridMap", options: argparse.Namespace) -> "planning.Path":
-    from ..planning import Footprint, SlopeLimits, TravelGraph
-
-    limits = footprint = None
-    if options.limits is not None:
-        limits = SlopeLimits(*map(math.radians, options.limits))
-    if options.footprint is not None:
-        shapes: dict[int, Any] = {1: Footprint.circle, 2: Footprint.rectangle}
-        size = options.footprint
-        if len(size) not in shapes:
-            raise UsageError(f"--footprint: expected one or two numbers, got {len(size)}")
-        footprint = shapes[len(size)](*size)
-    names = "cost", "cost_weight", "lethal", "elevation", "max_step", "unknown"
-    arguments = {name: getattr(options, name) for name in names}
-    graph = TravelGraph(grid_map, limits=limits, footprint=footprint, **arguments)
-    return graph.path(options.start, options.goal, tolerance=options.tolerance)
-
-
-def _draw(grid_map: "GridMap", layer: str, path: "planning.Path", file: Path) -> None:
+def _draw(grid_map: "GridMap", layer: str, positions: Positions, file: Path) -> None:
     from ..errors import required
     from ..files._shared import new_file, storage_errors
 
     matplotlib: Any = required("matplotlib.figure", "a picture")
     figure = matplotlib.Figure(figsize=(9.0, 7.0), dpi=110, layout="constrained")
     axes = grid_map.plot(layer, figure.add_subplot())
-    (line,) = axes.plot(*path.positions.T, color="red", linewidth=2.0)
-    axes.plot(*path.positions[0], "o", color=line.get_color())
-    axes.plot(*path.positions[-1], "*", color=line.get_color(), markersize=14.0)
+    (line,) = axes.plot(*positions.T, color="red", linewidth=2.0)
+    axes.plot(*positions[0], "o", color=line.get_color())
+    axes.plot(*positions[-1], "*", color=line.get_color(), markersize=14.0)
     with storage_errors(file, "written"), new_file(file) as temporary:
         figure.savefig(temporary, format=file.suffix[1:])

@@ -13,36 +13,22 @@
   an error code of Nav2.
 """
 
-from typing import TYPE_CHECKING
+from .. import _lazy
+from ._checks import (
+    PathCheck as PathCheck,
+    PoseCheck as PoseCheck,
+    check_path as check_path,
+    check_pose as check_pose,
+    footprint_cells as footprint_cells,
+)
+from ._footprint import Footprint as Footprint, footprint_layer as footprint_layer
+from ._graph import (
+    CostField as CostField,
+    NoPathError as NoPathError,
+    Path as Path,
+    PathFailure as PathFailure,
+    TravelGraph as TravelGraph,
+)
+from ._ground import SlopeLimits as SlopeLimits
 
-from .._lazy import lazy_names
-
-if TYPE_CHECKING:
-    from ._checks import (
-        PathCheck as PathCheck,
-        PoseCheck as PoseCheck,
-        check_path as check_path,
-        check_pose as check_pose,
-        footprint_cells as footprint_cells,
-    )
-    from ._footprint import Footprint as Footprint
-    from ._footprint_layer import footprint_layer as footprint_layer
-    from ._graph import TravelGraph as TravelGraph
-    from ._ground import SlopeLimits as SlopeLimits
-    from ._paths import (
-        CostField as CostField,
-        NoPathError as NoPathError,
-        Path as Path,
-        PathFailure as PathFailure,
-    )
-
-_OFFERED = {
-    "._checks": "PathCheck PoseCheck check_path check_pose footprint_cells",
-    "._footprint": "Footprint",
-    "._footprint_layer": "footprint_layer",
-    "._graph": "TravelGraph",
-    "._ground": "SlopeLimits",
-    "._paths": "CostField NoPathError Path PathFailure",
-}
-# Paths need SciPy, which is slow to import.
-__all__, __getattr__, __dir__ = lazy_names(__name__, _OFFERED)
+__all__, __dir__ = _lazy.public_names(dir())

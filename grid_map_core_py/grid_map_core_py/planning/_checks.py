@@ -10,19 +10,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Integers, Layer, Mask, Positions, as_array
-from ..errors import ConfigError, GeometryError, short
+from .._arrays._checks import Integers, Layer, Mask, Positions, as_array, as_number
+from ..errors import GeometryError, short
 from ..limits import check_visits
 from ..map._grid_map import GridMap
 from ..plugins import check
-from ._footprint import Footprint, batches, touched_cells
-from ._resting import NOT_RESTING, Resting, resting_pose
-
-_FAR = 2**30
-"""Row or column that is beyond every map."""
-
-_SPAN = 2**32
-"""Factor that packs a row and a column into one integer; more than the range of columns."""
+from ._footprint import Footprint, touched_cells
+from ._ground import divided
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +78,9 @@ def footprint_cells(grid_map: GridMap, footprint: Footprint, pose: ArrayLike) ->
         GeometryError: the pose is not finite.
         LimitError: the footprint is larger than the largest permitted map.
     """
-    _, row, column = _touched(grid_map, footprint, _as_poses(pose, "pose"))
-    inside = _is_inside(grid_map, row, column)
-    return _buffer_indices(grid_map, row[inside], column[inside])
+    ((_, _, cells),) = touched_cells(footprint, grid_map.geometry, _as_poses(pose, "pose", 1))
+    indices, inside = _on_map(grid_map, cells)
+    return indices[:, inside].T
 
 
 def check_pose(
@@ -144,9 +138,10 @@ def check_pose(
     rules = _Rules(
         layer, limit, mean_limit, unknown, surface, max_roll, max_pitch, body_height, min_clearance
     )
-    poses = _as_poses(pose, "pose")
+    poses = _as_poses(pose, "pose", 1)
     found, rest = _check(grid_map, footprint, poses, np.zeros(1, np.int64), rules)
-    return PoseCheck(**vars(found), **rest._asdict())
+    height, roll, pitch, clearance = rest
+    return PoseCheck(**vars(found), height=height, roll=roll, pitch=pitch, clearance=clearance)
 
 
 def check_path(
@@ -183,8 +178,15 @@ def check_path(
     rules = _Rules(
         layer, limit, mean_limit, unknown, surface, max_roll, max_pitch, body_height, min_clearance
     )
-    samples, indices = _between(_as_poses(poses, "poses"), footprint, grid_map.resolution)
-    return _check(grid_map, footprint, samples, indices, rules)[0]
+    given, resolution = _as_poses(poses, "poses", 2), grid_map.resolution
+    moves = np.diff(given, axis=0)
+    moves[:, 2] = math.pi - (math.pi - moves[:, 2]) % (2.0 * math.pi)
+    farthest = np.hypot(moves[:, 0], moves[:, 1]) + footprint.radius * np.abs(moves[:, 2])
+    steps = np.fmax(np.ceil(farthest / (0.5 * resolution)), 1.0)
+    check_visits("poses", float(steps.sum()) * (2.0 * footprint.radius / resolution) ** 2)
+    between, _, index = divided(given[:-1].T, given[:-1].T + moves.T, steps)
+    samples = np.append(between, given[-1:].T, axis=1).T
+    return _check(grid_map, footprint, samples, np.append(index, len(moves)), rules)[0]
 
 
 @dataclass(frozen=True)
@@ -193,138 +195,140 @@ class _Rules:
 
     layer: str
     limit: float
-    mean_limit: float | None = None
-    unknown: str = "blocked"
-    surface: str | None = None
-    max_roll: float | None = None
-    max_pitch: float | None = None
-    body_height: float | None = None
-    min_clearance: float | None = None
+    mean_limit: float | None
+    unknown: str
+    surface: str | None
+    max_roll: float | None
+    max_pitch: float | None
+    body_height: float | None
+    min_clearance: float | None
 
     def __post_init__(self) -> None:
-        of_sole = "max_roll", "max_pitch", "min_clearance", "body_height"
-        for name in ("limit", "mean_limit", *of_sole):
-            value = getattr(self, name)
-            is_number = isinstance(value, int | float | np.integer | np.floating)
-            is_default = value is None and name != "limit"
-            check(is_default or (is_number and value == value), name, "a number", value)
-        known = self.unknown in ("blocked", "free")
-        check(known, "unknown", "'blocked' or 'free'", self.unknown)
-        for name in of_sole:
-            if self.surface is None and getattr(self, name) is not None:
-                raise ConfigError(f"{name}: expected `surface`, the layer with heights, as well")
-        if self.min_clearance is not None and self.body_height is None:
-            raise ConfigError("min_clearance: expected `body_height` as well")
-
-    def refuse(self, rest: Resting) -> bool:
-        """Return whether a resting pose is beyond a limit; NaN is not."""
-        return (
-            (self.max_roll is not None and abs(rest.roll) > self.max_roll)
-            or (self.max_pitch is not None and abs(rest.pitch) > self.max_pitch)
-            or (self.min_clearance is not None and rest.clearance < self.min_clearance)
-        )
+        texts = {"layer", "unknown", "surface"}
+        numbers = {name: value for name, value in vars(self).items() if name not in texts}
+        given = {name for name, value in numbers.items() if value is not None} | {"limit"}
+        for name in given:
+            check(not math.isnan(as_number(numbers[name], name)), name, "a number", numbers[name])
+        of_sole = sorted(given - {"limit", "mean_limit"})
+        expected = f"a layer with heights, for {', '.join(of_sole)}"
+        check(self.surface is not None or not of_sole, "surface", expected, self.surface)
+        has_body = self.body_height is not None or self.min_clearance is None
+        check(has_body, "body_height", "a height, for min_clearance", self.body_height)
+        is_known = self.unknown in ("blocked", "free")
+        check(is_known, "unknown", "'blocked' or 'free'", self.unknown)
 
 
 def _check(
     grid_map: GridMap, footprint: Footprint, poses: Positions, indices: Integers, rules: _Rules
-) -> tuple[PathCheck, Resting]:
-    """Check poses (P, 3) with the numbers `indices` (P,); also return how the last one rests."""
-    touched, is_blocked, rest = [], np.zeros(len(poses), np.bool_), NOT_RESTING
-    for part in batches(footprint, grid_map.resolution, len(poses)):
-        pose, row, column = _touched(grid_map, footprint, poses[part])
-        touched.append(np.unique(row * _SPAN + column))
-        values, heights, known, blocked = _ground(grid_map, rules, row, column)
-        count = part.stop - part.start
-        is_blocked[part] = np.bincount(pose, blocked, count) > 0
+) -> tuple[PathCheck, list[float]]:
+    """Check poses (P, 3) with the numbers `indices` (P,).
+
+    Also return height, roll, pitch and clearance at the last pose.
+    """
+    is_blocked, union = np.zeros(len(poses), np.bool_), []
+    rests = np.full((4, len(poses)), np.nan)
+    # None becomes NaN, which is no limit.
+    *steepest, least_clearance, body_height = np.array(
+        [rules.max_roll, rules.max_pitch, rules.min_clearance, rules.body_height], np.float64
+    )
+    for batch, pose, cells in touched_cells(footprint, grid_map.geometry, poses):
+        union.append(_distinct(cells))
+        values, heights, blocked = _look_up(grid_map, rules, cells)
+        is_blocked[batch][pose[blocked]] = True
         if rules.mean_limit is not None:
-            sums = np.bincount(pose, np.where(known, values, 0.0), count)
+            known, count = np.isfinite(values), batch.stop - batch.start
+            sums = np.bincount(pose[known], values[known], count)
             with np.errstate(invalid="ignore"):
-                means = (sums / np.bincount(pose, known, count)).astype(np.float32)
-            is_blocked[part] |= means < np.float32(rules.mean_limit)
+                means = sums / np.bincount(pose[known], minlength=count)
+            is_blocked[batch] |= means.astype(np.float32) < np.float32(rules.mean_limit)
         if rules.surface is not None:
-            cells = np.stack([row, column], axis=1)[has_height := np.isfinite(heights)]
-            places = grid_map.geometry.corner - (cells + 0.5) * grid_map.resolution
-            ends = np.searchsorted(pose[has_height], np.arange(count + 1))
-            points = np.column_stack([places, heights[has_height]])
-            for number, one in enumerate(poses[part]):
-                here = points[ends[number] : ends[number + 1]] - (*one[:2], 0.0)
-                rest = resting_pose(here, one[2], grid_map.resolution, rules.body_height)
-                is_blocked[part.start + number] |= rules.refuse(rest)
-    row, column = np.divmod(np.unique(np.concatenate(touched)) + _SPAN // 2, _SPAN)
-    column -= _SPAN // 2
-    values, _, known, blocked = _ground(grid_map, rules, row, column)
-    blocked &= _is_inside(grid_map, row, column)
-    is_free, first, values = not is_blocked.any(), int(is_blocked.argmax()), values[known]
+            places = grid_map.geometry.corner - (cells.T + 0.5) * grid_map.resolution
+            points = np.column_stack([places, heights])
+            for number, (x, y, yaw) in enumerate(poses[batch]):
+                under = points[(pose == number) & np.isfinite(heights)] - (x, y, 0.0)
+                if len(under):
+                    height, roll, pitch = _resting(under, yaw, grid_map.resolution)
+                    clearance = height + body_height - under[:, 2].max()
+                    rests[:, batch.start + number] = height, roll, pitch, clearance
+    is_blocked |= (np.abs(rests[1:3].T) > steepest).any(axis=1) | (rests[3] < least_clearance)
+    cells = _distinct(np.concatenate(union, axis=1))
+    values, _, blocked = _look_up(grid_map, rules, cells)
+    buffer_indices, inside = _on_map(grid_map, cells)
+    is_free, first = not is_blocked.any(), int(is_blocked.argmax())
+    known = values[np.isfinite(values)]
     found = PathCheck(
         is_free=is_free,
         index=None if is_free else int(indices[first]),
         pose=None if is_free else poses[first],
-        blocked=_buffer_indices(grid_map, row[blocked], column[blocked]),
-        worst=float(values.min()) if values.size else math.nan,
-        mean=float(values.mean(dtype=np.float64)) if values.size else math.nan,
-        unknown=1.0 - values.size / known.size,
+        blocked=buffer_indices[:, blocked & inside].T,
+        worst=float(known.min()) if known.size else math.nan,
+        mean=float(known.mean(dtype=np.float64)) if known.size else math.nan,
+        unknown=1.0 - known.size / values.size,
     )
-    return found, rest
+    return found, rests[:, -1].tolist()
 
 
-def _ground(
-    grid_map: GridMap, rules: _Rules, row: Integers, column: Integers
-) -> tuple[Layer, Layer, Mask, Mask]:
-    """Return values, heights, and which cells are known and blocked; NaN beyond the map."""
-    inside = _is_inside(grid_map, row, column)
-    cells = tuple(_buffer_indices(grid_map, row[inside], column[inside]).T)
-    values, heights = np.full((2, len(row)), np.nan, np.float32)
-    values[inside] = grid_map[rules.layer][cells]
-    known = np.isfinite(values)
+def _distinct(cells: Integers) -> Integers:
+    """Return cells (2, N) in order, each once."""
+    _, first = np.unique(cells[0] * 2**32 + cells[1], return_index=True)
+    return cells[:, first]
+
+
+def _on_map(grid_map: GridMap, cells: Integers) -> tuple[Integers, Mask]:
+    """Return the buffer indices (2, N) of cells in map order, and which are on the map (N,)."""
+    size, start = np.array([grid_map.size, grid_map.start_index])[..., np.newaxis]
+    return (cells + start) % size, ((cells >= 0) & (cells < size)).all(axis=0)
+
+
+def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, Layer, Mask]:
+    """Return values and heights (N,), NaN if unknown, and which cells are blocked."""
+    (row, column), known = _on_map(grid_map, cells)
+    heights = np.full(len(row), np.nan, np.float32)
     if rules.surface is not None:
-        heights[inside] = grid_map[rules.surface][cells]
-        known &= np.isfinite(heights)
+        heights[known] = grid_map[rules.surface][row, column][known]
+        known = np.isfinite(heights)
+    values = grid_map[rules.layer][row, column]
+    known = known & np.isfinite(values)
     # In float32, a value that was set to the limit is not below it.
-    blocked = known & (values < np.float32(rules.limit))
-    return values, heights, known, (blocked if rules.unknown == "free" else blocked | ~known)
+    blocked = np.where(known, values < np.float32(rules.limit), rules.unknown == "blocked")
+    return np.where(known, values, np.float32(np.nan)), heights, blocked
 
 
-def _as_poses(values: ArrayLike, name: str) -> Positions:
-    """Return poses x, y, yaw as (P, 3); the parameter `pose` is a single one."""
+def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
+    """Return height, roll and pitch of a sole on points (N, 3), N > 0, relative to the robot [m].
+
+    The convex hull is the intersection of half spaces, so the plane of its upper facet at a
+    position is the lowest of the planes there.
+    """
+    from scipy.spatial import ConvexHull  # slow to import
+
+    middle, top = points[:, :2].mean(axis=0), points[:, 2].max()
+    local = (points - (*middle, top)) / resolution
+    spreads, directions = np.linalg.eigh(local[:, :2].T @ local[:, :2])
+    # Points on a line spread in one direction only.
+    for direction in directions.T[spreads <= 1e-9 * max(spreads[1], 1.0)]:
+        across = np.append(direction, 0.0)
+        local = np.concatenate((local + across, local - across))
+    # With a point below the others, the hull of level ground has a volume, too.
+    below = 0.0, 0.0, local[:, 2].min() - 1.0
+    equations = ConvexHull(np.concatenate((local, [below]))).equations
+    upper = equations[equations[:, 2] > 0.0]
+    x, y, z, offset = upper[np.argmin(-upper[:, 3] / upper[:, 2])]
+    slope = -np.array([x, y]) / z
+    height = float(top - resolution * offset / z - slope @ middle)
+    ahead = slope @ (math.cos(yaw), math.sin(yaw))
+    left = slope @ (-math.sin(yaw), math.cos(yaw))
+    # The normal (-ahead, -left, 1) is the z axis turned by the roll, then by the pitch.
+    roll = math.asin(left / math.sqrt(1.0 + ahead**2 + left**2))
+    return height, roll, -math.atan(ahead)
+
+
+def _as_poses(values: ArrayLike, name: str, axes: int) -> Positions:
+    """Return one pose x, y, yaw (`axes` 1) or several poses (2) as (P, 3)."""
     poses: Positions = as_array(values, np.float64, name)
-    is_one = name == "pose"
-    if poses.shape[-1:] != (3,) or poses.ndim != 2 - is_one or not poses.size:
-        shape = "(3,)" if is_one else "(N, 3), N > 0"
-        raise GeometryError(f"{name}: expected x, y, yaw of shape {shape}, got {poses.shape}")
-    if not np.isfinite(poses).all():
-        raise GeometryError(f"{name}: expected finite x, y, yaw [m, m, rad], got {short(values)}")
+    is_finite = poses.size and np.isfinite(poses).all()
+    if poses.ndim != axes or poses.shape[-1] != 3 or not is_finite:
+        shape = "(3,)" if axes == 1 else "(N, 3), N > 0"
+        expected = f"finite x, y, yaw [m, m, rad] of shape {shape}"
+        raise GeometryError(f"{name}: expected {expected}, got {short(values)}")
     return poses.reshape(-1, 3)
-
-
-def _between(
-    poses: Positions, footprint: Footprint, resolution: float
-) -> tuple[Positions, Integers]:
-    """Return poses (P, 3) along a path, and for each the number of the given pose before (P,)."""
-    moves = np.diff(poses, axis=0, append=poses[-1:])
-    moves[:, 2] = math.pi - (math.pi - moves[:, 2]) % (2.0 * math.pi)
-    farthest = np.hypot(moves[:, 0], moves[:, 1]) + footprint.radius * np.abs(moves[:, 2])
-    steps = np.fmax(np.ceil(farthest / (0.5 * resolution)), 1.0)
-    check_visits("poses", float(steps.sum()) * (2.0 * footprint.radius / resolution) ** 2)
-    counts = steps.astype(np.int64)
-    indices = np.repeat(np.arange(len(poses)), counts)
-    shares = (np.arange(len(indices)) - (np.cumsum(counts) - counts)[indices]) / counts[indices]
-    return poses[indices] + shares[:, np.newaxis] * moves[indices], indices
-
-
-def _touched(
-    grid_map: GridMap, footprint: Footprint, poses: Positions
-) -> tuple[Integers, Integers, Integers]:
-    """Return number of the pose, row and column of the cells under poses (P, 3)."""
-    origins = (grid_map.geometry.corner - poses[:, :2]) / grid_map.resolution
-    return touched_cells(footprint, grid_map.resolution, origins.clip(-_FAR, _FAR), poses[:, 2])
-
-
-def _is_inside(grid_map: GridMap, row: Integers, column: Integers) -> Mask:
-    rows, columns = grid_map.size
-    return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-
-
-def _buffer_indices(grid_map: GridMap, row: Integers, column: Integers) -> NDArray[np.int64]:
-    """Return cells of the map, in map order, as (N, 2) buffer indices."""
-    indices = np.stack([row, column], axis=1) + grid_map.start_index
-    return np.where(indices < grid_map.size, indices, indices - grid_map.size)

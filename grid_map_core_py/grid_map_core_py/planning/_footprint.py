@@ -1,23 +1,30 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Outlines of robots, and the cells that they touch."""
+"""Outlines of robots, the cells that they touch, and values under them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any, Literal
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import Integers, Mask, Positions, as_finite
+from .._arrays._checks import Integers, Positions, as_finite
 from .._arrays._pieces import slices
 from ..errors import GeometryError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ..plugins import check
 from ..regions import Polygon
 
 _CIRCLE_CORNERS = 32
 _WIDTH = 1e-6  # least width of a footprint [m]
+_FAR = 2.0**30  # row or column that is beyond every map
+_BATCH = 2**17  # edges times cells that are compared at once; they fit into the cache
 
 
 class Footprint:
@@ -42,10 +49,14 @@ class Footprint:
 
     def __init__(self, points: Polygon | ArrayLike) -> None:
         self._polygon = Polygon.of(points)
-        perimeter = np.hypot(*(self.points - np.roll(self.points, 1, axis=0)).T).sum()
+        begin = self.points[:, np.newaxis]
+        x, y = edges = np.moveaxis(np.roll(begin, -1, axis=0) - begin, -1, 0)
+        # (N, N): on which side of the line through an edge each corner is.
+        side = np.sign(x * (self.points - begin)[..., 1] - y * (self.points - begin)[..., 0])
+        parts = side * np.roll(side, -1, axis=1) < 0
         # A narrower footprint on the border of a cell would touch no cell.
-        least = _WIDTH / 2.0 * perimeter
-        if len(self.points) < 3 or not self._polygon.area > least or _cross_each_other(self.points):
+        least = 0.5 * _WIDTH * np.hypot(*edges).sum()
+        if len(begin) < 3 or not self._polygon.area > least or (parts & parts.T).any():
             expected = "at least 3 corners in order along an outline that does not cross itself"
             expected += f" and is at least {_WIDTH:g} m wide"
             raise GeometryError(f"points: expected {expected}, got {short(points)}")
@@ -88,87 +99,107 @@ class Footprint:
 
 
 def touched_cells(
-    footprint: Footprint, resolution: float, origins: Positions, yaws: Positions
-) -> tuple[Integers, Integers, Integers]:
-    """Return the cells whose square the footprint touches at each pose.
+    footprint: Footprint, geometry: GridGeometry, poses: Positions
+) -> Iterator[tuple[slice, Integers, Integers]]:
+    """Yield the cells whose square the footprint touches at poses (P, 3), in batches of poses.
 
     A cell is touched if an edge leads through its square, or if its center is inside the footprint.
     Squares that share only their border with the footprint (up to 1e-9 m) are omitted.
 
-    Args:
-        resolution: side of a cell [m].
-        origins: (P, 2) position of the footprint's origin, in rows and columns from the corner of
-            the map with the largest x and y: cell (0, 0) is the square from (0, 0) to (1, 1).
-        yaws: (P,) direction of the footprint's x axis, counter-clockwise from the map's x axis.
-
-    Returns:
-        pose, row, column: (N,) number of the pose and cell, which may be beyond the map; ordered.
-
-    Raises:
-        LimitError: the footprint is larger than the largest permitted map.
+    Yields:
+        batch: slice of the poses.
+        pose: (N,) number of the pose in the batch, ascending.
+        cells: (2, N) row and column in map order, which may be beyond the map.
     """
-    side = 2.0 * (footprint.radius / resolution + 1.0)
+    side = 2.0 * (footprint.radius / geometry.resolution + 1.0)
     check_cells("footprint", (side, side))
-    tolerance = BORDER_TOLERANCE / resolution
-    (x, y), cosine, sine = footprint.points.T / resolution, np.cos(yaws), np.sin(yaws)
-    u = origins[:, 0] - (np.outer(x, cosine) - np.outer(y, sine))
-    v = origins[:, 1] - (np.outer(x, sine) + np.outer(y, cosine))
-    top, left = np.floor(u.min(axis=0) + tolerance), np.floor(v.min(axis=0) + tolerance)
-    rows = np.arange(np.ceil(u.max(axis=0) - top - tolerance).max())
-    width = int(np.ceil(v.max(axis=0) - left - tolerance).max())
-    # From here on, the axes are edges, poses and rows.
-    u0, v0 = (u - top)[..., np.newaxis], (v - left)[..., np.newaxis]
-    u1, v1 = np.roll(u0, -1, axis=0), np.roll(v0, -1, axis=0)
-
-    def columns_at(row: Positions) -> Positions:
+    tolerance = BORDER_TOLERANCE / geometry.resolution
+    corners = footprint.points @ [1.0, 1j] / geometry.resolution
+    origins = ((geometry.corner - poses[:, :2]) / geometry.resolution).clip(-_FAR, _FAR)
+    for batch in slices(len(poses), int(_BATCH / (len(corners) * side**2))):
+        turned = np.outer(corners, np.exp(1j * poses[batch, 2]))
+        u, v = origins[batch, 0] - turned.real, origins[batch, 1] - turned.imag
+        top, left = np.floor(u.min(axis=0) + tolerance), np.floor(v.min(axis=0) + tolerance)
+        # From here on, the axes are columns, edges, rows and poses; long inner loops are fast.
+        u0, v0 = (u - top)[:, np.newaxis], (v - left)[:, np.newaxis]
+        u1, v1 = np.roll(u0, -1, axis=0), np.roll(v0, -1, axis=0)
+        rows = np.arange(np.ceil(u0.max() - tolerance))[:, np.newaxis]
+        columns = np.arange(np.ceil(v0.max() - tolerance)).reshape(-1, 1, 1, 1)
+        upper, middle, lower = levels = np.add.outer([tolerance, 0.5, 1.0 - tolerance], rows)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(v0 + (v1 - v0) * np.clip((row - u0) / (u1 - u0), 0.0, 1.0))
-
-    upper, middle, lower = rows + tolerance, rows + 0.5, rows + (1.0 - tolerance)
-    begin, end = columns_at(upper), columns_at(lower)
-    hits = (np.maximum(u0, u1) > upper) & (np.minimum(u0, u1) < lower)
-    first, stop = np.minimum(begin, end) + tolerance, np.ceil(np.maximum(begin, end) - tolerance)
-    crosses = (u0 > middle) != (u1 > middle)
-    crossing = np.ceil(columns_at(middle) - 0.5)
-    shape = len(yaws), len(rows), width + 1
-    line = np.arange(shape[0] * shape[1]).reshape(shape[:2]) * shape[2]
-
-    def counts(columns: Positions, counted: Mask) -> Integers:
-        """Return how many of the counted edges have each of the cells as their column."""
-        places = np.broadcast_to(line, columns.shape)[counted] + columns[counted].astype(np.int64)
-        return np.bincount(places, minlength=math.prod(shape))
-
-    # In each row, as many runs end as begin, and the number of crossings is even.
-    is_on_edge = np.cumsum(counts(first, hits) - counts(stop, hits)) > 0
-    is_inside = np.cumsum(counts(crossing, crosses)) % 2 == 1
-    pose, row, column = np.nonzero((is_on_edge | is_inside).reshape(shape))
-    return pose, row + top.astype(np.int64)[pose], column + left.astype(np.int64)[pose]
-
-
-def batches(footprint: Footprint, resolution: float, count: int) -> Iterator[slice]:
-    """Yield slices of `count` poses, so small that the cells under them fit into the cache."""
-    side = 2.0 * (footprint.radius / resolution + 1.0)
-    return slices(count, int(2**14 // side**2))
+            shares = (levels[:, np.newaxis] - u0) / (u1 - u0)
+        begin, center, end = v0 + (v1 - v0) * shares.clip(0.0, 1.0)
+        in_row = (np.maximum(u0, u1) > upper) & (np.minimum(u0, u1) < lower)
+        first = np.where(in_row, np.minimum(begin, end) - (1.0 - tolerance), np.inf)
+        last = np.maximum(begin, end) - tolerance
+        on_edge = ((first < columns) & (columns < last)).any(axis=1)
+        inner = np.where((u0 > middle) != (u1 > middle), center - 0.5, np.inf)
+        is_inside = np.logical_xor.reduce(inner <= columns, axis=1)
+        pose, row, column = np.nonzero((on_edge | is_inside).T)
+        yield batch, pose, np.stack([row + top[pose], column + left[pose]]).astype(np.int64)
 
 
 def kernel_of(footprint: Footprint, resolution: float, yaw: float) -> NDArray[np.uint8]:
-    """Return the cells that a footprint touches around the cell at whose center it stands.
-
-    Returns:
-        (2 c + 1, 2 r + 1), transposed like an image of the map; the middle is the cell.
-    """
-    _, row, column = touched_cells(footprint, resolution, np.full((1, 2), 0.5), np.array([yaw]))
-    rows, columns = (int(np.abs(lines).max(initial=0)) for lines in (row, column))
-    kernel = np.zeros((2 * columns + 1, 2 * rows + 1), np.uint8)
-    kernel[column + columns, row + rows] = 1
+    """Return a mask (2 r + 1, 2 c + 1) of the cells under a footprint in the middle cell."""
+    one_cell, pose = GridGeometry((resolution, resolution), resolution), np.array([[0.0, 0.0, yaw]])
+    ((_, _, cells),) = touched_cells(footprint, one_cell, pose)
+    reach = np.abs(cells).max(axis=1, keepdims=True, initial=0)
+    kernel = np.zeros((2 * reach[:, 0] + 1).tolist(), np.uint8)
+    kernel[tuple(cells + reach)] = 1
     return kernel
 
 
-def _cross_each_other(corners: Positions) -> bool:
-    """Return whether two edges of a polygon cross at an inner point of both."""
-    begin = corners[:, np.newaxis]
-    x, y = np.moveaxis(np.roll(begin, -1, axis=0) - begin, -1, 0)
-    # (V, V): on which side of the line through an edge each corner is.
-    side = np.sign(x * (corners - begin)[..., 1] - y * (corners - begin)[..., 0])
-    parts = side * np.roll(side, -1, axis=1) < 0
-    return bool((parts & parts.T).any())
+def footprint_layer(
+    grid_map: GridMap,
+    footprint: Footprint,
+    layer: str,
+    yaws: int = 16,
+    statistic: Literal["min", "mean", "max"] = "min",
+) -> NDArray[np.float32]:
+    """Return a statistic of the values under the footprint, which stands at the center of a cell.
+
+    Args:
+        layer: layer with the values; cells that are not finite, and cells beyond the map, are
+            unknown.
+        yaws: number of directions; the yaw of direction k is 2 pi k / `yaws`.
+        statistic: lowest value, mean or highest value of the cells that the footprint touches. The
+            rounding error of a mean is up to 1e-14 times the largest absolute value of the layer.
+
+    Returns:
+        (rows, cols, yaws) float32; rows and columns are ordered like the layers of the map. NaN if
+        a cell under the footprint is unknown.
+
+    Raises:
+        LayerNotFoundError: the layer does not exist.
+        ConfigError: `yaws` or `statistic` is invalid.
+        LimitError: the footprint is larger than the largest permitted map.
+
+    Example:
+        >>> grid_map = GridMap((2.0, 2.0), 0.1, layers={"traversability": 1.0})
+        >>> lowest = footprint_layer(grid_map, Footprint.circle(0.3), "traversability", yaws=1)
+        >>> np.isfinite(lowest).sum(axis=0)[:, 0]
+        array([ 0,  0,  0, 14, 14, 14, 14, 14, 14, 14, 14, 14, 14, 14, 14, 14, 14,
+                0,  0,  0])
+    """
+    values = grid_map.unwrapped(layer)
+    is_count = isinstance(yaws, int | np.integer) and yaws >= 1
+    check(is_count, "yaws", "a number of directions >= 1", yaws)
+    check(statistic in _STATISTICS, "statistic", "'min', 'mean' or 'max'", statistic)
+    unknown = np.ascontiguousarray(~np.isfinite(values).T)
+    image = np.ascontiguousarray(np.where(unknown, np.float32(0.0), values.T))
+    border: dict[str, Any] = {"borderType": cv2.BORDER_CONSTANT, "borderValue": 1.0}
+    result = np.empty((*values.shape, yaws), np.float32, order="F")
+    for number in range(yaws):
+        kernel = kernel_of(footprint, grid_map.resolution, 2.0 * math.pi * number / yaws).T.copy()
+        under = _STATISTICS[statistic](image, kernel)
+        under[cv2.dilate(unknown.view(np.uint8), kernel, **border) > 0] = np.nan
+        result[..., number] = np.roll(under.T, grid_map.start_index, axis=(0, 1))
+    return result
+
+
+def _mean(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> Any:
+    weights = kernel / np.count_nonzero(kernel)
+    return cv2.filter2D(image.astype(np.float64), -1, weights, borderType=cv2.BORDER_CONSTANT)
+
+
+_STATISTICS: dict[str, Callable[..., Any]] = {"min": cv2.erode, "mean": _mean, "max": cv2.dilate}

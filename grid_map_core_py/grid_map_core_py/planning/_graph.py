@@ -4,31 +4,67 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations, product
-from typing import Any, Literal, TypeAlias
+from dataclasses import dataclass, field
+from enum import IntEnum
+from itertools import product
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import breadth_first_order, dijkstra
 
-from .._arrays._checks import Mask, as_array, as_finite, as_text
-from ..errors import ConfigError, GeometryError, short
+from .._arrays._checks import Integers, Mask, Positions, as_array, as_finite, as_text
+from ..errors import GeometryError, GridMapError
 from ..map._grid_map import GridMap
+from ..plugins import check
 from ._footprint import Footprint
-from ._ground import ROUNDING, Floats, Ground, SlopeLimits, padded
-from ._paths import CostField, NoPathError, Path, PathFailure, as_pose, free_cell
+from ._ground import BORDER, EQUAL, Floats, Ground, SlopeLimits, divided
 
-Move: TypeAlias = tuple[int, int]
 
-_AROUND = tuple(product((-2, -1, 0, 1, 2), repeat=2))
-_MOVES: dict[int, tuple[Move, ...]] = {
-    8: tuple((i, j) for i, j in _AROUND if max(abs(i), abs(j)) == 1),
-    16: tuple((i, j) for i, j in _AROUND if math.gcd(i, j) == 1),
-}
-"""Rows and columns that a move goes, by the number of neighbors."""
+class PathFailure(IntEnum):
+    """Reasons why there is no path, with the error codes of Nav2's action `ComputePathToPose`."""
 
-_HIGHEST_COST = 252.0  # highest cost of Nav2 at which the robot is not in collision
+    TF_ERROR = 202
+    START_OUTSIDE_MAP = 203
+    GOAL_OUTSIDE_MAP = 204
+    START_OCCUPIED = 205
+    GOAL_OCCUPIED = 206
+    TIMEOUT = 207
+    NO_VALID_PATH = 208
+
+
+class NoPathError(GridMapError, ValueError):
+    """A start or a goal is not on a free cell, or no path connects them.
+
+    Attributes:
+        reason: a `PathFailure`.
+    """
+
+    def __init__(self, text: str, reason: PathFailure) -> None:
+        self.reason = reason
+        super().__init__(text, reason)
+
+    def whole_text(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """A least-cost path.
+
+    Attributes:
+        positions: (N, 2) x, y [m], map frame, from start to goal; at most 2.3 cells apart.
+        heights: (N,) height [m]; 0 if the graph has no elevation.
+        yaws: (N,) direction of travel [rad]; at the ends, the yaw of the start and of the goal if
+            they have one.
+        length: length of the path in 3-D [m].
+        cost: integral of the cost along the path, between the centers of its first and last cell.
+    """
+
+    positions: Positions
+    heights: Floats
+    yaws: Floats
+    length: float
+    cost: float
 
 
 class TravelGraph:
@@ -42,8 +78,8 @@ class TravelGraph:
     Nav2's highest cost without a collision, and `cost` is the mean along the move: over both cells,
     or over all four cells of a knight's move. Without a `cost` layer, it is the length.
 
-    The graph is a snapshot: later changes of the map have no effect. It needs about 450 bytes per
-    cell with 16 neighbors.
+    The graph is a snapshot: later changes of the map have no effect. With 16 neighbors, it needs
+    about 250 bytes per cell, and 400 while it is created.
 
     Args:
         grid_map: the map.
@@ -90,51 +126,58 @@ class TravelGraph:
         neighbors: Literal[8, 16] = 16,
         unknown: Literal["blocked", "free"] = "blocked",
     ) -> None:
+        from scipy.sparse import dia_matrix  # slow to import
+
         weight = as_finite(cost_weight, "cost_weight", "a number", least=0.0)
-        if neighbors not in _MOVES:
-            raise ConfigError(f"neighbors: expected 8 or 16, got {short(neighbors)}")
-        if unknown not in ("blocked", "free"):
-            raise ConfigError(f"unknown: expected 'blocked' or 'free', got {short(unknown)}")
-        for name, value, needed, layer in (
-            ("lethal", lethal, "cost", cost),
-            ("limits", limits, "elevation", elevation),
-            ("max_step", max_step, "elevation", elevation),
-        ):
-            if value is not None and layer is None:
-                raise ConfigError(f"{name}: expected the argument {needed} as well, got None")
-        for name, given, kind in (
-            ("limits", limits, SlopeLimits),
-            ("footprint", footprint, Footprint),
-        ):
-            if not isinstance(given, kind | None):
-                raise ConfigError(f"{name}: expected a {kind.__name__}, got {short(given)}")
-        costs = _read_costs(grid_map, cost, unknown)
-        passable = costs < (math.inf if lethal is None else as_finite(lethal, "lethal"))
-        known, heights, gradient = ~np.isnan(costs), None, np.zeros((2, 1))
-        if elevation is not None:
-            values = grid_map.unwrapped(elevation).astype(np.float64)
-            known &= ~np.isnan(values)
-            values[np.isinf(values)] = np.nan
-            passable &= ~np.isnan(values)
-            heights = padded(np.nan_to_num(values), 0.0)
-            gradient = _gradient(values, grid_map.resolution)
-        self._ground = Ground(
+        check(neighbors in (8, 16), "neighbors", "8 or 16", neighbors)
+        check(unknown in ("blocked", "free"), "unknown", "'blocked' or 'free'", unknown)
+        check(isinstance(limits, SlopeLimits | None), "limits", "SlopeLimits", limits)
+        check(isinstance(footprint, Footprint | None), "footprint", "a Footprint", footprint)
+        check(cost is not None or lethal is None, "cost", "a layer, for lethal", cost)
+        needs_heights = limits is not None or max_step is not None
+        expected = "a layer, for limits and max_step"
+        check(elevation is not None or not needs_heights, "elevation", expected, elevation)
+
+        def padded(layer: str | None) -> Floats:
+            """Return a layer in map order with a border of NaN; 0 without a layer."""
+            values = np.zeros(grid_map.size) if layer is None else grid_map.unwrapped(layer)
+            return np.pad(values.astype(np.float64), BORDER, constant_values=np.nan).ravel()
+
+        costs, heights = padded(cost), padded(elevation)
+        if (costs < 0.0).any():
+            text = f"cost: expected no negative numbers in layer {cost!r}, got {np.nanmin(costs):g}"
+            raise GeometryError(f"{text}. Set the costs of unknown cells to NaN")
+        known = ~(np.isnan(costs) | np.isnan(heights))
+        if unknown == "free":
+            known, costs = ~np.isnan(heights), np.nan_to_num(costs, nan=0.0, posinf=np.inf)
+        most = math.inf if lethal is None else as_finite(lethal, "lethal")
+        passable = np.isfinite(heights) & (costs < most)
+        heights[np.isinf(heights)] = np.nan
+        # On flat ground, only the border around the map has no height.
+        may_leave = unknown == "free" and elevation is None
+        ground = Ground(
             geometry=grid_map.geometry,
-            start_index=grid_map.start_index,
-            known=padded(known, False),
-            passable=padded(passable, False),
-            factor=1.0 + weight / _HIGHEST_COST * padded(np.where(passable, costs, 0.0), 0.0),
+            passable=passable,
+            open=passable | (np.isnan(heights) & may_leave),
+            factor=1.0 + weight / 252.0 * np.where(passable, costs, 0.0),
+            is_flat=elevation is None,
             heights=heights,
-            gradient=gradient,
             limits=limits,
             max_step=math.inf if max_step is None else as_finite(max_step, "max_step", least=0.0),
             footprint=footprint,
-            outside_is_free=unknown == "free" and elevation is None,
         )
-        moves = _MOVES[neighbors]
-        free = [self._ground.free_at(math.atan2(-j, -i)) for i, j in moves]
-        self._free: Mask = np.logical_or.reduce(free)
-        self._matrix = _matrix(self._ground, free, moves)
+        self._ground, self._known, self._start_index = ground, known, grid_map.start_index
+        self._free, size = np.zeros_like(passable), passable.size
+        moves = [(i, j) for i, j in product(range(-2, 3), repeat=2) if math.gcd(i, j) == 1]
+        moves = [move for move in moves if neighbors == 16 or 2 not in map(abs, move)]
+        moved = np.zeros((len(moves), size))
+        for number, (i, j) in enumerate(moves):
+            free = ground.free_at(math.atan2(-j, -i))
+            self._free |= free
+            moved[number] = ground.move_costs((i, j), free)
+        # Row b, column a is the cost of the move from a to b; the others are left out.
+        offsets = [-ground.stride * i - j for i, j in moves]
+        self._matrix = dia_matrix((moved, offsets), shape=(size, size)).tocsr()
 
     def cost_to(self, goals: ArrayLike) -> CostField:
         """Return the least cost from every cell to the nearest of the goals.
@@ -146,20 +189,21 @@ class TravelGraph:
         Raises:
             NoPathError: a goal is outside the map, blocked or unknown.
         """
+        from scipy.sparse.csgraph import dijkstra
+
         poses = np.atleast_2d(as_array(goals, np.float64, "goals"))
         if poses.ndim != 2 or not poses.size:
             raise GeometryError(f"goals: expected shape (M, 2) or (M, 3), got {poses.shape}")
         ends: dict[int, Floats] = {}
         for number, values in enumerate(poses):
             name = "goal" if len(poses) == 1 else f"goal {number}"
-            pose = as_pose(values, name)
-            ends.setdefault(free_cell(self._ground, self._free_with(pose), pose, name), pose)
+            ends.setdefault(self._cell(values, name), values.copy())
         costs, following, _ = dijkstra(
             self._matrix, indices=list(ends), min_only=True, return_predecessors=True
         )
-        return CostField(
-            _ground=self._ground, _free=self._free, _costs=costs, _next=following, _goals=ends
-        )
+        lines = costs.reshape(-1, self._ground.stride)[BORDER:-BORDER, BORDER:-BORDER]
+        in_buffer = np.roll(lines, self._start_index, axis=(0, 1))
+        return CostField(costs=in_buffer, _graph=self, _flat=costs, _next=following, _goals=ends)
 
     def path(self, start: ArrayLike, goal: ArrayLike, *, tolerance: float = 0.0) -> Path:
         """Return the least-cost path from a start to a goal.
@@ -176,112 +220,140 @@ class TravelGraph:
             NoPathError: the start or goal is outside the map, blocked or unknown, or no path
                 connects them.
         """
-        tolerance = as_finite(tolerance, "tolerance", "a number", least=0.0)
-        begin, end = as_pose(start, "start"), as_pose(goal, "goal")
-        first = free_cell(self._ground, self._free, begin, "start")
-        try:
-            return self.cost_to(goal).path(start)
-        except NoPathError as error:
-            if not tolerance or error.reason is PathFailure.GOAL_OUTSIDE_MAP:
-                raise
-        return self.cost_to(self._nearest_goal(first, end, tolerance)).path(start)
+        from scipy.sparse.csgraph import breadth_first_order
 
-    def _nearest_goal(self, start: int, goal: Floats, tolerance: float) -> Floats:
-        """Return the pose of the cell within reach from a cell that is nearest to the goal."""
-        ground, free = self._ground, self._free_with(goal)
-        reached = breadth_first_order(self._matrix.T, start, return_predecessors=False)
-        centers = ground.to_positions(ground.cells(reached[free[reached]]))
-        distances = np.hypot(*(centers - goal[:2]).T)
-        if not distances.min(initial=math.inf) <= tolerance:
-            ends = f"{as_text(goal[:2])} or a cell at most {tolerance:g} m away"
+        tolerance = as_finite(tolerance, "tolerance", "a number", least=0.0)
+        first, pose = self._cell(start, "start"), _as_pose(goal, "goal")
+        try:
+            return self.cost_to(pose).path(start)
+        except NoPathError as error:
+            replaced = PathFailure.GOAL_OCCUPIED, PathFailure.NO_VALID_PATH
+            if not tolerance or error.reason not in replaced:
+                raise
+        reached = breadth_first_order(self._matrix.T, first, return_predecessors=False)
+        nearest, distance = self._nearest(pose, reached[self._free_in(pose)[reached]])
+        if not distance <= tolerance:
+            ends = f"{as_text(pose[:2])} or a cell at most {tolerance:g} m away"
             count = f"{len(reached)} of {np.count_nonzero(self._free)} free cells"
             text = f"goal: no path leads to {ends}; {count} can be reached from the start"
             raise NoPathError(text, PathFailure.NO_VALID_PATH)
-        nearest: Floats = np.append(centers[distances.argmin()], goal[2])
-        return nearest[~np.isnan(nearest)]
+        return self.cost_to([*nearest, *pose[2:]]).path(start)
 
-    def _free_with(self, pose: Floats) -> Mask:
+    def _free_in(self, pose: Floats) -> Mask:
         """Return the free cells where the footprint is also free in the yaw of a pose, if any."""
-        return self._free if np.isnan(pose[2]) else self._free & self._ground.free_at(pose[2])
+        return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
+
+    def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
+        """Return the center (2,) of the nearest of cells, and the distance [m]; inf without one."""
+        centers = self._ground.to_positions(self._ground.cells(cells))
+        centers = np.append(centers, [[np.inf, np.inf]], axis=0)
+        distances = np.hypot(*(centers - pose[:2]).T)
+        return centers[distances.argmin()], float(distances.min())
+
+    def _cell(self, values: ArrayLike, name: str) -> int:
+        """Return the flat index of the free cell of a start or goal; raise `NoPathError`."""
+        pose, ground = _as_pose(values, name), self._ground
+        place, cell = as_text(pose[:2]), ground.geometry.cell_at((pose[0], pose[1]))
+        if cell is None:
+            expected = f"a position on the map ({ground.geometry.place})"
+            raise _wrong_end(name, expected, place, "OUTSIDE_MAP")
+        free, index = self._free if name == "start" else self._free_in(pose), ground.flat(*cell)
+        if not free[index]:
+            state = "which is blocked" if self._known[index] else "which is unknown"
+            if ground.passable[index]:
+                state = "where the footprint touches a blocked cell"
+            nearest, distance = self._nearest(pose, np.flatnonzero(free))
+            hint = f"The nearest free cell is at {as_text(nearest)}, {distance:.3g} m away"
+            if math.isinf(distance):
+                hint = "The map has no free cell"
+            raise _wrong_end(name, "a free cell", f"{place}, {state}. {hint}", "OCCUPIED")
+        return int(index)
 
 
-def _read_costs(grid_map: GridMap, layer: str | None, unknown: str) -> Floats:
-    """Return the costs (rows, cols) in map order; NaN is unknown and blocked."""
-    if layer is None:
-        return np.zeros(grid_map.size)
-    costs: Floats = grid_map.unwrapped(layer).astype(np.float64)
-    if (costs < 0.0).any():
-        cell = divmod(int(np.nanargmin(costs)), costs.shape[1])
-        text = f"cost: expected no negative numbers in layer {layer!r}, got {costs[cell]:g}"
-        place = as_text(grid_map.geometry.center_of(cell))
-        raise GeometryError(f"{text} at {place}. Set the costs of unknown cells to NaN")
-    if unknown == "free":
-        costs[np.isnan(costs)] = 0.0
-    return costs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CostField:
+    """Least cost from every cell to the nearest goal; `TravelGraph.cost_to` returns one.
 
-
-def _gradient(heights: Floats, resolution: float) -> Floats:
-    """Return the slopes (2, S) along rows and columns: central or one-sided differences.
-
-    The slope along an axis is 0 where both neighbors are unknown.
-
-    Args:
-        heights: (rows, cols) [m]; NaN is unknown.
+    Attributes:
+        costs: (rows, cols) float64 in buffer order; inf where no path leads to a goal.
+            `grid_map["cost_to_go"] = field.costs` also holds on a moved map.
     """
-    gradient = []
-    for lines in heights, heights.T:
-        steps = np.diff(lines, axis=0, prepend=np.nan, append=np.nan) / resolution
-        before, after = steps[:-1], steps[1:]
-        before, after = (
-            np.where(np.isnan(one), other, one) for one, other in ((before, after), (after, before))
-        )
-        gradient.append(np.nan_to_num(0.5 * (before + after)))
-    return np.stack([padded(gradient[0], 0.0), padded(gradient[1].T, 0.0)])
+
+    costs: Floats
+    _graph: TravelGraph = field(repr=False)
+    _flat: Floats = field(repr=False)  # (S,) costs
+    _next: Integers = field(repr=False)  # (S,) next cell towards the goal; negative at a goal
+    _goals: dict[int, Floats] = field(repr=False)  # position or pose of the goal in a cell
+
+    def path(self, start: ArrayLike) -> Path:
+        """Return the path from a start to the nearest goal.
+
+        The path follows the least-cost moves between cells. It is then shortened where a straight
+        line is allowed and costs no more.
+
+        Args:
+            start: (2,) x, y [m], or (3,) with the yaw [rad].
+
+        Raises:
+            NoPathError: the start is outside the map, blocked or unknown, or cannot reach a goal.
+        """
+        graph, ground = self._graph, self._graph._ground
+        cell, pose = graph._cell(start, "start"), _as_pose(start, "start")
+        if np.isinf(self._flat[cell]):
+            goals = [*self._goals.values()]
+            target = as_text(goals[0][:2]) if len(goals) == 1 else f"any of {len(goals)} goals"
+            text = f"start: no path leads from {as_text(pose[:2])} to {target}"
+            count = np.count_nonzero(np.isfinite(self._flat))
+            text += f", only from {count} of {np.count_nonzero(graph._free)} free cells"
+            raise NoPathError(text, PathFailure.NO_VALID_PATH)
+        cells = [cell]
+        while (cell := self._next.item(cell)) >= 0:
+            cells.append(cell)
+        points, costs = ground.cells(cells).astype(np.float64), self._flat[cells]
+        goal = self._goals[cells[-1]]
+        ends = ground.to_points(np.stack([pose[:2], goal[:2]]))
+        lines = np.stack([costs[:-1] - costs[1:], np.ones(len(cells) - 1)])
+        points, lines = ground.shortened(points, lines, np.zeros(len(cells), np.bool_))
+        cost = min(float(lines[0].sum()), float(costs[0]))
+        if len(cells) == 1:
+            points, lines = ends, np.array([[0.0], [1.0]])
+        is_off = np.abs(ends - points[:, [0, -1]]).max(axis=0) > EQUAL
+        if is_off.any():
+            first, last = is_off.astype(int)
+            points = np.column_stack([ends[:, :first], points, ends[:, 2 - last :]])
+            # A line that is allowed replaces the center of the first or last cell at any cost.
+            stubs = np.array([[np.inf], [1.0]]).repeat(2, axis=1)
+            lines = np.column_stack([stubs[:, :first], lines, stubs[:, 2 - last :]])
+            tested = np.ones(points.shape[1], np.bool_)
+            tested[[1, -2]] = False
+            points, lines = ground.shortened(points, lines, tested)
+        begin, _, _ = divided(points[:, :-1], points[:, 1:], lines[1])
+        points = np.append(begin, points[:, -1:], axis=1)
+        positions, heights = ground.to_positions(points), ground.heights_at(points)
+        positions[0], positions[-1] = pose[:2], goal[:2]
+        x, y = np.diff(positions, axis=0).T
+        yaws = np.arctan2(y, x)
+        # Between the start or goal and the center of its cell, a robot does not turn.
+        first, last = np.isinf(lines[0, [0, -1]]).astype(int)
+        yaws[0], yaws[-1] = yaws[first], yaws[-1 - last]
+        yaws = np.append(yaws, yaws[-1])
+        for index, end in (0, pose), (-1, goal):
+            yaws[index] = end[2] if len(end) == 3 else yaws[index]
+        length = float(np.hypot(np.hypot(x, y), np.diff(heights)).sum())
+        return Path(positions=positions, heights=heights, yaws=yaws, length=length, cost=cost)
 
 
-def _matrix(ground: Ground, free: list[Mask], moves: tuple[Move, ...]) -> Any:
-    """Return the sparse matrix of the costs of moves: row b, column a is the cost from a to b.
-
-    Args:
-        free: K masks (S,) of the cells that are free in the direction of each of the K moves.
-    """
-    size, margin = ground.passable.size, ground.flat(0, 0)
-    costs = np.full((size, len(moves)), np.inf)
-    for number, move in enumerate(moves):
-        costs[margin : size - margin, number] = _move_costs(ground, free[number], move)
-    exists = np.isfinite(costs)
-    offsets = np.array([ground.stride * i + j for i, j in moves])
-    begin = (np.arange(size)[:, np.newaxis] - offsets)[exists].astype(np.int32)
-    ends = np.append(0, exists.sum(axis=1).cumsum())
-    return csr_matrix((costs[exists], begin, ends), shape=(size, size))
+def _as_pose(values: ArrayLike, name: str) -> Floats:
+    """Return a position (2,) or pose (3,) of a start or goal as an array."""
+    pose: Floats = as_array(values, np.float64, name)
+    if pose.shape not in ((2,), (3,)):
+        expected = "x, y of shape (2,) or x, y, yaw of shape (3,)"
+        raise GeometryError(f"{name}: expected {expected}, got {pose.shape}")
+    if not np.isfinite(pose).all():
+        raise _wrong_end(name, "finite numbers", tuple(pose.tolist()), "OUTSIDE_MAP")
+    return pose
 
 
-def _move_costs(ground: Ground, free: Mask, move: Move) -> Floats:
-    """Return the costs of a move to each cell, from the first cell of the map to its last."""
-    margin, stride, (i, j) = ground.flat(0, 0), ground.stride, move
-
-    def at(values: Any, cell: Move) -> Any:
-        """Return the values of a cell, given relative to the start of the move."""
-        offset = margin + stride * (cell[0] - i) + cell[1] - j
-        return values[offset : values.size - 2 * margin + offset]
-
-    # The cells that touch the middle of the move are those that it passes between.
-    beside = product({i // 2, -(-i // 2)}, {j // 2, -(-j // 2)})
-    cells = sorted({(0, 0), move, *beside})
-    exists = np.logical_and.reduce([at(ground.passable, cell) for cell in cells])
-    exists &= at(free, (0, 0)) & at(free, move)
-    length: Any = ground.geometry.resolution * math.hypot(i, j)
-    if ground.heights is not None:
-        rise = at(ground.heights, move) - at(ground.heights, (0, 0))
-        if ground.limits is not None:
-            slope = (ground.gradient[0] * j - ground.gradient[1] * i) / math.hypot(i, j)
-            level = ground.limits._allow_across(slope)
-            exists &= ground.limits._allow_along(rise, length) & at(level, (0, 0)) & at(level, move)
-        for a, b in combinations(cells, 2):
-            if abs(a[0] - b[0]) + abs(a[1] - b[1]) == 1:
-                step = at(ground.heights, a) - at(ground.heights, b)
-                exists &= np.abs(step) <= ground.max_step + ROUNDING
-        length = np.hypot(length, rise)
-    weighted = cells if max(abs(i), abs(j)) == 2 else [(0, 0), move]
-    mean = sum(at(ground.factor, cell) for cell in weighted) / len(weighted)
-    return np.where(exists, length * mean, np.inf)
+def _wrong_end(name: str, expected: str, found: object, failure: str) -> NoPathError:
+    reason = PathFailure[f"{'START' if name == 'start' else 'GOAL'}_{failure}"]
+    return NoPathError(f"{name}: expected {expected}, got {found}", reason)

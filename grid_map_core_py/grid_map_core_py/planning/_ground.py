@@ -5,27 +5,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, product
 from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays._checks import Integers, Mask, Positions, Size, as_number
+from .._arrays._checks import Integers, Mask, Positions, as_number
 from ..errors import GeometryError, short
 from ..map._geometry import GridGeometry
-from ._footprint import Footprint, batches, kernel_of, touched_cells
+from ._footprint import Footprint, kernel_of, touched_cells
 
 Floats: TypeAlias = NDArray[np.float64]
 
-BORDER = 2
-"""Blocked cells around the map, so that every neighbor of a cell has a constant flat offset."""
+BORDER = 2  # blocked cells around the map, which give every neighbor a constant flat offset
+ROUNDING = 1e-6  # tolerance of steps [m], slopes and cell borders [cells], for float32
+EQUAL = 1e-9  # relative difference of costs, or distance [cells], due to rounding
 
-ROUNDING = 1e-6
-"""Tolerance of steps [m], slopes and cell borders [cells]; exceeds the rounding of float32."""
-
+# Offsets from a point on a border to all cells that touch it, in a ring of side neighbors.
 _AROUND = ROUNDING * np.array([[-1, -1, 1, 1], [-1, 1, 1, -1]])[..., np.newaxis, np.newaxis]
-"""Offsets from a point on a border to all cells that touch it, in a ring of side neighbors."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,11 @@ class SlopeLimits:
                 text = f"{name}: expected an angle from 0 to pi / 2 [rad], got {short(angle)}"
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
-    def _allow_along(self, rise: Floats, run: Floats | float) -> Mask:
-        """Return whether the slope along lines is allowed; `rise` and `run` in meters."""
-        up, down = (math.tan(limit) + ROUNDING for limit in (self.up, self.down))
-        return (rise <= up * run) & (-rise <= down * run)
-
-    def _allow_across(self, slope: Floats) -> Mask:
-        """Return whether the tangent of the slope across a line is allowed."""
-        return np.asarray(np.abs(slope) <= math.tan(self.cross) + ROUNDING)
+    def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
+        """Return whether lines (L,) with slopes `across` (N, L) [tangents] are allowed."""
+        up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
+        is_level = np.abs(across).max(axis=0) <= cross
+        return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,28 +62,25 @@ class Ground:
     Points are in cells: (2.0, 3.0) is the center of row 2, column 3 of the map.
 
     Attributes:
-        geometry, start_index: those of the map, without the border.
-        known: cells with all data that the graph needs.
+        geometry: that of the map, without the border.
         passable: known, finite cells below the lethal cost.
+        open: cells that the footprint may touch: the passable ones, and perhaps the border.
         factor: cost per meter, at least 1.
-        heights: [m], 0 where unknown; None on flat ground.
-        gradient: (2, S) slope along the rows and along the columns.
+        is_flat: whether all heights are 0.
+        heights: [m]; NaN where unknown.
         limits, max_step: steepest slopes (None for any), and largest step [m].
         footprint: None for a robot that fits into a cell.
-        outside_is_free: whether the footprint may extend beyond the map.
     """
 
     geometry: GridGeometry
-    start_index: Size
-    known: Mask
     passable: Mask
+    open: Mask
     factor: Floats
-    heights: Floats | None
-    gradient: Floats
+    is_flat: bool
+    heights: Floats
     limits: SlopeLimits | None
     max_step: float
     footprint: Footprint | None
-    outside_is_free: bool
 
     @property
     def stride(self) -> int:
@@ -101,10 +95,6 @@ class Ground:
         """Return the rows and columns (2, ...) of flat indices."""
         return np.stack(np.divmod(flat, self.stride)) - BORDER
 
-    def in_map_order(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return a view (rows, cols) of flat values, without the border."""
-        return values.reshape(-1, self.stride)[BORDER:-BORDER, BORDER:-BORDER]
-
     def to_points(self, positions: Positions) -> Floats:
         """Convert positions (N, 2) [m] to points (2, N) [cells]."""
         return ((self.geometry.corner - positions) / self.geometry.resolution - 0.5).T
@@ -117,81 +107,108 @@ class Ground:
         """Return the passable cells (S,) at whose center the footprint is free in a direction."""
         if self.footprint is None:
             return self.passable
-        image = np.ascontiguousarray(self.in_map_order(self.passable).T).view(np.uint8)
-        kernel = kernel_of(self.footprint, self.geometry.resolution, yaw)
-        border = float(self.outside_is_free)
-        free = cv2.erode(image, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=border)
-        return self.passable & padded(free.T, 0).view(np.bool_)
-
-    def _footprint_fits(self, points: Floats, yaws: Floats) -> Mask:
-        """Return whether the footprint is free (P,) at points (2, P) in directions (P,) [rad]."""
-        assert self.footprint is not None
-        resolution = self.geometry.resolution
-        fits, (rows, columns) = np.ones(len(yaws), np.bool_), self.geometry.size
-        for part in batches(self.footprint, resolution, len(yaws)):
-            origins = points[:, part].T + 0.5
-            pose, row, column = touched_cells(self.footprint, resolution, origins, yaws[part])
-            blocked = ~self.passable[self.flat(row.clip(-1, rows), column.clip(-1, columns))]
-            if self.outside_is_free:
-                blocked &= (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-            fits[part.start + pose[blocked]] = False
-        return fits
+        free = cv2.erode(
+            self.open.reshape(-1, self.stride).view(np.uint8),
+            kernel_of(self.footprint, self.geometry.resolution, yaw),
+            borderType=cv2.BORDER_CONSTANT,
+            borderValue=float(self.open[0]),
+        )
+        return self.passable & free.view(np.bool_).ravel()
 
     def heights_at(self, points: Floats) -> Floats:
         """Return the heights (P,) [m] at points (2, P): bilinear over the passable cells."""
-        if self.heights is None:
+        if self.is_flat:
             return np.zeros(points.shape[1])
         base = np.floor(points)
         down, right = points - base
         corners = self.flat(*base.astype(np.int64)) + [[0], [1], [self.stride], [self.stride + 1]]
         shares = (1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right
-        weights = np.stack(shares) * self.passable[corners]
-        heights: Floats = (weights * self.heights[corners]).sum(axis=0) / weights.sum(axis=0)
-        return heights
+        passable = self.passable[corners]
+        weights = np.stack(shares) * passable
+        heights = weights * np.where(passable, self.heights[corners], 0.0)
+        return np.asarray(heights.sum(axis=0) / weights.sum(axis=0))
+
+    @cached_property
+    def _gradient(self) -> Floats:
+        """Slopes (2, S) along rows and columns; 0 where both neighbors are unknown."""
+        gradient = []
+        for lag in self.stride, 1:
+            steps = self.heights[lag:] - self.heights[:-lag]
+            both = np.stack([steps[:-lag], steps[lag:]])
+            count = np.isfinite(both).sum(axis=0).clip(1)
+            gradient.append(np.pad(np.nan_to_num(both).sum(axis=0) / count, lag))
+        return np.stack(gradient) / self.geometry.resolution
+
+    def move_costs(self, move: tuple[int, int], free: Mask) -> Floats:
+        """Return the costs (S,) of a move by (rows, columns) from each cell; 0 if not allowed.
+
+        The move leads from one of the `free` cells (S,) to another one.
+        """
+        (i, j), margin = move, self.flat(0, 0)
+
+        def at(values: Any, cell: tuple[int, int]) -> Any:
+            """Return the values of a cell, given relative to the start of the move."""
+            offset = margin + self.stride * cell[0] + cell[1]
+            return values[offset : values.size - 2 * margin + offset]
+
+        ends = (0, 0), move
+        # The cells that touch the middle of the move are those that it passes between.
+        cells = sorted({*ends, *product({i // 2, -(-i // 2)}, {j // 2, -(-j // 2)})})
+        exists = np.logical_and.reduce([at(self.passable, cell) for cell in cells])
+        exists &= at(free, (0, 0)) & at(free, move)
+        for a, b in combinations(cells, 2):
+            if math.dist(a, b) == 1.0 and math.isfinite(self.max_step):
+                step = at(self.heights, a) - at(self.heights, b)
+                exists &= np.abs(step) <= self.max_step + ROUNDING
+        rise, length = at(self.heights, move) - at(self.heights, (0, 0)), math.hypot(i, j)
+        run = length * self.geometry.resolution
+        if self.limits is not None:
+            across = (self._gradient[0] * j - self._gradient[1] * i) / length
+            exists &= self.limits._allow(rise, run, np.stack([at(across, end) for end in ends]))
+        weighted = cells if max(abs(i), abs(j)) == 2 else ends
+        mean = sum(at(self.factor, cell) for cell in weighted) / len(weighted)
+        return np.pad(np.where(exists, np.hypot(run, rise) * mean, 0.0), margin)
 
     def straight(
         self, begin: Floats, end: Floats, most: Floats | float = math.inf
-    ) -> tuple[Floats, Integers]:
+    ) -> tuple[Floats, Floats]:
         """Return the cost of each straight line, and the number of pieces to sample it with.
 
-        Args:
-            begin, end: (2, M) end points of the lines.
-            most: (M,) or scalar maximum cost; more expensive lines are not allowed.
+        The cost is infinite if a line is not allowed, costs more than `most`, or has no length.
 
-        Returns:
-            costs: (M,) integral of the cost along each line; inf if the line is not allowed.
-            pieces: (M,) number of equal pieces; the height is linear within a piece.
+        Args:
+            begin, end: (2, M) end points of the lines [cells].
+            most: (M,) or scalar.
         """
-        pieces = np.maximum(np.ceil(np.abs(end - begin).max(axis=0)), 1.0).astype(np.int64)
-        points, extent, first = divided(begin, end, pieces)
+        pieces = np.maximum(np.ceil(np.abs(end - begin).max(axis=0)), 1.0)
+        points, extent, line = divided(begin, end, pieces)
         # Lines of no length, and heights over blocked cells only, are NaN and not allowed.
         with np.errstate(divide="ignore", invalid="ignore"):
             costs, allowed = self._over_pieces(points, extent)
-        total = np.add.reduceat(costs, first)
-        total[~(np.logical_and.reduceat(allowed, first) & (total <= most))] = np.inf
+        total: Floats = np.bincount(line, costs, len(pieces)).astype(np.float64, copy=False)
+        total[line[~allowed]] = np.inf
+        total[~(total <= most)] = np.inf
         if self.footprint is not None:
             tested = np.flatnonzero(np.isfinite(total))
             begin, end = begin[:, tested], end[:, tested]
             # At most half a cell apart, as in `check_path`.
-            steps = np.ceil(2.0 * np.hypot(*(end - begin))).astype(np.int64)
-            points, extent, first = divided(begin, end, steps)
-            directions = np.append(extent, end - begin, axis=1)
-            yaws = np.arctan2(-directions[1], -directions[0])
-            fits = self._footprint_fits(np.append(points, end, axis=1), yaws)
-            along, at_end = np.split(fits, [len(fits) - len(tested)])
-            if tested.size:
-                fits_along = np.logical_and.reduceat(along, first)
-                total[tested[~(fits_along & at_end)]] = np.inf
+            steps = np.ceil(2.0 * np.hypot(*(end - begin)))
+            points, _, line = divided(begin, end, steps)
+            points, line = np.append(points, end, axis=1), np.append(line, np.arange(tested.size))
+            yaws = np.arctan2(*(begin - end)[::-1])[line]
+            poses, size = np.column_stack([self.to_positions(points), yaws]), self.geometry.size
+            for batch, pose, cells in touched_cells(self.footprint, self.geometry, poses):
+                row, column = cells.clip(-1, np.array(size)[:, np.newaxis])
+                blocked = ~self.open[self.flat(row, column)]
+                total[tested[line[batch][pose[blocked]]]] = np.inf
         return total, pieces
 
     def _over_pieces(self, begin: Floats, extent: Floats) -> tuple[Floats, Mask]:
-        """Return the costs (T,) of short pieces of lines, and whether they are allowed.
-
-        A piece crosses at most one border of each axis, so it is in at most three cells.
-        """
+        """Return the costs (T,) of pieces at most a cell long, and whether they are allowed."""
         end = begin + extent
         before, after = np.floor(begin + 0.5), np.floor(end + 0.5)
         crossing = (np.maximum(before, after) - 0.5 - begin) / extent
+        # A piece crosses at most one border of each axis, so it is in at most three cells.
         early, late = np.sort(np.where(before == after, 1.0, crossing), axis=0)
 
         def cells(fractions: list[Floats], offsets: Any = 0.0) -> Any:
@@ -201,35 +218,55 @@ class Ground:
 
         middles = cells([0.5 * early, 0.5 * (early + late), 0.5 * (late + 1.0)])[0]
         mean = (self.factor[middles] * [early, late - early, 1.0 - late]).sum(axis=0)
-        touched = cells([early, late], _AROUND)
-        allowed = self.passable[touched].all(axis=(0, 1))
-        length = self.geometry.resolution * np.hypot(*extent)
-        if self.heights is not None:
-            rise = self.heights_at(end) - self.heights_at(begin)
+        touched, length = cells([early, late], _AROUND), np.hypot(*extent)
+        allowed = self.passable[touched].all(axis=(0, 1)) & (length > 0.0)
+        low, high = self.heights_at(np.append(begin, end, axis=1)).reshape(2, -1)
+        rise, run = high - low, self.geometry.resolution * length
+        if math.isfinite(self.max_step):
             around = self.heights[touched]
-            steps = np.abs(around - around[[1, 2, 3, 0]])
-            allowed &= steps.max(axis=(0, 1)) <= self.max_step + ROUNDING
-            if self.limits is not None:
-                allowed &= self.limits._allow_along(rise, length)
-                (rows, columns), (along, across) = self.gradient, extent / np.hypot(*extent)
-                slope = rows[touched] * across - columns[touched] * along
-                allowed &= self.limits._allow_across(slope).all(axis=(0, 1))
-            length = np.hypot(length, rise)
-        return length * mean, allowed
+            steps = np.abs(around - around[[1, 2, 3, 0]]).max(axis=(0, 1))
+            allowed &= steps <= self.max_step + ROUNDING
+        if self.limits is not None:
+            (rows, columns), (along, across) = self._gradient, extent / length
+            slopes = rows[touched] * across - columns[touched] * along
+            allowed &= self.limits._allow(rise, run, slopes.reshape(8, -1))
+        return np.hypot(run, rise) * mean, allowed
+
+    def shortened(self, points: Floats, lines: Floats, tested: Mask) -> tuple[Floats, Floats]:
+        """Drop every waypoint whose neighbors a straight line connects at no more cost.
+
+        Args:
+            points: (2, K) waypoints [cells].
+            lines: (2, K - 1) cost of each line, and number of pieces to sample it with.
+            tested: (K,) waypoints that need no test, unless a neighbor is dropped.
+        """
+        odd, tested[[0, -1]] = 0, True
+        # Waypoints that are not neighbors are independent, so every other one is tested at once.
+        while not tested.all():
+            odd = 1 - odd
+            here = 2 * np.flatnonzero(~tested[odd::2]) + odd
+            if not here.size:
+                continue
+            tested[here] = True
+            most = (lines[0, here - 1] + lines[0, here]) * (1.0 + EQUAL)
+            straight = np.stack(self.straight(points[:, here - 1], points[:, here + 1], most))
+            drops = np.isfinite(straight[0])
+            here, keep = here[drops], np.ones(len(tested), np.bool_)
+            lines[:, here - 1], keep[here] = straight[:, drops], False
+            tested[here - 1] = tested[here + 1] = False
+            tested[[0, -1]] = True
+            points, lines, tested = points[:, keep], lines[:, keep[:-1]], tested[keep]
+        return points, lines
 
 
-def divided(begin: Floats, end: Floats, pieces: Integers) -> tuple[Floats, Floats, Integers]:
-    """Return the begins and extents (2, T) of equal pieces of lines, and each line's first piece.
+def divided(begin: Floats, end: Floats, pieces: Floats) -> tuple[Floats, Floats, Integers]:
+    """Divide lines from `begin` to `end` (D, M) into numbers of equal `pieces` (M,).
 
-    Args:
-        begin, end: (2, M) ends of the lines.
-        pieces: (M,) number of pieces of each line.
+    Returns:
+        begin, extent: (D, N) of the pieces, line by line.
+        line: (N,) number of the line.
     """
-    line, first = np.arange(len(pieces)).repeat(pieces), np.cumsum(pieces) - pieces
+    line = np.arange(len(pieces)).repeat(pieces.astype(np.int64))
+    number = np.arange(line.size) - (np.cumsum(pieces) - pieces)[line]
     extent = ((end - begin) / pieces)[:, line]
-    return begin[:, line] + extent * (np.arange(line.size) - first[line]), extent, first
-
-
-def padded(values: NDArray[Any], fill: Any) -> NDArray[Any]:
-    """Return values (rows, cols) as a flat array (S,) with a border of `fill`."""
-    return np.pad(values, BORDER, constant_values=fill).ravel()
+    return begin[:, line] + extent * number, extent, line

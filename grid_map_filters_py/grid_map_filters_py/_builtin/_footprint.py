@@ -4,16 +4,15 @@
 import math
 from ast import literal_eval
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
-from grid_map_core_py import planning
+from grid_map_core_py import GridMap, planning
 from grid_map_core_py._arrays import Layer
 from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.errors import ConfigError, GeometryError
-from grid_map_core_py.planning._footprint_layer import check_directions, statistics_under
 from grid_map_core_py.plugins import check
 
 from ..parts._layer_filter import LayerFilter
@@ -49,7 +48,7 @@ class Footprint(LayerFilter):
     def __post_init__(self) -> None:
         if (self.footprint is None) == (self.radius is None):
             raise ConfigError("expected exactly one of 'footprint' and 'radius'")
-        check_directions(self.yaws, self.statistic)
+        check(self.yaws >= 1, "yaws", "a number of directions >= 1", self.yaws)
         _ = self._outline
 
     def reach(self, resolution: float) -> float:
@@ -58,25 +57,23 @@ class Footprint(LayerFilter):
 
     @cached_property
     def _outline(self) -> planning.Footprint:
-        if self.radius is not None:
-            valid = math.isfinite(self.radius) and self.radius > 0
-            check(valid, "radius", "a length > 0 [m]", self.radius)
-            return planning.Footprint.circle(self.radius)
         corners: Any = self.footprint
         try:
+            if self.radius is not None:
+                return planning.Footprint.circle(self.radius)
             corners = literal_eval(corners) if isinstance(corners, str) else corners
             return planning.Footprint(corners)
         except (GeometryError, SyntaxError, ValueError) as error:
+            if self.radius is not None:
+                raise mismatch("radius", "a length > 0 [m]", self.radius) from error
             expected = "corners [x, y] [m] in order along an outline that does not cross itself"
             raise mismatch("footprint", expected, self.footprint) from error
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
+        block = GridMap.from_array(layer, resolution, layer="values")
+        found = planning.footprint_layer(block, self._outline, "values", self.yaws, self.statistic)
+        is_worst = self.directions == "worst"
         # The first two pass NaN on, the others ignore it.
-        combine: np.ufunc = {
-            ("worst", False): np.minimum,
-            ("worst", True): np.maximum,
-            ("best", False): np.fmax,
-            ("best", True): np.fmin,
-        }[self.directions, self.statistic == "max"]
-        found = statistics_under(layer, self._outline, resolution, self.yaws, self.statistic)
-        return np.asarray(reduce(combine, found), np.float32)
+        lowest, highest = (np.minimum, np.maximum) if is_worst else (np.fmin, np.fmax)
+        combine = lowest if is_worst == (self.statistic != "max") else highest
+        return np.asarray(combine.reduce(found, axis=2))
