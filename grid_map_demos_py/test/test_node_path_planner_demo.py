@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from demos import PACKAGE
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry, Path
 
 from grid_map_core_py import GridMap, line_cells
@@ -95,31 +95,33 @@ def test_report_says_where_the_first_plan_is_blocked():
     assert blocked_after(plan[:3], costs) == "-"
 
 
-def test_robot_waits_for_the_next_map():
+def test_robot_repeats_its_goal_until_a_plan_comes_and_waits_for_maps():
     plan = Path()
     for x, y in (START, GOAL):
         plan.poses.append(PoseStamped())
         plan.poses[-1].pose.position.x, plan.poses[-1].pose.position.y = x, y
-    grid_map = GridMap((1.0, 1.0), 0.5, layers={"elevation": 0.0})
+    grid_map = to_message(GridMap((1.0, 1.0), 0.5, layers={"elevation": 0.0}))
     with peer() as other, running_node("grid_map_demos_py.path_planner_robot_node"):
-        other.listen("/odom", Odometry, 10)
+        other.listen("/initial_pose", PoseWithCovarianceStamped)
         other.listen("/goal_pose", PoseStamped)
+        poses, goals = other.received["/initial_pose"], other.received["/goal_pose"]
 
         def walked() -> float:
-            odometry = other.received["/odom"]
-            return math.dist(from_pose(odometry[-1])[:2, 3], START) if odometry else 0.0
+            return math.dist(from_pose(poses[-1])[:2, 3], START) if poses else 0.0
 
+        for number in (1, 2):
+            other.publish("/elevation_mapping/elevation_map", grid_map)
+            goal = other.expect("/goal_pose", number).pose.position
+            assert (goal.x, goal.y) == GOAL
+        assert walked() == 0.0
         other.publish("/plan", plan)
         for number in (1, 2):
-            other.publish("/elevation_mapping/elevation_map", to_message(grid_map))
-            reach = number * STRIDE
-            other.wait_until(lambda reach=reach: walked() > reach - 1e-6, f"a walk of {reach} m")
-            other.received["/odom"].clear()
-            other.expect("/odom", 4)
-            assert walked() == pytest.approx(reach)
-        goal = other.expect("/goal_pose").pose.position
-    assert (goal.x, goal.y) == GOAL
-    assert len(other.received["/goal_pose"]) == 1
+            other.wait_until(lambda reach=number * STRIDE: walked() > reach - 1e-6, "a walk")
+            poses.clear()
+            other.expect("/initial_pose", 4)
+            assert walked() == pytest.approx(number * STRIDE)
+            other.publish("/elevation_mapping/elevation_map", grid_map)
+        assert len(goals) == 2
 
 
 def test_robot_sees_the_cliff_late_and_walks_around_it(tmp_path):
