@@ -208,7 +208,7 @@ def test_goal_in_a_rotated_frame_and_robot_come_from_tf2() -> None:
         assert length_of(positions_of(path)) == pytest.approx(expected(ground()))
         turn = path.poses[-1].pose.orientation
         assert 2.0 * math.atan2(turn.z, turn.w) == pytest.approx(-yaw)
-        # A new map blocks the plan.
+        # Another map blocks the plan.
         client.peer.publish("/grid_map", to_message(ground(1.0)))
         assert length_of(positions_of(client.peer.expect("/plan", 2))) == pytest.approx(
             expected(ground(1.0))
