@@ -22,25 +22,21 @@ class PlannerSettings:
     """Parameters that can be changed while the node runs.
 
     Attributes:
-        cost_layer: layer with costs from 0 to 254; NaN means unknown. If empty, only lengths,
-            slopes and steps count.
+        cost_layer: layer with costs from 0 to 254; NaN means unknown. Empty means no costs.
         cost_weight: a path through cost 252 counts as `1 + cost_weight` times its length.
         lethal: smallest cost that blocks a cell.
-        elevation_layer: layer with heights [m]; cells without a height are blocked. If empty, the
-            ground counts as flat.
+        elevation_layer: layer with heights [m]; NaN blocks a cell. Empty means flat ground.
         max_slope_up: largest slope at which the robot climbs [rad]; 0 means no limit.
         max_slope_down: largest slope at which the robot descends [rad]; 0 means no limit.
         max_slope_cross: largest slope across the path [rad]; 0 means no limit.
-        max_step: largest height difference between neighboring cells [m]; 0 means no limit.
-        footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`; empty
-            means a circle with `robot_radius`.
+        max_step: largest step between neighboring cells [m]; 0 means no limit.
+        footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`.
         robot_radius: radius of the robot [m] if `footprint` is empty; 0 means a point.
         neighbors: number of directions in which paths leave a cell.
         unknown: `blocked`, or `free` (cost 0).
-        tolerance: maximum distance from the goal to the end of the plan if the goal is blocked [m].
-        base_frame: tf2 frame of the robot. If empty, or without tf2, plans start at the pose from
-            `initial_pose`.
-        stale_after: time without a usable map after which no plans are sent [s]; 0 means never.
+        tolerance: maximum distance from a blocked goal to the end of the plan [m].
+        base_frame: tf2 frame of the robot. If empty, or without tf2, plans start at `initial_pose`.
+        stale_after: time without a usable map after which the map is stale [s]; 0 means never.
     """
 
     cost_layer: str = "cost"
