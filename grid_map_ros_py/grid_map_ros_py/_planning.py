@@ -26,8 +26,8 @@ class PlannerSettings:
         cost_weight: a path through cost 252 counts as `1 + cost_weight` times its length.
         lethal: smallest cost that blocks a cell.
         elevation_layer: layer with heights [m]; NaN blocks a cell. Empty means flat ground.
-        max_slope_up: largest slope at which the robot climbs [rad]; 0 means no limit.
-        max_slope_down: largest slope at which the robot descends [rad]; 0 means no limit.
+        max_slope_up: largest slope upwards [rad]; 0 means no limit.
+        max_slope_down: largest slope downwards [rad]; 0 means no limit.
         max_slope_cross: largest slope across the path [rad]; 0 means no limit.
         max_step: largest step between neighboring cells [m]; 0 means no limit.
         footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`.
