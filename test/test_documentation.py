@@ -294,14 +294,18 @@ def delivers(script: str, topic: str) -> Iterator[None]:
     """Start a command in its own ROS domain; at the end its topic must deliver a message."""
     domain, lock = reserve_domain()
     command = ["bash", "-c", f"cd {ROOT} && {script}"]
-    with lock, peer(domain) as listener, running(Process(command, environment(domain))):
+    process = Process(command, environment(domain))
+    with lock, peer(domain) as listener, running(process):
         # Maps of two sources at once would be mixed up.
         if topic != "/grid_map":
             publish_maps(listener)
         yield
-        listener.wait_until(lambda: topic in offered(listener), f"a publisher of {topic}")
-        listener.listen(topic, resolve_name(offered(listener)[topic][0].replace("/", ".")))
-        listener.expect(topic)
+        try:
+            listener.wait_until(lambda: topic in offered(listener), f"a publisher of {topic}")
+            listener.listen(topic, resolve_name(offered(listener)[topic][0].replace("/", ".")))
+            listener.expect(topic)
+        finally:
+            print(f"$ {script}\n{process.text}")
 
 
 def offered(listener: Peer) -> dict[str, list[str]]:

@@ -125,8 +125,8 @@ def path_planner_demo() -> Figure:
     names = {field.name for field in fields(PlannerSettings)}
     settings = PlannerSettings(**{k: value for k, value in given.items() if k in names})
     mapper = ElevationMapper(GridGeometry((20.0, 20.0), 0.1))
-    walker, random = robot.Walker(robot.START, robot.GOAL), np.random.default_rng(1)
-    plans, walk, plan = list[robot.Matrix](), [walker.position], np.empty((0, 4))
+    walker, random = robot.Walker(), np.random.default_rng(1)
+    plans, walk = list[robot.Matrix](), [walker.position]
     for step in range(100):
         pose = robot.standing_pose(ground, walker.position, walker.way)
         for mount, beams, noise in robot.SENSORS.values():
@@ -134,12 +134,10 @@ def path_planner_demo() -> Figure:
             points = scan(ground, beams, pose @ mount, random=random, **options)
             mapper.update(points, pose @ mount, timestamp=step * 4 * 10**8, position=pose[:2, 3])
         planner = Planner(chain(mapper.grid_map), settings)
-        ahead = plan[len(plan) - len(walker.plan) :]
-        if step == 0 or planner.blocked(ahead)[1:].any():
-            start = *walker.position.tolist(), 0.0
-            plan = planner.plan(start, (*robot.GOAL, 0.0), settings.tolerance)
-            plans.append(plan[:, :2])
-            walker.follow(plan[:, :2])
+        if step == 0 or planner.blocked(plans[-1])[1:].any():
+            path = planner.graph.path(walker.position, robot.GOAL, tolerance=settings.tolerance)
+            plans.append(path.positions)
+            walker.follow(path.positions)
         walker.walk(robot.STRIDE)
         walk.append(walker.position)
         if math.dist(walker.position, robot.GOAL) < robot.ARRIVED:

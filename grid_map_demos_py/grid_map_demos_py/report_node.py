@@ -9,7 +9,6 @@ The exit code is 0 only if messages arrived on all topics in time.
 
 import math
 import sys
-import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -31,7 +30,7 @@ from grid_map_core_py.files._shared import (
 )
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py import ReceivedMap, from_pose
 from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.nodes import (
     MapSubscription,
@@ -421,110 +420,89 @@ class LargeMapReportNode(ReportNode):
         self.finish(tables, {"way": (self._overview, LAYER, way), "window": (window, LAYER, last)})
 
 
-# --- path planner demo ----------------------------------------------------------------------------
-
-COST = "inflated_cost"
-"""Layer with the costs of the planner."""
-
-BLOCKED = 253.0
-"""Smallest cost of a cell that blocks the way."""
+# --- demos of a robot on its way ------------------------------------------------------------------
 
 
-class PathPlannerReportNode(ReportNode):
+class CourseReportNode(ReportNode):
+    """Base class of reports on a robot that walks over the true terrain.
+
+    Attributes:
+        walk: (2,) positions of the robot so far [m].
+        truth: the terrain; None until it has arrived.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.walk: list[Matrix] = []
+        self.truth: GridMap | None = None
+        self._truths = MapSubscription(self, TRUTH, self._on_truth)
+        self.create_subscription(Odometry, "/odom", self._on_odometry, 10)
+        self.give_up_after(self.read_positive("timeout", 90.0, "maximum time to wait [s]"))
+
+    def _on_truth(self, received: ReceivedMap) -> None:
+        self.truth = received.decode()
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self.walk.append(from_pose(message)[:2, 3])
+
+
+class PathPlannerReportNode(CourseReportNode):
     """Collects plans and robot positions until the robot has reached the goal."""
 
     def __init__(self) -> None:
         super().__init__("path_planner_report")
-        self._truth: GridMap | None = None
-        self._costs: GridMap | None = None
         self._plans: list[Matrix] = []
-        self._walk: list[tuple[float, float]] = []
-        self._begin = 0.0
-        self._maps = [
-            MapSubscription(self, TRUTH, self._on_truth),
-            MapSubscription(self, POSTPROCESSED, self._on_costs),
-        ]
+        self._costs: GridMap | None = None
+        self._maps = MapSubscription(self, POSTPROCESSED, self._on_map)
         self.create_subscription(Path, "/plan", self._on_plan, map_qos())
-        self.create_subscription(Odometry, "/odom", self._on_odometry, 10)
-        self.give_up_after(self.read_positive("timeout", 90.0, "maximum time to wait [s]"))
 
     def silent_topics(self) -> list[str]:
-        got = {TRUTH: self._truth, POSTPROCESSED: self._costs, "/plan": self._plans}
+        got = {TRUTH: self.truth, POSTPROCESSED: self._costs, "/plan": self._plans}
         return [topic for topic, value in got.items() if not value] or ["/odom near the goal"]
 
-    def _on_truth(self, received: ReceivedMap) -> None:
-        self._truth = received.decode()
-
-    def _on_costs(self, received: ReceivedMap) -> None:
-        self._costs = received.decode([COST])
+    def _on_map(self, received: ReceivedMap) -> None:
+        self._costs = received.decode(["inflated_cost"])
 
     def _on_plan(self, message: Path) -> None:
-        places = [pose.pose.position for pose in message.poses]
-        self._begin = self._begin or time.monotonic()
-        if places:
-            self._plans.append(np.array([(place.x, place.y) for place in places]))
+        if message.poses:
+            self._plans.append(np.array([from_pose(pose)[:2, 3] for pose in message.poses]))
 
     def _on_odometry(self, message: Odometry) -> None:
-        place = message.pose.pose.position
-        self._walk.append((place.x, place.y))
-        if self._truth is None or self._costs is None or not self._plans:
-            return
-        if math.dist(self._walk[-1], GOAL) > ARRIVED:
-            return
-        walk, first = np.array(self._walk), self._plans[0]
-        rows = {
-            "straight line": f"{math.dist(START, GOAL):.1f} m",
-            "first plan": f"{length_of(first):.1f} m",
-            "first plan blocked after": blocked_after(first, self._costs),
-            "walked": f"{length_of(walk):.1f} m",
-            "time": f"{time.monotonic() - self._begin:.0f} s",
-            "plans": len(self._plans),
-        }
-        picture = draw_walk(self._truth, self._costs, self._plans, walk)
-        self.finish({"Way to the goal": rows}, {"path_planner": picture})
-
-
-def blocked_after(plan: Matrix, costs: GridMap) -> str:
-    """Return the length of a plan (N, 2) up to its first blocked cell; `-` if there is none."""
-    cells, _ = costs.get_indices(plan)
-    (blocked,) = np.nonzero(costs[COST][cells] >= BLOCKED)
-    return f"{length_of(plan[: blocked[0] + 1]):.1f} m" if len(blocked) else "-"
-
-
-def length_of(line: Matrix) -> float:
-    """Return the length [m] of a line through points (N, 2)."""
-    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+        super()._on_odometry(message)
+        is_there = math.dist(self.walk[-1], GOAL) <= ARRIVED
+        if is_there and self.truth and self._costs and self._plans:
+            walk = np.array(self.walk)
+            lines = {
+                "straight line": np.array([START, GOAL]),
+                "first plan": self._plans[0],
+                "walked path": walk,
+            }
+            lengths = {
+                name: np.hypot(*np.diff(line, axis=0).T).sum() for name, line in lines.items()
+            }
+            rows = {name: f"{length:.1f} m" for name, length in lengths.items()}
+            picture = draw_walk(self.truth, self._costs, self._plans, walk)
+            self.finish({"Way to the goal": rows}, {"path_planner": picture})
 
 
 def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Matrix) -> Figure:
-    """Draw the terrain and the costs with the first plan, the repeated plans and the walked path.
+    """Draw `elevation` and `inflated_cost`, each with the plans and the walked path.
 
-    Args:
-        truth: map with the true `elevation`.
-        costs: last map of the planner, with the layer `COST`.
-        plans: plans (N, 2) in chronological order [m].
-        walk: walked path (N, 2) [m].
+    Plans and path are positions (N, 2) [m].
     """
-    figure = Figure((6.8, 2.75), layout="constrained")
-    panels: list[tuple[GridMap, str, str, dict[str, Any]]] = [
-        (truth, "elevation", "true terrain [m]", {"color_map": "gist_earth"}),
-        (costs, COST, "costs; unknown is white", {"color_map": "RdYlGn_r", "upper": 254.0}),
-    ]
-    panels[0][3]["hillshade"] = "elevation"
-    for ax, (grid_map, layer, title, options) in zip(figure.subplots(1, 2), panels, strict=True):
-        plot(grid_map, layer, ax, label=" ", scale_bar=False, **options)
+    figure = Figure((7.6, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    plot(truth, "elevation", left, color_map="gist_earth", hillshade="elevation", scale_bar=False)
+    plot(costs, "inflated_cost", right, color_map="RdYlGn_r", label="cost", scale_bar=False)
+    for ax in (left, right):
         for number, plan in enumerate(plans):
-            style = {"color": "tab:blue", "linewidth": 0.8, "linestyle": "--" if number else "-"}
             label = ("first plan", "later plans")[number] if number < 2 else None
-            ax.plot(*plan.T, label=label, **style)
-        ax.plot(*walk.T, color="magenta", linewidth=1.8, label="walked")
-        ax.plot(*START, "o", color="black", markersize=5)
-        ax.plot(*GOAL, "*", color="black", markersize=10)
-        ax.set_title(title, fontsize=9)
-        ax.set(xlabel="", ylabel="", xlim=(-1.0, 9.5), ylim=(-4.0, 8.0))
-    for ax in figure.axes:
-        ax.tick_params(labelsize=7)
-    figure.axes[1].legend(fontsize=6, loc="upper right")
+            ax.plot(*plan.T, "--" if number else "-", color="tab:blue", linewidth=1.0, label=label)
+        ax.plot(*walk.T, color="magenta", linewidth=1.8, label="walked path")
+        ax.plot(*START, "ko", markersize=5)
+        ax.plot(*GOAL, "k*", markersize=10)
+        ax.set(xlim=(-1.0, 9.5), ylim=(-4.0, 8.0))
+    right.legend(fontsize=7, loc="upper right")
     return figure
 
 
@@ -533,34 +511,24 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
 PLANAR = "/planar_map"
 
 
-class PlanarRegionsReportNode(ReportNode):
+class PlanarRegionsReportNode(CourseReportNode):
     """Waits until the camera has seen the whole course, then compares regions with the terrain."""
 
     def __init__(self) -> None:
         super().__init__("planar_regions_report")
-        self._truth: GridMap | None = None
-        self._is_there = False
-        self._maps = [
-            MapSubscription(self, TRUTH, self._on_truth),
-            MapSubscription(self, PLANAR, self._on_map),
-        ]
-        self.create_subscription(Odometry, "/odom", self._on_odometry, 10)
-        self.give_up_after(self.read_positive("timeout", 90.0, "maximum time to wait [s]"))
+        self._maps = MapSubscription(self, PLANAR, self._on_map)
 
     def silent_topics(self) -> list[str]:
-        got = {TRUTH: self._truth, "/odom at the end": self._is_there}
+        got = {TRUTH: self.truth, "/odom at the end": self._is_there()}
         return [topic for topic, value in got.items() if not value] or [PLANAR]
 
-    def _on_truth(self, received: ReceivedMap) -> None:
-        self._truth = received.decode()
-
-    def _on_odometry(self, message: Odometry) -> None:
-        self._is_there |= message.pose.pose.position.x >= END
+    def _is_there(self) -> bool:
+        return any(x >= END for x, _ in self.walk)
 
     def _on_map(self, received: ReceivedMap) -> None:
-        if self._truth is not None and self._is_there:
+        if self.truth is not None and self._is_there():
             regions = received.decode(["elevation", "plane_id", "plane_elevation"])
-            rows = found_planes(regions, self._truth)
+            rows = found_planes(regions, self.truth)
             rows["regions in all"] = str(len(np.unique(regions["plane_id"])) - 1)
             self.finish({"Planes": rows}, {"planar_regions": draw_regions(regions)})
 

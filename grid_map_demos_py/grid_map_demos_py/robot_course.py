@@ -181,7 +181,7 @@ def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -
 
 
 class Walker:
-    """Position and direction of a robot that follows the latest plan.
+    """Position and direction of a robot that starts at `START` and follows the latest plan.
 
     Attributes:
         position: (2,) position [m].
@@ -189,16 +189,15 @@ class Walker:
         plan: (N, 2) positions of the plan that are still ahead [m].
     """
 
-    def __init__(self, start: tuple[float, float], goal: tuple[float, float]) -> None:
-        self.position = np.array(start)
-        self.way = np.subtract(goal, start) / math.dist(goal, start)
+    def __init__(self) -> None:
+        self.position = np.array(START)
+        self.way = np.subtract(GOAL, START) / math.dist(GOAL, START)
         self.plan: Matrix = np.empty((0, 2))
 
     def follow(self, plan: Matrix) -> None:
         """Follow another plan (N, 2), from its point nearest to the robot."""
-        self.plan = plan
-        if len(plan):
-            self.plan = plan[np.argmin(np.hypot(*(plan - self.position).T)) :]
+        distances = np.hypot(*(plan - self.position).T)
+        self.plan = plan[distances.argmin() :] if len(plan) else plan
 
     def walk(self, distance: float) -> None:
         """Walk along the plan, at most `distance` [m]."""

@@ -61,8 +61,8 @@ class SensingRobot(Demo):
 
     def publish_measurements(
         self, terrain: GridMap, pose: Matrix, stamp: int, reported: Matrix, covariance: Matrix
-    ) -> None:
-        """Publish the odometry and a scan of each sensor.
+    ) -> Odometry:
+        """Publish the odometry and a scan of each sensor; return the odometry.
 
         Args:
             terrain: terrain that the sensors measure.
@@ -86,6 +86,7 @@ class SensingRobot(Demo):
                 max_range=self._max_range,
             )
             self._clouds[name].publish(to_cloud(points, stamp, name))
+        return odometry
 
 
 def to_cloud(points: Positions, stamp: int, frame_id: str) -> PointCloud2:

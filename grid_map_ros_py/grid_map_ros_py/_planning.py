@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Settings of the node `path_planner`, and plans on one map."""
+"""Settings of the node `path_planner`, and checks of plans on one map."""
 
 import math
 from ast import literal_eval
@@ -8,21 +8,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py._arrays._checks import Mask
+from grid_map_core_py._arrays._checks import Mask, Positions
 from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.errors import GeometryError
 from grid_map_core_py.planning import Footprint, SlopeLimits, TravelGraph
-from grid_map_core_py.planning._ground import ROUNDING
 from grid_map_core_py.plugins import check
-
-Pose = tuple[float, float, float]
-"""Pose x, y [m] and yaw [rad] in the frame of the map."""
-
-Poses = npt.NDArray[np.float64]
-"""(N, 4) poses of a plan: x, y, z [m] and yaw [rad], in the frame of the map."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,24 +22,21 @@ class PlannerSettings:
     """Parameters that can be changed while the node runs.
 
     Attributes:
-        cost_layer: layer with costs from 0 to 254; NaN means unknown. If empty, only lengths,
-            slopes and steps count.
+        cost_layer: layer with costs from 0 to 254; NaN means unknown. Empty means no costs.
         cost_weight: a path through cost 252 counts as `1 + cost_weight` times its length.
         lethal: smallest cost that blocks a cell.
-        elevation_layer: layer with heights [m]; cells without a height are blocked. If empty, the
-            ground counts as flat.
-        max_slope_up: largest slope at which the robot climbs [rad]; 0 means no limit.
-        max_slope_down: largest slope at which the robot descends [rad]; 0 means no limit.
+        elevation_layer: layer with heights [m]; NaN blocks a cell. Empty means flat ground.
+        max_slope_up: largest slope upwards [rad]; 0 means no limit.
+        max_slope_down: largest slope downwards [rad]; 0 means no limit.
         max_slope_cross: largest slope across the path [rad]; 0 means no limit.
-        max_step: largest height difference between neighboring cells [m]; 0 means no limit.
-        footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`; empty
-            means a circle with `robot_radius`.
+        max_step: largest step between neighboring cells [m]; 0 means no limit.
+        footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`.
         robot_radius: radius of the robot [m] if `footprint` is empty; 0 means a point.
         neighbors: number of directions in which paths leave a cell.
         unknown: `blocked`, or `free` (cost 0).
-        tolerance: maximum distance from the goal to the end of the plan if the goal is blocked [m].
-        base_frame: frame of the robot; used with tf.
-        stale_after: time without a usable map after which no plans are sent [s]; 0 means never.
+        tolerance: maximum distance from a blocked goal to the end of the plan [m].
+        base_frame: tf2 frame of the robot. If empty, or without tf2, plans start at `initial_pose`.
+        stale_after: time without a usable map after which the map is stale [s]; 0 means never.
     """
 
     cost_layer: str = "cost"
@@ -67,13 +56,11 @@ class PlannerSettings:
     stale_after: float = 10.0
 
     def __post_init__(self) -> None:
-        for name in ("cost_weight", "max_step", "robot_radius", "tolerance", "stale_after"):
-            value = getattr(self, name)
-            check(0 <= value < math.inf, name, "a number of at least 0", value)
-        for name in ("max_slope_up", "max_slope_down", "max_slope_cross"):
-            value = getattr(self, name)
-            check(0 <= value <= 0.5 * math.pi, name, "radians from 0 to pi / 2", value)
-        check(self.lethal > 0, "lethal", "a positive number", self.lethal)
+        for name, value in vars(self).items():
+            if name.startswith("max_slope_"):
+                check(0 <= value <= 0.5 * math.pi, name, "radians from 0 to pi / 2", value)
+            elif isinstance(value, float):
+                check(0 <= value < math.inf, name, "a number of at least 0", value)
         steepness = self.max_slope_up, self.max_slope_down, self.max_slope_cross, self.max_step
         if not self.elevation_layer and (any(steepness) or not self.cost_layer):
             expected = "a layer, as there are limits for slopes or steps, or no cost_layer"
@@ -96,18 +83,9 @@ class PlannerSettings:
             expected = "corners [x, y] [m] of a polygon, [[x, y], ...]"
             raise mismatch("footprint", expected, self.footprint) from error
 
-    @property
-    def slopes(self) -> SlopeLimits | None:
-        """The slope limits; None if there are none."""
-        limits = self.max_slope_up, self.max_slope_down, self.max_slope_cross
-        if not any(limits):
-            return None
-        up, down, cross = (limit or 0.5 * math.pi for limit in limits)
-        return SlopeLimits(up=up, down=down, cross=cross)
-
 
 class Planner:
-    """Plans on one map with fixed settings; the graph is built when it is first used."""
+    """A map, and its graph with fixed settings, which is built when it is first used."""
 
     def __init__(self, grid_map: GridMap, settings: PlannerSettings) -> None:
         self.grid_map, self._settings = grid_map, settings
@@ -115,41 +93,35 @@ class Planner:
     @cached_property
     def graph(self) -> TravelGraph:
         settings = self._settings
+        slopes = settings.max_slope_up, settings.max_slope_down, settings.max_slope_cross
         return TravelGraph(
             self.grid_map,
             cost=settings.cost_layer or None,
             cost_weight=settings.cost_weight,
             lethal=settings.lethal if settings.cost_layer else None,
             elevation=settings.elevation_layer or None,
-            limits=settings.slopes,
+            limits=SlopeLimits(*(one or 0.5 * math.pi for one in slopes)) if any(slopes) else None,
             max_step=settings.max_step or None,
             footprint=settings.body,
             neighbors=settings.neighbors,
             unknown=settings.unknown,
         )
 
-    def plan(self, start: Pose, goal: Pose, tolerance: float) -> Poses:
-        """Return a plan, at most 2.3 cells per step; arguments and errors as `TravelGraph.path`."""
-        path = self.graph.path(start, goal, tolerance=tolerance)
-        return np.column_stack([path.positions, path.heights, path.yaws])
+    def blocked(self, positions: Positions) -> Mask:
+        """Return which positions (N, 2) [m] of a plan are not free, or not free to reach.
 
-    def blocked(self, poses: Poses) -> Mask:
-        """Return which poses (N,) are not on a free cell, or not free to reach from the last one.
-
-        The way from a pose to the next is free if both are in the same cell, if the graph has a
-        move between them, or if the straight line obeys all limits.
+        The way from a position to the next is free if both are in the same cell, if the graph has
+        a move between their cells, or if the straight line obeys all limits.
         """
-        graph, ground, positions = self.graph, self.graph._ground, poses[:, :2]
+        graph, ground = self.graph, self.graph._ground
         cells, inside = self.grid_map.geometry.cells_at(positions)
         index = ground.flat(*cells)
         blocked: Mask = ~(inside & graph._free[index])
         points = ground.to_points(positions)
-        is_center = np.abs(points - np.stack(cells)).max(axis=0) < ROUNDING
         before, after = index[:-1], index[1:]
         (ways,) = np.nonzero((before != after) & ~(blocked[:-1] | blocked[1:]))
         if len(ways):
             is_free = np.asarray(graph._matrix[after[ways], before[ways]]).ravel() > 0.0
-            is_free &= is_center[ways] & is_center[ways + 1]
             is_free |= np.isfinite(ground.straight(points[:, ways], points[:, ways + 1])[0])
             blocked[ways[~is_free] + 1] = True
         return blocked
