@@ -76,12 +76,13 @@ def test_only_a_cliff_out_of_sight_blocks_the_straight_line():
 
 
 def test_picture_shows_all_plans_and_the_walk():
-    truth = GridMap((12.0, 12.0), 1.0, layers={"elevation": 0.0})
-    truth["elevation"][2, 3] = 1.0
+    truth = GridMap((12.0, 12.0), 1.0, layers={"elevation": 0.0, "inflated_cost": 0.0})
+    truth["elevation"][2, 3] = truth["inflated_cost"][3, 2] = 1.0
     plans = [np.array([START, GOAL]), np.array([START, (0.0, 0.0), GOAL])]
     walk = np.array([START, (1.0, 1.0), GOAL])
-    drawn = [line.get_xydata().tolist() for line in draw_walk(truth, plans, walk).axes[0].lines]
-    assert all(line.tolist() in drawn for line in (*plans, walk))
+    for ax in draw_walk(truth, truth, plans, walk).axes[:2]:
+        drawn = [line.get_xydata().tolist() for line in ax.lines]
+        assert all(line.tolist() in drawn for line in (*plans, walk))
 
 
 def test_robot_repeats_its_goal_until_it_walks_and_waits_for_maps():

@@ -38,7 +38,7 @@ class SqliteWriter:
     """
 
     def __init__(self, path: Path, *, in_place: bool = False) -> None:
-        self._database = sqlite3.connect(path, isolation_level=None if in_place else "")
+        self._database = sqlite3.connect(path, isolation_level=None if in_place else "DEFERRED")
         # A file that is moved to its final path only when complete needs no journal.
         self._database.execute(f"PRAGMA journal_mode = {'WAL' if in_place else 'OFF'}")
         self._database.execute("PRAGMA synchronous = OFF")
