@@ -116,7 +116,7 @@ class Ground:
         return self.passable & free.view(np.bool_).ravel()
 
     def heights_at(self, points: Floats) -> Floats:
-        """Return the heights (P,) [m] at points (2, P): bilinear over the passable cells."""
+        """Interpolate the heights (P,) [m] at points (2, P) between the passable cells."""
         if self.is_flat:
             return np.zeros(points.shape[1])
         base = np.floor(points)
@@ -172,7 +172,7 @@ class Ground:
     def straight(
         self, begin: Floats, end: Floats, most: Floats | float = math.inf
     ) -> tuple[Floats, Floats]:
-        """Return the cost of each straight line, and the number of pieces to sample it with.
+        """Return the cost of each straight line, and the number of equal pieces to divide it into.
 
         The cost is infinite if a line is not allowed, costs more than `most`, or has no length.
 
@@ -237,7 +237,7 @@ class Ground:
 
         Args:
             points: (2, K) waypoints [cells].
-            lines: (2, K - 1) cost of each line, and number of pieces to sample it with.
+            lines: (2, K - 1) cost of each line, and number of equal pieces to divide it into.
             tested: (K,) waypoints that need no test, unless a neighbor is dropped.
         """
         odd, tested[[0, -1]] = 0, True
