@@ -24,10 +24,6 @@ class PlanarRegions(ContourExtraction, Preprocessing, SlidingWindow):
     input_layer: str
     output_layer: str
 
-    def __post_init__(self) -> None:
-        for section in (ContourExtraction, Preprocessing, SlidingWindow):
-            section.__post_init__(self)
-
     def reach(self, _resolution: float) -> float:
         return WHOLE_MAP
 

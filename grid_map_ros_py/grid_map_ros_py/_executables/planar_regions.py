@@ -89,7 +89,11 @@ class PlanarRegionsNode(ConfiguredNode):
             raise GridMapError(text)
         wanted = [name for name in (self._layer, "variance") if name in received.layers]
         grid_map = received.decode(wanted, copy=False)
-        previous = self._previous(grid_map)
+        previous = self._latest[1] if self._latest else None
+        if previous is not None and not previous.fits(grid_map):
+            new = f"{grid_map.frame_id!r} with cells of {grid_map.resolution:g} m"
+            self._log.warning(f"the map has changed to {new}: ids start again at 1")
+            previous = None
         regions = extract_planes(grid_map, self._layer, self._plane_parameters, previous)
         self._latest = received, regions
         self._details["regions"] = len(regions)
@@ -100,19 +104,6 @@ class PlanarRegionsNode(ConfiguredNode):
         for output in self._outputs:
             output.publish()
         self._publish_polygons()
-
-    def _previous(self, grid_map: GridMap) -> PlanarRegions | None:
-        """Return the regions of the last map, unless its frame or resolution differs."""
-        if self._latest is None:
-            return None
-        regions = self._latest[1]
-        old = regions.frame, regions.geometry.resolution
-        new = grid_map.frame_id, grid_map.resolution
-        if old[0] == new[0] and math.isclose(old[1], new[1], rel_tol=1e-6):
-            return regions
-        text = "the map has changed from {!r}, {:g} m to {!r}, {:g} m: ids start again at 1"
-        self._log.warning(text.format(*old, *new))
-        return None
 
     def _why_empty(self, regions: PlanarRegions) -> str:
         known, topic = int((regions.planarity >= 0).sum()), self._subscription.topic_name
