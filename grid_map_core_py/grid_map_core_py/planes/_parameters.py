@@ -37,7 +37,7 @@ class Preprocessing(Section):
 
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
-        numberOfRepeats: number of times the filter is applied; 0 disables it.
+        numberOfRepeats: number of times the filter is applied.
         resolution, increasing: no effect.
     """
 
@@ -52,7 +52,7 @@ class SlidingWindow(Section):
     """Thresholds for the plane around each cell and for whole regions.
 
     Attributes:
-        kernel_size: width of the window around each cell [cells], odd and at least 3.
+        kernel_size: width of the window around each cell [cells], odd.
         planarity_opening_filter: steps of a morphological opening of the planar cells [cells].
         plane_inclination_threshold_degrees: largest inclination of a region.
         local_plane_inclination_threshold_degrees: largest inclination of a window.
