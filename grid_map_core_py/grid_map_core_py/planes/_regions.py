@@ -206,11 +206,9 @@ class PlanarRegions(Sequence[PlanarRegion]):
 
 
 def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """Return the edges (4, E) of C outlines (V, 2), and where each outline starts.
+    """Return the edges of C outlines (V, 2): (4, E) x, y of the starts and x, y of the ends.
 
-    Returns:
-        edges: (4, E) x, y of the start and x, y of the end of each edge.
-        starts: (C + 1,) index of the first edge of each outline, and E.
+    The second result (C + 1,) is the index of the first edge of each outline, and E.
     """
     vertices = np.concatenate([np.empty((0, 2), np.int32), *outlines]).T
     starts = np.cumsum([0] + [len(outline) for outline in outlines])
@@ -220,16 +218,10 @@ def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np
 
 
 def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Compare positions with edges.
+    """Return the vectors x, y from positions to edges (4, E), and which edges are crossed.
 
-    Args:
-        edges: (4, E) x, y of the start and x, y of the end of each edge [m].
-        x, y: (N, 1) or scalar coordinates of positions [m].
-
-    Returns:
-        ahead_x, ahead_y: vector from each position to the nearest point of each edge [m].
-        crossed: whether a ray from the position towards +x crosses the edge. If the number of
-            crossed edges of a polygon is odd, the position is inside (even-odd rule).
+    A vector leads to the nearest point of the edge [m]. An edge is crossed by a ray from the
+    position towards +x. Inside a polygon, the number of crossed edges is odd (even-odd rule).
     """
     start_x, start_y, end_x, end_y = edges
     step_x, step_y = end_x - start_x, end_y - start_y

@@ -7,7 +7,6 @@ Images in this module are transposed layers (cols, rows) in C order.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import cv2
@@ -61,18 +60,20 @@ def planar_cells(
     steepest = math.tan(math.radians(limits.local_plane_inclination_threshold_degrees))
     border = max(limits.kernel_size, median.kernelSize) // 2
     known = np.pad(np.isfinite(heights), border)
-    continued = _continuation(known)
+    near, behind = _continuation(known)
     with np.errstate(over="ignore", invalid="ignore"):
-        raw = continued(np.where(known, np.pad(heights, border), np.float32(0)))
+        raw = np.pad(heights, border)
+        raw = 2 * raw.take(near) - raw.take(behind)
         smooth = raw.copy()
         for _ in range(median.numberOfRepeats):
-            smooth = continued(cv2.medianBlur(smooth, median.kernelSize))
+            smooth = cv2.medianBlur(smooth, median.kernelSize)
+            smooth = 2 * smooth.take(near) - smooth.take(behind)
         outliers = known & (np.abs(raw - smooth) > distance)
         # The median cuts off corners and thin walls: cells with two neighbors at their height.
         lowered = np.flatnonzero(outliers & (raw > smooth))
         around = np.add.outer((-raw.shape[1], 0, raw.shape[1]), (-1, 0, 1)).reshape(-1)
-        near = raw.reshape(-1)[lowered[:, None] + around]
-        similar = np.abs(near - near[:, 4:5]) <= distance
+        windows = raw.reshape(-1)[lowered[:, None] + around]
+        similar = np.abs(windows - windows[:, 4:5]) <= distance
         corners = np.unravel_index(lowered[similar.sum(axis=1) > 2], raw.shape)
         smooth[corners], outliers[corners] = raw[corners], False
         tilts, squares = _window_fits(smooth, limits.kernel_size, resolution)
@@ -93,27 +94,19 @@ def planar_cells(
     return Cells(places, points, slopes, ~outliers[inner][planar]), planar
 
 
-def _continuation(known: Mask) -> Callable[[Image], Image]:
-    """Return a function that continues images linearly into the cells that are not `known`.
+def _continuation(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return two images of places, from which `2 * first - second` continues an image linearly.
 
-    The nearest known cell is half-way between an unknown cell and the cell behind, which define a
-    line. If the cell behind is unknown, too, the height is that of the nearest cell.
+    The first cell is the nearest known one, half-way to the second. For known cells, and if the
+    second cell would be unknown, both are the nearest known cell.
     """
-    unknown = np.flatnonzero(~known)
-    _, numbers = cv2.distanceTransformWithLabels(
-        (~known).view(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
+    places, unknown = np.arange(known.size).reshape(known.shape), (~known).view(np.uint8)
+    kind: Any = {"distanceType": cv2.DIST_L2, "maskSize": 5, "labelType": cv2.DIST_LABEL_PIXEL}
     # Known cells are numbered row by row, from 1 on; without known cells, all numbers are 0.
-    near = np.append(0, np.flatnonzero(known))[numbers.reshape(-1)[unknown]]
-    behind = np.clip(2 * near - unknown, 0, known.size - 1)
-    behind = np.where(known.reshape(-1)[behind], behind, near)
-
-    def continued(image: Image) -> Image:
-        flat = image.reshape(-1)
-        flat[unknown] = 2 * flat[near] - flat[behind]
-        return image
-
-    return continued
+    numbers = cv2.distanceTransformWithLabels(unknown, **kind)[1]
+    near = np.append(0, places[known])[numbers]
+    behind = np.clip(2 * near - places, 0, known.size - 1)
+    return near, np.where(known.reshape(-1)[behind], behind, near)
 
 
 def _window_fits(heights: Image, size: int, resolution: float) -> tuple[list[Image], Image]:
@@ -221,7 +214,7 @@ class Splitter:
         """Return the mask of the cells on the largest plane of each component."""
         planes = self._best_hypotheses(cells, groups)
         for _ in range(_REFITS):
-            planes = self._fit(cells, groups, self._inliers(cells, groups, planes))
+            planes = self._fit(cells, groups, self._judged(cells, groups, planes)[1])
         near = self._near(cells, groups, planes)
         pieces, sizes = self._components(cells.places[near])
         near[near] = (sizes >= self.least)[pieces]
@@ -238,7 +231,7 @@ class Splitter:
         local, drawn = np.stack([a, b, z - a * x - b * y]), np.bincount(groups)
         tried = np.arange(min(_HYPOTHESES, drawn.max()))[:, None] % drawn
         tried += np.cumsum(drawn) - drawn
-        inliers = (self._inliers(judges, groups, local[:, numbers]) for numbers in tried)
+        inliers = (self._judged(judges, groups, local[:, numbers])[1] for numbers in tried)
         votes = np.array([np.bincount(groups, mask) for mask in inliers])
         return local[:, tried[votes.argmax(axis=0), np.arange(drawn.size)]]
 
@@ -247,12 +240,16 @@ class Splitter:
         chosen, count = np.flatnonzero(cells.is_exact & mask), groups.max() + 1
         return fit_planes(groups.take(chosen), count, cells.points.take(chosen, axis=1))[0]
 
-    def _inliers(self, cells: Cells, groups: Groups, planes: Numbers) -> Mask:
-        """Return the mask of cells near the plane of their group and similarly inclined."""
+    def _judged(self, cells: Cells, groups: Groups, planes: Numbers) -> tuple[Mask, Mask]:
+        """Return masks of the cells near the plane of their group, and of the inliers.
+
+        Inliers are also similarly inclined.
+        """
         (a, b), (c, d, _) = cells.slopes, planes
         norms = self.cosine * np.sqrt(1 + c**2 + d**2)
         is_parallel = 1 + a * c[groups] + b * d[groups] >= norms[groups] * np.sqrt(1 + a**2 + b**2)
-        return np.asarray(is_parallel & self._close(cells, groups, planes))
+        is_close = np.abs(above_planes(cells.points, planes, groups)) <= self.distance
+        return is_close, is_close & is_parallel
 
     def _near(self, cells: Cells, groups: Groups, planes: Numbers) -> Mask:
         """Return the mask of cells near the plane of their group that are, or touch, an inlier.
@@ -260,12 +257,8 @@ class Splitter:
         The window of a cell at an edge includes cells beyond the edge, which tilt its local plane.
         """
         image = np.zeros(self.shape, np.uint8)
-        image.reshape(-1)[cells.places] = self._inliers(cells, groups, planes)
-        touched = cv2.dilate(image, _CROSS).reshape(-1)[cells.places].view(np.bool_)
-        return np.asarray(touched & self._close(cells, groups, planes))
-
-    def _close(self, cells: Cells, groups: Groups, planes: Numbers) -> Mask:
-        return np.asarray(np.abs(above_planes(cells.points, planes, groups)) <= self.distance)
+        is_close, image.reshape(-1)[cells.places] = self._judged(cells, groups, planes)
+        return is_close & cv2.dilate(image, _CROSS).reshape(-1)[cells.places].view(np.bool_)
 
     def _components(self, places: NDArray[np.int64]) -> tuple[Groups, NDArray[np.int64]]:
         """Return the number of the component of each place, and the size of each component."""

@@ -49,7 +49,9 @@ class PlanarRegionsNode(ConfiguredNode):
         self._details = {"regions": 0, "ms of the last map": math.nan}
         self._health.details = lambda: self._details
         markers = self._output(
-            "planar_regions", MarkerArray, lambda *latest: to_markers(latest[1], _header(latest[0]))
+            "planar_regions",
+            MarkerArray,
+            lambda received, regions: to_markers(regions, _header(received)),
         )
         maps = self._output(
             "planar_map", GridMapMessage, lambda *latest: to_serialized_message(_map(*latest))
