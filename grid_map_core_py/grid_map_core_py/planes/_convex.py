@@ -13,13 +13,8 @@ from ..errors import GeometryError, short
 from ..regions._polygon import Polygon
 from ._regions import PlanarRegion, edges_of, to_edges
 
-_ROUNDS = 3
-_ANGLES = np.arange(6) * math.pi / 6  # directions of the long axes of ellipses
-_SHAPES = [np.eye(2)] + [
-    np.array([[math.cos(a) / 4, math.sin(a) / 4], [-math.sin(a), math.cos(a)]]) for a in _ANGLES
-]
-"""Matrices that turn a circle and ellipses into circles."""
-
+_DIRECTIONS = np.exp(2j * math.pi * np.arange(36) / 36)  # as x + 1j * y
+_SEGMENTS = 8  # number of directions, those with the farthest outline, of the segments
 _CLEARANCE = 1e-6  # closer to an edge, its direction from the position would be imprecise [m]
 _SHRUNK = 1.0 - 1e-9  # keeps rounded corners inside the region
 
@@ -28,9 +23,9 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
     """Return a large convex polygon that lies inside a region and contains a position.
 
     As in IRIS (Deits and Tedrake, "Computing large convex regions of obstacle-free space through
-    semidefinite programming", 2015), an ellipse grows and cuts off each edge of the region that it
-    meets. Ellipses of several shapes grow around the position, then around the centroid of the
-    largest polygon so far.
+    semidefinite programming", 2015), the edges of the region are cut off one by one, the nearest
+    first. The distances are those from a segment instead of an ellipse. It leads from the position
+    half-way to the outline. Of several segments, the one with the largest polygon is chosen.
 
     Args:
         region: the region; its holes are avoided.
@@ -52,31 +47,40 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
     if not (np.logical_xor.reduce(crossed) and np.hypot(x, y).min() > _CLEARANCE):
         expected = f"a position inside region {region.id}"
         raise GeometryError(f"position: expected {expected}, got {tuple(origin.tolist())}")
-    center, grown = np.zeros(2), list[Positions]()
-    for _ in range(_ROUNDS):
-        around = edges.reshape(2, 2, -1) - center[:, None]
-        grown += [center + _grown(shape @ around) @ np.linalg.inv(shape).T for shape in _SHAPES]
-        grown = [max(grown, key=_area)]
-        center = Polygon(grown[0]).centroid
-    return origin + _SHRUNK * _reduced(grown[0], vertices)
+    # After a turn by each direction, an edge across the x axis meets it at `place`.
+    turn = _DIRECTIONS.conj()
+    starts, ends = (np.multiply.outer(x + 1j * y, turn) for x, y in edges.reshape(2, 2, -1))
+    across = np.nonzero((starts.imag > 0) != (ends.imag > 0))
+    start, end = starts[across], ends[across]
+    place = (start.conj() * end).imag / (end - start).imag
+    outline = np.full(turn.size, np.inf)
+    np.minimum.at(outline, across[1], np.where(place > 0, place, np.inf))
+    half_way = (0.5 * outline * _DIRECTIONS)[np.argsort(outline)[-_SEGMENTS:]]
+    best = max((_grown(edges, end.real, end.imag) for end in half_way), key=_area)
+    return origin + _SHRUNK * _reduced(best, vertices)
 
 
-def _grown(ends: Positions) -> Positions:
-    """Return the polygon (K, 2) that remains after cutting off edges, the nearest first.
+def _grown(edges: Positions, x: float, y: float) -> Positions:
+    """Return a convex polygon (K, 2), free of edges, around the segment from the origin to x, y.
 
     Args:
-        ends: (2, 2, E) start and end, x and y, of edges that enclose the origin.
+        edges: (4, E) edges that enclose the origin and do not cross the segment.
     """
-    x, y, _ = to_edges(ends.reshape(4, -1), 0.0, 0.0)
-    normals, distances, lines = np.stack([x, y], axis=1), np.hypot(x, y), []
-    while distances.size:
-        cut = distances.argmin()
+    # The nearest points of a segment and an edge include an end of one of them.
+    ways = [to_edges(edges, *end) for end in ((0.0, 0.0), (x, y))]
+    ways += [to_edges((0.0, 0.0, -x, -y), *-end) for end in edges.reshape(2, 2, -1)]
+    vectors = np.array([way[:2] for way in ways])
+    nearest = (vectors**2).sum(axis=1).argmin(axis=0)
+    normals = np.take_along_axis(vectors, nearest[None, None], axis=0)[0].T
+    ends, squares, lines = edges.reshape(2, 2, -1), (normals**2).sum(axis=1), list[Positions]()
+    while squares.size:
+        cut = squares.argmin()
         along = (normals[cut] @ ends).min(axis=0)
         lines.append(normals[cut] / along[cut])
         is_left = along < (1 - 1e-12) * along[cut]
         is_left[cut] = False
         left = np.flatnonzero(is_left)
-        ends, normals, distances = ends[..., left], normals[left], distances[left]
+        ends, normals, squares = ends[..., left], normals[left], squares[left]
     # The corners of the polygon line . x <= 1 are dual to the edges of the hull of all lines.
     dual = Polygon.convex_hull(np.array(lines)).vertices
     after = np.roll(dual, -1, axis=0)
@@ -85,9 +89,7 @@ def _grown(ends: Positions) -> Positions:
 
 
 def _area(corners: Positions) -> float:
-    """Return twice the area of a polygon, or 0 if the origin is not inside."""
-    parts = _cross(corners, np.roll(corners, -1, axis=0))
-    return float(parts.sum()) if parts.min() > 0 else 0.0
+    return float(_cross(corners, np.roll(corners, -1, axis=0)).sum())
 
 
 def _reduced(corners: Positions, count: int) -> Positions:
