@@ -24,26 +24,15 @@ from grid_map_core_py.testing import grid_maps, moved_in_buffer
 UPSTREAM = """
 preprocessing: {resolution: 0.04, kernelSize: 3, numberOfRepeats: 1, increasing: False}
 sliding_window_plane_extractor:
-  kernel_size: 3
-  planarity_opening_filter: 0
-  plane_inclination_threshold_degrees: 30.0
-  local_plane_inclination_threshold_degrees: 35.0
-  plane_patch_error_threshold: 0.02
-  min_number_points_per_label: 4
-  connectivity: 4
-  include_ransac_refinement: true
-  global_plane_fit_distance_error_threshold: 0.025
-  global_plane_fit_angle_error_threshold_degrees: 25.0
+  {kernel_size: 3, planarity_opening_filter: 0, plane_inclination_threshold_degrees: 30.0,
+  local_plane_inclination_threshold_degrees: 35.0, plane_patch_error_threshold: 0.02,
+  min_number_points_per_label: 4, connectivity: 4, include_ransac_refinement: true,
+  global_plane_fit_distance_error_threshold: 0.025,
+  global_plane_fit_angle_error_threshold_degrees: 25.0}
 ransac_plane_refinement:
   {probability: 0.01, min_points: 4, epsilon: 0.025, cluster_epsilon: 0.08, normal_threshold: 25.0}
 contour_extraction: {marginSize: 1}
-postprocessing:
-  extracted_planes_height_offset: 0.0
-  nonplanar_height_offset: 0.02
-  nonplanar_horizontal_offset: 1
-  smoothing_dilation_size: 0.2
-  smoothing_box_kernel_size: 0.1
-  smoothing_gauss_kernel_size: 0.05
+postprocessing: {extracted_planes_height_offset: 0.0, smoothing_dilation_size: 0.2}
 """
 
 
@@ -62,14 +51,7 @@ def regions_of(surface, size, seed, parameters=None, **options):
 
 def assert_same(actual, expected):
     np.testing.assert_array_equal(actual.labels, expected.labels)
-    assert len(actual) == len(expected)
-    for found, wanted in zip(actual, expected, strict=True):
-        for name, value in vars(wanted).items():
-            if name == "holes":
-                for a, b in zip(found.holes, value, strict=True):
-                    np.testing.assert_array_equal(a, b)
-            else:
-                np.testing.assert_array_equal(getattr(found, name), value)
+    np.testing.assert_equal([vars(region) for region in actual], [vars(r) for r in expected])
 
 
 @pytest.mark.needs("shapely")
@@ -169,15 +151,6 @@ def assert_consistent(regions):
         assert np.isclose(region.area, expected.area, rtol=1e-9)
         assert LinearRing(region.outer).is_ccw
         assert not any(LinearRing(hole).is_ccw for hole in region.holes)
-
-
-@pytest.mark.needs("shapely")
-def test_outlines_fit_labels_of_rubble():
-    for seed in range(3):
-        regions = regions_of(Rubble(seed, 3.2, 8), (90, 71), seed, outliers=0.05)
-        assert len(regions) > 3
-        assert any(region.holes for region in regions)
-        assert_consistent(regions)
 
 
 @st.composite

@@ -5,7 +5,7 @@ import colorsys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Point32, PolygonStamped
+from geometry_msgs.msg import Point, Point32, Polygon, PolygonStamped
 from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -25,9 +25,6 @@ GOLDEN = 0.5 * (5**0.5 - 1)
 
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 """Row and column of the corners of a square, counter-clockwise in the map."""
-
-
-# --- geometry -------------------------------------------------------------------------------------
 
 
 def on_plane(region: "PlanarRegion", points: Positions) -> Positions:
@@ -51,10 +48,10 @@ def plane_frame(region: "PlanarRegion") -> Positions:
 
 
 def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Divide the polygons of labeled cells into triangles between cell centers.
+    """Divide the polygons of `PlanarRegions` into triangles between cell centers.
 
     A block of 2 x 2 cells is filled if all four have one label, and half filled if three have.
-    These are the polygons of `PlanarRegions`. Filled blocks of one row are merged.
+    Filled blocks of one row are merged.
 
     Args:
         labels: (rows, cols) labels in map order; 0 for none.
@@ -67,12 +64,12 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
     block = np.stack([labels[r : r + rows, c : c + cols] for r, c in CORNERS])
     is_full = (block == block[0]).all(axis=0) & (block[0] > 0)
     full = np.pad(np.where(is_full, block[0], 0), ((0, 0), (1, 1)))
-    row, first = np.nonzero(is_full & (full[:, 1:-1] != full[:, :-2]))
-    _, last = np.nonzero(is_full & (full[:, 1:-1] != full[:, 2:]))
-    sides = np.stack([np.ones_like(row), last - first + 1], axis=1)
-    boxes = np.stack([row, first], axis=1)[:, None] + CORNERS * sides[:, None]
-    corners = [boxes[:, :3], boxes[:, [0, 2, 3]]]
-    owners = [block[0, row, first]] * 2
+    begins, ends = (
+        np.argwhere(is_full & (full[:, 1:-1] != other)) for other in (full[:, :-2], full[:, 2:])
+    )
+    sides = 1 + np.stack([0 * ends[:, 0], ends[:, 1] - begins[:, 1]], axis=1)
+    boxes = begins[:, None] + CORNERS * sides[:, None]
+    corners, owners = [boxes[:, :3], boxes[:, [0, 2, 3]]], [block[0][*begins.T]] * 2
     for missing in range(4):
         kept = np.delete(np.arange(4), missing)
         label = block[kept[0]]
@@ -80,9 +77,6 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
         corners.append(np.argwhere(half)[:, None] + CORNERS[kept])
         owners.append(label[half])
     return np.concatenate(corners), np.concatenate(owners)
-
-
-# --- messages -------------------------------------------------------------------------------------
 
 
 def to_markers(regions: "PlanarRegions", header: Header) -> MarkerArray:
@@ -116,17 +110,16 @@ def to_markers(regions: "PlanarRegions", header: Header) -> MarkerArray:
     return MarkerArray(markers=markers)
 
 
-def _points(points: Positions) -> list[Point]:
-    return [Point(x=x, y=y, z=z) for x, y, z in points.reshape(-1, 3).tolist()]
+def _points(points: Positions, kind: Any = Point) -> list[Any]:
+    return [kind(x=x, y=y, z=z) for x, y, z in points.reshape(-1, 3).tolist()]
 
 
 def to_polygons(regions: "PlanarRegions", header: Header) -> list[PolygonStamped]:
     """Return the outer polygon of each region, in the order of the ids."""
-    messages = [PolygonStamped(header=header) for _ in regions]
-    for region, message in zip(regions, messages, strict=True):
-        points = on_plane(region, region.outer).tolist()
-        message.polygon.points = [Point32(x=x, y=y, z=z) for x, y, z in points]
-    return messages
+    polygons = (
+        Polygon(points=_points(on_plane(region, region.outer), Point32)) for region in regions
+    )
+    return [PolygonStamped(header=header, polygon=polygon) for polygon in polygons]
 
 
 def to_terrain(regions: "PlanarRegions", gridmap: Any, package: Any) -> Any:
@@ -147,10 +140,8 @@ def to_terrain(regions: "PlanarRegions", gridmap: Any, package: Any) -> Any:
     terrain = package.PlanarTerrain(gridmap=gridmap)
     for region in regions:
         pose = plane_frame(region)
-        outer, *holes = (
-            (on_plane(region, loop) - region.center) @ pose[:3, :2]
-            for loop in (region.outer, *region.holes)
-        )
+        loops = region.outer, *region.holes
+        outer, *holes = ((on_plane(region, loop) - region.center) @ pose[:3, :2] for loop in loops)
         boundary = package.PolygonWithHoles2d(outer_boundary=polygon(outer))
         boundary.holes = [polygon(hole) for hole in holes]
         low, high = outer.min(axis=0).tolist(), outer.max(axis=0).tolist()

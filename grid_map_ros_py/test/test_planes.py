@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Markers of planar regions; test/terrains.py has the test of `PlanarTerrain`."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -12,7 +10,7 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.planes import extract_planes
-from grid_map_ros_py._planes import plane_frame, to_markers, triangles
+from grid_map_ros_py._planes import to_markers, triangles
 
 HEADER = Header(frame_id="odom")
 
@@ -76,14 +74,3 @@ def test_color_of_a_region_stays_with_its_id() -> None:
     rgb = np.array([(color.r, color.g, color.b) for color in first.values()])
     gaps = np.linalg.norm(rgb[:, None] - rgb, axis=-1)
     assert gaps[~np.eye(3, dtype=bool)].min() > 0.3
-
-
-@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.48, 0.6, 0.64)])
-def test_plane_frame_is_a_rotation_with_x_ahead(normal: tuple[float, float, float]) -> None:
-    region = SimpleNamespace(normal=np.array(normal), center=np.array([1.0, 2.0, 3.0]))
-    matrix = plane_frame(region)
-    np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(matrix) == pytest.approx(1.0)
-    np.testing.assert_array_equal(matrix[:3, 2:].T, (region.normal, region.center))
-    assert matrix[0, 0] > 0
-    assert matrix[0, 1] == pytest.approx(0.0, abs=1e-9)

@@ -8,14 +8,14 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays._checks import Mask, Positions, as_pair
+from .._arrays._checks import Positions, as_pair
 from ..errors import GeometryError, short
-from ..map._axis import BORDER_TOLERANCE
 from ..regions._polygon import Polygon
-from ._regions import PlanarRegion, crossed, to_edges
+from ._regions import PlanarRegion, edges_of, to_edges
 
-_ANGLES = 36  # directions of the segments from which polygons are grown
-_SECTORS = 720  # directions in which hidden edges are searched
+_DIRECTIONS = np.exp(2j * math.pi * np.arange(36) / 36)  # as x + 1j * y
+_SEGMENTS = 8  # number of directions, those with the farthest outline, of the segments
+_CLEARANCE = 1e-6  # closer to an edge, its direction from the position would be imprecise [m]
 _SHRUNK = 1.0 - 1e-9  # keeps rounded corners inside the region
 
 
@@ -25,7 +25,7 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
     As in IRIS (Deits and Tedrake, "Computing large convex regions of obstacle-free space through
     semidefinite programming", 2015), the edges of the region are cut off one by one, the nearest
     first. The distances are those from a segment instead of an ellipse. It leads from the position
-    half-way to the outline; of many directions, the one with the largest polygon is chosen.
+    half-way to the outline. Of several segments, the one with the largest polygon is chosen.
 
     Args:
         region: the region; its holes are avoided.
@@ -36,96 +36,60 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
         (K, 2) x, y of the corners [m], counter-clockwise.
 
     Raises:
-        GeometryError: the position is outside the region or on its outline, or `vertices` is less
-            than 3.
+        GeometryError: the position is outside the region or within 1e-6 m of its outline, or
+            `vertices` is less than 3.
     """
     if not isinstance(vertices, int | np.integer) or vertices < 3:
         raise GeometryError(f"vertices: expected an integer of at least 3, got {short(vertices)}")
     origin = np.array(as_pair(position, "position"))
-    loops = [loop.T - origin[:, None] for loop in (region.outer, *region.holes)]
-    edges = np.hstack([np.vstack([loop, np.roll(loop, -1, axis=1)]) for loop in loops])
-    distance = np.hypot(*to_edges(edges, 0.0, 0.0)).min()
-    if not (np.logical_xor.reduce(crossed(edges, 0.0, 0.0)) and distance > BORDER_TOLERANCE):
+    edges, _ = edges_of([loop - origin for loop in (region.outer, *region.holes)])
+    x, y, crossed = to_edges(edges, 0.0, 0.0)
+    if not (np.logical_xor.reduce(crossed) and np.hypot(x, y).min() > _CLEARANCE):
         expected = f"a position inside region {region.id}"
         raise GeometryError(f"position: expected {expected}, got {tuple(origin.tolist())}")
-    edges = edges[:, _visible(edges)]
-    grown = (_reduced(corners, vertices) for corners in _grown(edges, _half_way(edges)))
-    return origin + _SHRUNK * max(grown, key=_area)
+    # After a turn by each direction, an edge across the x axis meets it at `place`.
+    turn = _DIRECTIONS.conj()
+    starts, ends = (np.multiply.outer(x + 1j * y, turn) for x, y in edges.reshape(2, 2, -1))
+    across = np.nonzero((starts.imag > 0) != (ends.imag > 0))
+    start, end = starts[across], ends[across]
+    place = (start.conj() * end).imag / (end - start).imag
+    outline = np.full(turn.size, np.inf)
+    np.minimum.at(outline, across[1], np.where(place > 0, place, np.inf))
+    half_way = (0.5 * outline * _DIRECTIONS)[np.argsort(outline)[-_SEGMENTS:]]
+    best = max((_grown(edges, end.real, end.imag) for end in half_way), key=_area)
+    return origin + _SHRUNK * _reduced(best, vertices)
 
 
-def _visible(edges: Positions) -> Mask:
-    """Return a mask of the edges that may be visible from the origin.
-
-    A convex polygon around the origin that avoids all visible edges avoids the others, too. In
-    each sector, an edge that spans the whole sector hides all edges behind it.
-    """
-    start, end = edges[:2].T, edges[2:].T
-    angle = np.arctan2(start[:, 1], start[:, 0])
-    turn = np.arctan2(_cross(start, end), (start * end).sum(axis=1))
-    bounds = np.sort(np.stack([angle, angle + turn]), axis=0) * (_SECTORS / (2 * math.pi))
-    first, last = np.floor(bounds).astype(np.int64)
-    counts = last - first + 1
-    owners = np.arange(len(start)).repeat(counts)
-    sectors = np.arange(owners.size) + (first - np.cumsum(counts) + counts)[owners]
-    spans = (sectors > first[owners]) & (sectors < last[owners])
-    far = np.maximum(np.hypot(*edges[:2]), np.hypot(*edges[2:]))
-    hidden_from = np.full(_SECTORS, np.inf)
-    np.minimum.at(hidden_from, sectors[spans] % _SECTORS, far[owners[spans]])
-    near = np.hypot(*to_edges(edges, 0.0, 0.0))
-    return np.bincount(owners, near[owners] <= hidden_from[sectors % _SECTORS]) > 0
-
-
-def _half_way(edges: Positions) -> Positions:
-    """Return the points (S, 2) half-way from the origin to the next edge in several directions."""
-    angles = np.arange(_ANGLES) * (2 * math.pi / _ANGLES)
-    ahead = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    # An edge with its ends on both sides of a direction crosses it at 1 / inverse.
-    start, end = aside @ edges[:2], aside @ edges[2:]
-    across = (end - start) * ((start > 0) != (end > 0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = across / (end * (ahead @ edges[:2]) - start * (ahead @ edges[2:]))
-    return np.asarray(0.5 * ahead / np.nanmax(inverse, axis=1, keepdims=True))
-
-
-def _grown(edges: Positions, centers: Positions) -> list[Positions]:
-    """Return a convex polygon, free of edges, around each segment from the origin to a center.
+def _grown(edges: Positions, x: float, y: float) -> Positions:
+    """Return a convex polygon (K, 2), free of edges, around the segment from the origin to x, y.
 
     Args:
-        edges: (4, E) edges of the region, which enclose the origin.
-        centers: (S, 2) ends of the segments, which cross no edge.
+        edges: (4, E) edges that enclose the origin and do not cross the segment.
     """
-    x0, y0, x1, y1 = edges
-    x, y = centers.T[..., None]
     # The nearest points of a segment and an edge include an end of one of them.
-    ways = [to_edges(edges, *end) for end in ((0.0 * x, 0.0 * y), (x, y))]
-    ways += [to_edges((0.0, 0.0, -x, -y), *end) for end in ((-x0, -y0), (-x1, -y1))]
-    vectors = np.array(ways)  # (4, 2, S, E)
-    lengths = np.hypot(vectors[:, 0], vectors[:, 1])
-    nearest = lengths.argmin(axis=0)[None, None]
-    distances = lengths.min(axis=0)
-    normal_x, normal_y = np.take_along_axis(vectors, nearest, axis=0)[0] / distances
-    levels = np.minimum(normal_x * x0 + normal_y * y0, normal_x * x1 + normal_y * y1)
-    lines = np.stack([normal_x, normal_y], axis=-1) / levels[..., None]  # line . x <= 1 is free
-    is_cut = np.zeros(distances.shape, np.bool_)
-    while (left := np.flatnonzero(distances.min(axis=1) < np.inf)).size:
-        cut = left, distances[left].argmin(axis=1)
-        is_cut[cut] = True
-        along = np.minimum(lines[cut] @ edges[:2], lines[cut] @ edges[2:])
-        distances[left] = np.where(along >= 1 - 1e-12, np.inf, distances[left])
-        distances[cut] = np.inf
-    return [_polygon(line[chosen]) for line, chosen in zip(lines, is_cut, strict=True)]
-
-
-def _polygon(lines: Positions) -> Positions:
-    """Return the corners of the polygon line . x <= 1 for all lines (L, 2), counter-clockwise.
-
-    They are dual to the edges of the convex hull of `lines`.
-    """
-    dual = Polygon.convex_hull(lines).vertices
+    ways = [to_edges(edges, *end) for end in ((0.0, 0.0), (x, y))]
+    ways += [to_edges((0.0, 0.0, -x, -y), *-end) for end in edges.reshape(2, 2, -1)]
+    vectors = np.array([way[:2] for way in ways])
+    nearest = (vectors**2).sum(axis=1).argmin(axis=0)
+    normals = np.take_along_axis(vectors, nearest[None, None], axis=0)[0].T
+    ends, squares, lines = edges.reshape(2, 2, -1), (normals**2).sum(axis=1), list[Positions]()
+    while squares.size:
+        cut = squares.argmin()
+        along = (normals[cut] @ ends).min(axis=0)
+        lines.append(normals[cut] / along[cut])
+        is_left = along < (1 - 1e-12) * along[cut]
+        is_left[cut] = False
+        left = np.flatnonzero(is_left)
+        ends, normals, squares = ends[..., left], normals[left], squares[left]
+    # The corners of the polygon line . x <= 1 are dual to the edges of the hull of all lines.
+    dual = Polygon.convex_hull(np.array(lines)).vertices
     after = np.roll(dual, -1, axis=0)
     step = after - dual
     return np.stack([step[:, 1], -step[:, 0]], axis=1) / _cross(dual, after)[:, None]
+
+
+def _area(corners: Positions) -> float:
+    return float(_cross(corners, np.roll(corners, -1, axis=0)).sum())
 
 
 def _reduced(corners: Positions, count: int) -> Positions:
@@ -137,10 +101,6 @@ def _reduced(corners: Positions, count: int) -> Positions:
         lost[_cross(after - before, -before) <= 1e-9 * np.abs(lost)] = np.inf
         corners = np.delete(corners, int(lost.argmin()), axis=0)
     return corners
-
-
-def _area(corners: Positions) -> float:
-    return float(_cross(corners, np.roll(corners, -1, axis=0)).sum())
 
 
 def _cross(a: Positions, b: Positions) -> Positions:

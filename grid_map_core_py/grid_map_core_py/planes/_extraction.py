@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`extract_planes`: from a layer of heights to planar regions with lasting ids."""
+"""`extract_planes`: from a layer of heights to planar regions with lasting ids.
+
+Images in this module are transposed layers (cols, rows) in C order.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays._checks import Layer
+from .._arrays._checks import Layer, Mask
 from .._parameters import check
 from ..errors import GridMapError
 from ..map._grid_map import GridMap
-from ._outlines import cleaned, components, outlines
 from ._parameters import PlaneParameters
 from ._regions import PlanarRegions
-from ._segmentation import Splitter, fit_planes
-from ._windows import Cells, planar_cells
+from ._segmentation import Cells, Image, Numbers, Splitter, above_planes, fit_planes, planar_cells
 
 _LEAST_FITTED = 4  # cells of a fit; three cells leave no residual
 
@@ -56,100 +58,137 @@ def extract_planes(
     limits = parameters.sliding_window_plane_extractor
     cells, planar = planar_cells(heights, geometry.resolution, parameters)
     rounds = Splitter(heights.shape, limits).split(cells)
-    rounds = cleaned(rounds, parameters.contour_extraction.marginSize)
-    labels, count = components(rounds)
+    labels, outlines = _traced(_cleaned(rounds, parameters.contour_extraction.marginSize))
     variances = grid_map.unwrapped("variance") if "variance" in grid_map else None
-    planes, is_fitted = _fitted(cells, labels, count, variances)
-    planes["cells"] = np.bincount(labels.reshape(-1), minlength=count + 1)[1:]
+    planes, is_fitted = _fitted(cells, labels, len(outlines), variances)
+    planes["cells"] = np.bincount(labels.reshape(-1), minlength=len(outlines) + 1)[1:]
     flattest = math.cos(math.radians(limits.plane_inclination_threshold_degrees))
-    is_valid = is_fitted & (planes["normal"][:, 2] >= flattest)
-    kept = np.flatnonzero(is_valid & (planes["cells"] >= limits.min_number_points_per_label))
-    numbers = np.zeros(count + 1, np.int32)
-    numbers[kept + 1] = np.arange(1, kept.size + 1)
-    ids, next_id = _identify(numbers[labels.T], kept.size, grid_map, previous)
-    # Regions are numbered in the order of their ids.
-    kept, ids = kept[np.argsort(ids)], np.sort(ids)
-    numbers[kept + 1] = np.arange(1, kept.size + 1)
-    labels = numbers[labels]
-    axes = geometry.axes_in_map_order()
-    planes["center"][:, :2] += axes[0][0], axes[1][0]
+    is_kept = is_fitted & (planes["normal"][:, 2] >= flattest)
+    is_kept &= planes["cells"] >= limits.min_number_points_per_label
+    ids, next_id = _identify(labels.T, is_kept, grid_map, previous)
+    # Regions are in the order of their ids.
+    kept = np.flatnonzero(is_kept)
+    kept = kept[np.argsort(ids[kept])]
+    x, y = geometry.axes_in_map_order()
+    planes["center"][:, :2] += x[0], y[0]
+    planes["offset"] = (planes["normal"] * planes["center"]).sum(axis=1)
     return PlanarRegions(
         np.append(0, ids).astype(np.int32)[labels].T,
         np.where(np.isfinite(heights), planar, np.float32(np.nan)).T,
         geometry,
         grid_map.frame_id,
-        {"id": ids, **{name: values[kept] for name, values in planes.items()}},
-        outlines(labels, rounds, axes, geometry.resolution),
+        {"id": ids[kept], **{name: values[kept] for name, values in planes.items()}},
+        [outlines[number] for number in kept],
         next_id,
     )
 
 
+def _cleaned(rounds: Image, margin: int) -> Image:
+    """Remove cells until the outline through the centers of the border cells is simple.
+
+    Every remaining cell belongs to a block of 2 x 2 cells with the same number, and cells with the
+    same number that touch at a corner are also connected through a side there.
+
+    Args:
+        rounds: image of numbers; 0 for no region.
+        margin: number of border cells that are removed first.
+    """
+    image = np.pad(rounds, 1)
+    if margin:
+        box = np.ones((2 * margin + 1, 2 * margin + 1))
+        image[cv2.erode(image, box) != cv2.dilate(image, box)] = 0
+    a, b, c, d = image[:-1, :-1], image[:-1, 1:], image[1:, :-1], image[1:, 1:]  # views
+    while True:
+        blocks = np.zeros(image.shape, np.uint8)
+        blocks[:-1, :-1] = (a == b) & (a == c) & (a == d)
+        image *= cv2.dilate(blocks, np.ones((2, 2)), anchor=(1, 1))
+        falling = (a == d) & (a != b) & (a != c) & (a > 0)
+        rising = (b == c) & (a != b) & (b != d) & (b > 0)
+        if not (falling.any() or rising.any()):
+            return image[1:-1, 1:-1]
+        a[falling] = 0
+        b[rising] = 0
+
+
+def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
+    """Label the connected parts of each positive number in an image and trace their outlines.
+
+    Returns:
+        labels: image of labels from 1 on, 0 for none.
+        outlines: for each label, the outer outline, counter-clockwise in the map, then the holes,
+            clockwise. An outline is an array (P, 2) of rows and columns of the map.
+    """
+    labels, outlines = np.zeros(rounds.shape, np.int32), list[list[Image]]()
+    for number in np.flatnonzero(np.bincount(rounds.reshape(-1))[1:]) + 1:
+        mask = (rounds == number).view(np.uint8)
+        count, own = cv2.connectedComponents(mask, connectivity=4, ltype=cv2.CV_32S)
+        np.add(own, len(outlines), out=labels, where=own > 0)
+        outlines += ([] for _ in range(count - 1))
+        # The holes of an outline follow it.
+        for contour in cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[0]:
+            x, y = contour[0, 0]
+            outlines[labels[y, x] - 1].append(contour[::-1, 0])
+    return labels, outlines
+
+
 def _fitted(
     cells: Cells, labels: NDArray[np.int32], count: int, variances: Layer | None
-) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+) -> tuple[dict[str, NDArray[Any]], Mask]:
     """Return the plane of each label, by name of the attribute, and which planes are determined."""
-    groups = labels.reshape(-1).take(cells.places) - 1
+    groups = labels.reshape(-1)[cells.places].astype(np.int64) - 1
     chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
-    points, groups = cells.points.take(chosen, axis=1), groups.take(chosen)
-    weights, is_weighted = np.ones(chosen.size), np.zeros(count, np.bool_)
+    points, groups = cells.points.take(chosen, axis=1), groups[chosen]
+    weights: Numbers | float = 1.0
+    is_weighted = np.zeros(count, np.bool_)
     if variances is not None:
-        given = (
-            np.ascontiguousarray(variances.T).reshape(-1)[cells.places[chosen]].astype(np.float64)
-        )
+        given = variances.T.reshape(-1)[cells.places[chosen]].astype(np.float64)
         is_usable = np.isfinite(given) & (given > 0)
         is_weighted = np.bincount(groups, ~is_usable, count) == 0
-        is_used = is_weighted[groups]
-        weights[is_used] /= given[is_used]
-    fit, covariances = fit_planes(groups, count, points, weights)
+        weights = 1 / np.where(is_weighted[groups], given, 1.0)
+    fits, centers, covariances = fit_planes(groups, count, points, weights)
     counts = np.bincount(groups, minlength=count)
-    squares = np.bincount(groups, (points[2] - fit.at(groups, points)) ** 2, count)
+    squares = np.bincount(groups, above_planes(points, fits, groups) ** 2, count)
     is_fitted = (counts >= _LEAST_FITTED) & np.isfinite(squares)
     scales = np.where(is_weighted, 1.0, squares / np.maximum(counts - 3, 1))
-    normals = np.column_stack([-fit.slopes, np.ones(count)])
+    normals = np.column_stack([-fits[0], -fits[1], np.ones(count)])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return {
         "normal": normals,
-        "center": fit.centers,
+        "center": centers.T,
         "covariance": covariances * scales[:, None, None],
         "rms": np.sqrt(squares / np.maximum(counts, 1)),
     }, is_fitted
 
 
 def _identify(
-    numbers: NDArray[np.int32], count: int, grid_map: GridMap, previous: PlanarRegions | None
+    labels: NDArray[np.int32], is_kept: Mask, grid_map: GridMap, previous: PlanarRegions | None
 ) -> tuple[NDArray[np.int64], int]:
-    """Return the ids (count,) of regions, and the next unused id.
+    """Return the ids (N,) of labels 1 to N, 0 for labels that are not kept, and the next new id.
 
     Args:
-        numbers: (rows, cols) number of the region of each cell, 1 to `count`; 0 for none.
+        labels: (rows, cols) label of each cell in map order; 0 for none.
+        is_kept: (N,) whether the cells of a label become a region.
     """
-    if previous is None:
-        return np.arange(1, count + 1), count + 1
-    _check_previous(previous, grid_map)
-    geometry = previous.geometry
-    shift = np.rint((grid_map.geometry.corner - geometry.corner) / geometry.resolution)
-    places = np.argwhere(previous.labels) + np.clip(shift, -(2**31), 2**31).astype(np.int64)
-    old = previous.labels[previous.labels > 0].astype(np.int64)
-    on_map = ((places >= 0) & (places < numbers.shape)).all(axis=1)
-    new = numbers[tuple(places[on_map].T)]
-    pairs, shared = np.unique(old[on_map] * (count + 1) + new, return_counts=True)
-    ids = np.zeros(count + 1, np.int64)
-    claimed = {}
-    for pair in pairs[np.argsort(-shared, kind="stable")].tolist():
-        number, region = divmod(pair, count + 1)
-        if region and number not in claimed:
-            claimed[number] = region
-            ids[region] = ids[region] or number
-    fresh = np.flatnonzero(ids[1:] == 0)
-    ids[fresh + 1] = previous._next_id + np.arange(fresh.size)
-    return ids[1:], previous._next_id + fresh.size
-
-
-def _check_previous(previous: PlanarRegions, grid_map: GridMap) -> None:
-    old, new = previous.geometry.resolution, grid_map.resolution
-    if previous.frame != grid_map.frame_id:
-        expected = f"regions in the frame {grid_map.frame_id!r}"
-        raise GridMapError(f"previous: expected {expected}, got {previous.frame!r}. Pass None")
-    if not math.isclose(old, new, rel_tol=1e-6):
-        expected = f"regions with a resolution of {new:g} m"
-        raise GridMapError(f"previous: expected {expected}, got {old:g} m. Pass None")
+    ids, next_id = np.zeros(1 + is_kept.size, np.int64), 1
+    if previous is not None:
+        if not previous.fits(grid_map):
+            expected = f"regions in {grid_map.frame_id!r} with cells of {grid_map.resolution:g} m"
+            found = f"{previous.frame!r} with cells of {previous.geometry.resolution:g} m"
+            raise GridMapError(f"previous: expected {expected}, got {found}. Pass None")
+        geometry, next_id = previous.geometry, previous._next_id
+        shift = np.rint((grid_map.geometry.corner - geometry.corner) / geometry.resolution)
+        places = np.argwhere(previous.labels) + np.clip(shift, -(2**31), 2**31).astype(np.int64)
+        on_map = ((places >= 0) & (places < labels.shape)).all(axis=1)
+        old, new = previous.labels[previous.labels > 0][on_map], labels[tuple(places[on_map].T)]
+        is_both = np.append(False, is_kept)[new]
+        keys = old[is_both].astype(np.int64) * ids.size + new[is_both]
+        pairs, shared = np.unique(keys, return_counts=True)
+        claimed = set[int]()
+        for pair in pairs[np.argsort(-shared, kind="stable")].tolist():
+            number, label = divmod(pair, ids.size)
+            if number not in claimed:
+                claimed.add(number)
+                ids[label] = ids[label] or number
+    fresh = np.flatnonzero(is_kept & (ids[1:] == 0)) + 1
+    ids[fresh] = next_id + np.arange(fresh.size)
+    return ids[1:], next_id + fresh.size

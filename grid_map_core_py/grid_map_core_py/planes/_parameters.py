@@ -14,15 +14,31 @@ from ..errors import ConfigError
 from ..files._shared import load_yaml
 
 
+class Section:
+    """Base class of the sections, which checks their values."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name == "kernelSize":
+                check(value in (3, 5), name, "3 or 5 [cells]", value)
+            elif name == "kernel_size":
+                check(value >= 3 and value % 2, name, "an odd number from 3 on [cells]", value)
+            elif name.endswith("_degrees"):
+                check(0 < value < 90, name, "an angle between 0 and 90 [degrees]", value)
+            elif name.endswith("error_threshold"):
+                check(0 < value < math.inf, name, "a positive length [m]", value)
+            elif isinstance(value, int):
+                check(value >= 0, name, "no negative number", value)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Preprocessing:
+class Preprocessing(Section):
     """Median filter that removes outliers before planes are searched.
 
     Attributes:
-        resolution: no effect; planes are extracted at the resolution of the map.
         kernelSize: width of the median filter [cells], 3 or 5.
-        numberOfRepeats: number of times the filter is applied; 0 disables it.
-        increasing: no effect.
+        numberOfRepeats: number of times the filter is applied.
+        resolution, increasing: no effect.
     """
 
     resolution: float = 0.04
@@ -30,30 +46,23 @@ class Preprocessing:
     numberOfRepeats: int = 1  # noqa: N815
     increasing: bool = False
 
-    def __post_init__(self) -> None:
-        check(self.kernelSize in (3, 5), "kernelSize", "3 or 5 [cells]", self.kernelSize)
-        count = self.numberOfRepeats
-        check(count >= 0, "numberOfRepeats", "no negative number", count)
-
 
 @dataclass(frozen=True, kw_only=True)
-class SlidingWindow:
+class SlidingWindow(Section):
     """Thresholds for the plane around each cell and for whole regions.
 
     Attributes:
-        kernel_size: width of the window around each cell [cells], odd and at least 3.
+        kernel_size: width of the window around each cell [cells], odd.
         planarity_opening_filter: steps of a morphological opening of the planar cells [cells].
         plane_inclination_threshold_degrees: largest inclination of a region.
-        local_plane_inclination_threshold_degrees: largest inclination of the window around a cell.
-        plane_patch_error_threshold: largest root-mean-square deviation from the plane of a window
+        local_plane_inclination_threshold_degrees: largest inclination of a window.
+        plane_patch_error_threshold: largest root-mean-square deviation of a window from its plane
             [m].
         min_number_points_per_label: smallest number of cells of a region.
-        connectivity: no effect; cells are connected through their four sides.
-        include_ransac_refinement: no effect; the refinement always runs.
         global_plane_fit_distance_error_threshold: largest distance of a cell from the plane of its
-            region [m], along z.
-        global_plane_fit_angle_error_threshold_degrees: largest angle between the planes of a window
-            and of its region.
+            region, along z [m].
+        global_plane_fit_angle_error_threshold_degrees: largest angle between window and region.
+        connectivity, include_ransac_refinement: no effect.
     """
 
     kernel_size: int = 3
@@ -67,31 +76,16 @@ class SlidingWindow:
     global_plane_fit_distance_error_threshold: float = 0.025
     global_plane_fit_angle_error_threshold_degrees: float = 25.0
 
-    def __post_init__(self) -> None:
-        size = self.kernel_size
-        check(size >= 3 and size % 2 == 1, "kernel_size", "an odd number from 3 on [cells]", size)
-        for name, value in vars(self).items():
-            if name.endswith("_degrees"):
-                check(0 < value < 90, name, "an angle between 0 and 90 [degrees]", value)
-            elif name.endswith("error_threshold"):
-                check(0 < value < math.inf, name, "a positive length [m]", value)
-            elif name in ("planarity_opening_filter", "min_number_points_per_label"):
-                check(value >= 0, name, "no negative number", value)
-
 
 @dataclass(frozen=True, kw_only=True)
-class ContourExtraction:
+class ContourExtraction(Section):
     """Safety margin of the regions.
 
     Attributes:
-        marginSize: number of border cells that regions lose [cells]. Outlines run through the
-            centers of the remaining border cells.
+        marginSize: number of border cells that regions lose [cells].
     """
 
     marginSize: int = 0  # noqa: N815
-
-    def __post_init__(self) -> None:
-        check(self.marginSize >= 0, "marginSize", "no negative number [cells]", self.marginSize)
 
 
 SECTIONS: dict[str, type[Any]] = {
@@ -130,15 +124,15 @@ class PlaneParameters:
             ConfigError: a section or parameter is unknown, or has a wrong type or value.
         """
         check(isinstance(sections, Mapping), "parameters", "sections of parameters", sections)
-        built: dict[str, Any] = {}
-        for name, values in sections.items():
-            expected = "a mapping of parameter names to values"
-            check(isinstance(values, Mapping | None), name, expected, values)
+        built = {name: values for name, values in sections.items() if name not in UNUSED}
+        for name in built.keys() & SECTIONS.keys():
+            values = {} if built[name] is None else built[name]
+            check(isinstance(values, Mapping), name, "a mapping of names to values", values)
             try:
-                built[name] = build(SECTIONS[name], values or {}) if name in SECTIONS else values
+                built[name] = build(SECTIONS[name], values)
             except ConfigError as error:
                 raise ConfigError(f"{name}: {error}") from error
-        return build(cls, {name: built[name] for name in built if name not in UNUSED})
+        return build(cls, built)
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> PlaneParameters:

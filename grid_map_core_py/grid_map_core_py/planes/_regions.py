@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import Any, overload
 
@@ -18,8 +18,7 @@ from .._arrays._pieces import slices
 from ..errors import GeometryError, short
 from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
-from ..regions._polygon import edge_x
-from ._outlines import Outlines
+from ..map._grid_map import GridMap
 
 _CHUNK = 2**16  # pairs of points and edges per chunk
 
@@ -75,14 +74,23 @@ class PlanarRegions(Sequence[PlanarRegion]):
         geometry: GridGeometry,
         frame: str,
         planes: dict[str, NDArray[Any]],
-        outlines: Outlines,
+        outlines: list[list[NDArray[np.int32]]],
         next_id: int,
     ) -> None:
         self.labels, self.planarity, self.geometry, self.frame = labels, planarity, geometry, frame
-        self._planes, self._outlines, self._next_id = planes, outlines, next_id
-        arrays: tuple[NDArray[Any], ...] = (labels, planarity, outlines.edges, *planes.values())
-        for array in arrays:
+        self._next_id = next_id
+        cells, starts = edges_of([outline for region in outlines for outline in region])
+        axes = geometry.axes_in_map_order() * 2
+        self._edges = np.array([axis[places] for axis, places in zip(axes, cells, strict=True)])
+        self._first_loops = np.cumsum([0] + [len(region) for region in outlines])
+        self._first_edges = starts[self._first_loops]
+        x, y, end_x, end_y = self._edges
+        triangles = 0.5 * ((x - x[:1]) * (end_y - y[:1]) - (y - y[:1]) * (end_x - x[:1]))
+        areas = np.add.reduceat(triangles, self._first_edges[:-1])
+        self._planes = planes | {"area": areas}
+        for array in (labels, planarity, self._edges, *self._planes.values()):
             array.flags.writeable = False
+        self._loops = [self._edges[:2, first:end].T for first, end in pairwise(starts)]
 
     def __len__(self) -> int:
         return len(self._planes["id"])
@@ -97,20 +105,16 @@ class PlanarRegions(Sequence[PlanarRegion]):
         number = range(len(self))[operator.index(index)]
         plane = {name: values[number] for name, values in self._planes.items()}
         plane = {name: value if value.ndim else value.item() for name, value in plane.items()}
-        first, stop = self._outlines.first[number : number + 2]
-        starts = self._outlines.starts[first : stop + 1]
-        outer, *holes = (self._outlines.edges[:2, a:b].T for a, b in pairwise(starts))
-        return PlanarRegion(
-            **plane,
-            offset=float(plane["normal"] @ plane["center"]),
-            area=float(self._outlines.areas[number]),
-            outer=outer,
-            holes=holes,
-            frame=self.frame,
-        )
+        outer, *holes = self._loops[slice(*self._first_loops[number : number + 2])]
+        return PlanarRegion(**plane, outer=outer, holes=holes, frame=self.frame)
 
     def __repr__(self) -> str:
         return f"PlanarRegions({len(self)} regions in {self.frame!r}, {self.geometry})"
+
+    def fits(self, grid_map: GridMap) -> bool:
+        """Return whether a map has the same frame and resolution, so that ids can be kept."""
+        resolutions = self.geometry.resolution, grid_map.resolution
+        return self.frame == grid_map.frame_id and math.isclose(*resolutions, rel_tol=1e-6)
 
     def layers(self) -> dict[str, Layer]:
         """Return the layers `plane_id`, `plane_elevation` and `planarity`, in map order.
@@ -132,7 +136,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
 
         Outlines belong to the polygon, within 1e-9 m.
         """
-        return self._nearest(as_pair(position, "position"), BORDER_TOLERANCE)
+        return self.nearest(position, 0.0)
 
     def nearest(self, position: ArrayLike, max_distance: float) -> PlanarRegion | None:
         """Return the region whose polygon is nearest to a position x, y [m], or None.
@@ -145,7 +149,12 @@ class PlanarRegions(Sequence[PlanarRegion]):
         if not limit >= 0:
             expected = "a distance of at least 0 [m]"
             raise GeometryError(f"max_distance: expected {expected}, got {short(max_distance)}")
-        return self._nearest(as_pair(position, "position"), max(limit, BORDER_TOLERANCE))
+        place = np.array([as_pair(position, "position")])
+        if not len(self):
+            return None
+        distances = np.hypot(*self._to_polygons(place)[0].T)
+        best = int(distances.argmin())
+        return self[best] if distances[best] <= max(limit, BORDER_TOLERANCE) else None
 
     def project(self, points: ArrayLike) -> Positions:
         """Project points onto the regions.
@@ -165,7 +174,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
             raise GeometryError(f"points: expected shape (N, 3), got {given.shape}")
         result = np.full(given.shape, np.nan)
         known = np.flatnonzero(np.isfinite(given).all(axis=1)) if len(self) else np.empty(0, int)
-        for part in slices(len(known), 1 + _CHUNK // (1 + self._outlines.edges.shape[1])):
+        for part in slices(len(known), 1 + _CHUNK // (1 + self._edges.shape[1])):
             chosen = known[part]
             ahead = self._to_polygons(given[chosen, :2])
             candidates = given[chosen, None, :2] + ahead
@@ -175,45 +184,17 @@ class PlanarRegions(Sequence[PlanarRegion]):
             result[chosen] = np.column_stack([candidates[best], heights[best]])
         return result
 
-    def _nearest(self, position: tuple[float, float], limit: float) -> PlanarRegion | None:
-        best, nearest = None, limit
-        low, high = self._boxes
-        beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
-        at_least = np.hypot(*beyond.T)
-        for number in np.argsort(at_least):
-            if at_least[number] > nearest:
-                break
-            edges = self._outlines.edges[:, slice(*self._first_edges[number : number + 2])]
-            if np.logical_xor.reduce(crossed(edges, *position)):
-                return self[int(number)]
-            distance = np.hypot(*to_edges(edges, *position)).min()
-            if distance <= nearest:
-                best, nearest = int(number), distance
-        return None if best is None else self[best]
-
-    @cached_property
-    def _first_edges(self) -> NDArray[np.int64]:
-        """(R + 1,) index of the first edge of each region, and the number of edges."""
-        return self._outlines.starts[self._outlines.first]
-
-    @cached_property
-    def _boxes(self) -> tuple[Positions, Positions]:
-        """(R, 2) smallest and largest x, y of each region [m]."""
-        corners, first = self._outlines.edges[:2].T, self._first_edges[:-1]
-        return np.minimum.reduceat(corners, first), np.maximum.reduceat(corners, first)
-
     def _to_polygons(self, positions: Positions) -> Positions:
         """Return the vectors (N, R, 2) from positions (N, 2) to the polygons; 0 inside."""
-        edges, starts = self._outlines.edges, self._first_edges
-        x, y = positions.T[:, :, None]
-        ahead_x, ahead_y = to_edges(edges, x, y)
+        firsts = self._first_edges[:-1]
+        ahead_x, ahead_y, crossed = to_edges(self._edges, *positions.T[:, :, None])
         squares = ahead_x**2 + ahead_y**2
-        nearest = np.minimum.reduceat(squares, starts[:-1], axis=1)
+        nearest = np.minimum.reduceat(squares, firsts, axis=1)
         # The first edge of each region at the smallest distance.
-        is_nearest = squares == nearest.repeat(np.diff(starts), axis=1)
-        numbers = np.where(is_nearest, np.arange(edges.shape[1]), edges.shape[1])
-        chosen = np.minimum.reduceat(numbers, starts[:-1], axis=1)
-        inside = np.logical_xor.reduceat(crossed(edges, x, y), starts[:-1], axis=1)
+        is_nearest = squares == nearest.repeat(np.diff(self._first_edges), axis=1)
+        numbers = np.where(is_nearest, np.arange(squares.shape[1]), squares.shape[1])
+        chosen = np.minimum.reduceat(numbers, firsts, axis=1)
+        inside = np.logical_xor.reduceat(crossed, firsts, axis=1)
         ahead = [np.take_along_axis(values, chosen, axis=1) for values in (ahead_x, ahead_y)]
         return np.where(inside, 0.0, ahead).transpose(1, 2, 0)
 
@@ -224,16 +205,28 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return np.asarray(centers[..., 2] - ahead / normals[..., 2])
 
 
-def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any]:
-    """Return the vector from each position to the nearest point of each edge."""
+def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """Return the edges of C outlines (V, 2): (4, E) x, y of the starts and x, y of the ends.
+
+    The second result (C + 1,) is the index of the first edge of each outline, and E.
+    """
+    vertices = np.concatenate([np.empty((0, 2), np.int32), *outlines]).T
+    starts = np.cumsum([0] + [len(outline) for outline in outlines])
+    after = np.arange(1, starts[-1] + 1)
+    after[starts[1:] - 1] = starts[:-1]
+    return np.concatenate([vertices, vertices[:, after]]), starts
+
+
+def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
+    """Return the vectors x, y from positions to edges (4, E), and which edges are crossed.
+
+    A vector leads to the nearest point of the edge [m]. An edge is crossed by a ray from the
+    position towards +x. Inside a polygon, the number of crossed edges is odd (even-odd rule).
+    """
     start_x, start_y, end_x, end_y = edges
     step_x, step_y = end_x - start_x, end_y - start_y
     to_x, to_y = start_x - x, start_y - y
     share = np.clip((to_x * step_x + to_y * step_y) / -(step_x**2 + step_y**2), 0.0, 1.0)
-    return to_x + share * step_x, to_y + share * step_y
-
-
-def crossed(edges: Positions, x: Any, y: Any) -> Any:
-    """Return which edges a ray from each position towards +x crosses (even-odd rule)."""
-    start, end = edges[:2], edges[2:]
-    return ((start[1] > y) != (end[1] > y)) & (x < edge_x(start, end, y))
+    is_left = (to_x * step_y > to_y * step_x) == (step_y > 0)  # of the edge, seen upwards
+    crossed = is_left & ((to_y > 0) != (end_y > y))
+    return to_x + share * step_x, to_y + share * step_y, crossed

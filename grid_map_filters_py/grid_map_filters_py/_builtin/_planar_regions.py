@@ -17,16 +17,12 @@ class PlanarRegions(ContourExtraction, Preprocessing, SlidingWindow):
 
     Attributes:
         input_layer: heights [m].
-        output_layer: layer for the number of the region of each cell, from 1 on; 0 means none. The
-            numbers are not kept from map to map.
+        output_layer: layer for the number of the region of each cell; 0 means none. The numbers
+            change from map to map.
     """
 
     input_layer: str
     output_layer: str
-
-    def __post_init__(self) -> None:
-        for section in (ContourExtraction, Preprocessing, SlidingWindow):
-            section.__post_init__(self)
 
     def reach(self, _resolution: float) -> float:
         return WHOLE_MAP

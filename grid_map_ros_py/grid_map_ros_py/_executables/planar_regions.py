@@ -3,8 +3,10 @@
 
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PolygonStamped
 from rclpy.event_handler import PublisherEventCallbacks
@@ -15,15 +17,13 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError, MissingPackageError, required
 from grid_map_core_py.planes import PlanarRegions, PlaneParameters, extract_planes
 from grid_map_core_py.planes._parameters import SECTIONS, UNUSED
+from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import ReceivedMap, to_message, to_serialized_message, to_stamp
 from .._planes import to_markers, to_polygons, to_terrain
 from ..nodes import ConfiguredNode, MapPublisher, MapSubscription, read_parameter_tree
 from ..nodes._health import LogThrottle, health_of
 from ..nodes._parameters import read_fields
-
-TERRAIN = "convex_plane_decomposition_msgs"
-"""Package with the message `PlanarTerrain`."""
 
 QUEUE = 1000
 """Maximum number of polygons that wait for a subscriber."""
@@ -43,17 +43,31 @@ class PlanarRegionsNode(ConfiguredNode):
             name: read_fields(self, cls, f"{name}.") for name, cls in SECTIONS.items()
         }
         self._plane_parameters = PlaneParameters(**sections)
-        about = "parameters of convex_plane_decomposition that have no effect here"
         for name in UNUSED:
-            read_parameter_tree(self, name, description=about)
+            read_parameter_tree(self, name, description="no effect")
         self._latest: tuple[ReceivedMap, PlanarRegions] | None = None
         self._details = {"regions": 0, "ms of the last map": math.nan}
         self._health.details = lambda: self._details
-        markers = MapPublisher(
-            self, "planar_regions", lambda: self._make(_markers), self._log, kind=MarkerArray
+        markers = self._output(
+            "planar_regions",
+            MarkerArray,
+            lambda received, regions: to_markers(regions, _header(received)),
         )
-        maps = MapPublisher(self, "planar_map", lambda: self._make(_serialized), self._log)
-        self._outputs = [maps, markers, *self._terrains()]
+        maps = self._output(
+            "planar_map", GridMapMessage, lambda *latest: to_serialized_message(_map(*latest))
+        )
+        self._outputs = [maps, markers]
+        remedy = "build its ROS 2 port in your workspace"
+        try:
+            package = required("convex_plane_decomposition_msgs.msg", "planar_terrain", remedy)
+        except MissingPackageError as error:
+            self.get_logger().info(f"{error}. Without it, the node publishes no PlanarTerrain")
+        else:
+
+            def make(received: ReceivedMap, regions: PlanarRegions) -> Any:
+                return to_terrain(regions, to_message(_map(received, regions)), package)
+
+            self._outputs.append(self._output("planar_terrain", package.PlanarTerrain, make))
         # A latched queue would mix the polygons of several maps.
         events = PublisherEventCallbacks(matched=lambda _: self._publish_polygons())
         self._polygons = self.create_publisher(
@@ -63,23 +77,9 @@ class PlanarRegionsNode(ConfiguredNode):
         topics = self._subscription.topic_name, markers.topic_name
         self.get_logger().info("finds the regions of {}, publishes them on {}".format(*topics))
 
-    def _make(self, make: Any) -> Any:
-        return None if self._latest is None else make(*self._latest)
-
-    def _terrains(self) -> list[MapPublisher]:
-        """Return the publisher of `PlanarTerrain` if its package exists."""
-        remedy = "build its ROS 2 port in your workspace"
-        try:
-            package = required(f"{TERRAIN}.msg", "planar_terrain", remedy)
-        except MissingPackageError as error:
-            self.get_logger().info(f"{error}. Without it, the node publishes no PlanarTerrain")
-            return []
-
-        def make(received: ReceivedMap, regions: PlanarRegions) -> Any:
-            return to_terrain(regions, to_message(_with_layers(received, regions)), package)
-
-        kind, create = package.PlanarTerrain, lambda: self._make(make)
-        return [MapPublisher(self, "planar_terrain", create, self._log, kind=kind)]
+    def _output(self, topic: str, kind: type, make: Callable[..., Any]) -> MapPublisher:
+        created = lambda: make(*self._latest) if self._latest else None  # noqa: E731
+        return MapPublisher(self, topic, created, self._log, kind=kind)
 
     def _on_map(self, received: ReceivedMap) -> None:
         begin = time.perf_counter()
@@ -89,35 +89,24 @@ class PlanarRegionsNode(ConfiguredNode):
             raise GridMapError(text)
         wanted = [name for name in (self._layer, "variance") if name in received.layers]
         grid_map = received.decode(wanted, copy=False)
-        previous = self._previous(grid_map)
+        previous = self._latest[1] if self._latest else None
+        if previous is not None and not previous.fits(grid_map):
+            new = f"{grid_map.frame_id!r} with cells of {grid_map.resolution:g} m"
+            self._log.warning(f"the map has changed to {new}: ids start again at 1")
+            previous = None
         regions = extract_planes(grid_map, self._layer, self._plane_parameters, previous)
         self._latest = received, regions
         self._details["regions"] = len(regions)
         self._details["ms of the last map"] = round(1e3 * (time.perf_counter() - begin), 1)
-        self._health.problem = "" if len(regions) else self._why_empty(regions)
-        if self._health.problem:
+        self._health.problem = ""
+        if not len(regions):
+            count = int(np.isfinite(regions.planarity).sum())
+            text = f"no planar regions on {self._subscription.topic_name}: layer {self._layer!r} "
+            self._health.problem = f"{text}has {count} known cells. Check the thresholds"
             self._log.warning(self._health.problem)
         for output in self._outputs:
             output.publish()
         self._publish_polygons()
-
-    def _previous(self, grid_map: GridMap) -> PlanarRegions | None:
-        """Return the regions of the last map, unless its frame or resolution differs."""
-        if self._latest is None:
-            return None
-        regions = self._latest[1]
-        old = regions.frame, regions.geometry.resolution
-        new = grid_map.frame_id, grid_map.resolution
-        if old[0] == new[0] and math.isclose(old[1], new[1], rel_tol=1e-6):
-            return regions
-        text = "the map has changed from {!r}, {:g} m to {!r}, {:g} m: ids start again at 1"
-        self._log.warning(text.format(*old, *new))
-        return None
-
-    def _why_empty(self, regions: PlanarRegions) -> str:
-        known, topic = int((regions.planarity >= 0).sum()), self._subscription.topic_name
-        text = f"no planar regions on {topic}: layer {self._layer!r} has {known} known cells"
-        return f"{text}. Check the thresholds" if known else text
 
     def _publish_polygons(self) -> None:
         if self._latest and self._polygons.get_subscription_count():
@@ -126,16 +115,8 @@ class PlanarRegionsNode(ConfiguredNode):
                 self._polygons.publish(message)
 
 
-def _with_layers(received: ReceivedMap, regions: PlanarRegions) -> GridMap:
+def _map(received: ReceivedMap, regions: PlanarRegions) -> GridMap:
     return received.decode(copy=False).with_layers(regions.layers())
-
-
-def _serialized(received: ReceivedMap, regions: PlanarRegions) -> bytes:
-    return to_serialized_message(_with_layers(received, regions))
-
-
-def _markers(received: ReceivedMap, regions: PlanarRegions) -> MarkerArray:
-    return to_markers(regions, _header(received))
 
 
 def _header(received: ReceivedMap) -> Header:

@@ -63,18 +63,15 @@ class Markers:
 
 
 def _drawing(marker: Any, index: int) -> Drawing:
-    points, rgba = points_of(marker, pose_of(marker)), rgba_of(marker)
+    points, rgba, count = points_of(marker, pose_of(marker)), rgba_of(marker), CORNERS[marker.type]
     check_finite(f"markers[{index}].points", points)
-    count = CORNERS[marker.type]
-    known = {1, len(points)} | ({len(points) // 3} if count == 3 else set())
-    if len(rgba) not in known:
+    if len(rgba) not in {1, len(points)} | ({len(points) // 3} if count == 3 else set()):
         expected = f"no color, or one for each of {len(points)} points"
         raise MessageError(f"markers[{index}].colors", expected, len(rgba))
-    colors = of_points(rgba, len(points))
+    pieces = np.arange(len(points) // count * count).reshape(-1, count)
     if marker.type == STRIP:
         pieces = np.arange(max(len(points) - 1, 0))[:, None] + (0, 1)
-    else:
-        pieces = np.arange(len(points) // count * count).reshape(-1, count)
+    colors = of_points(rgba, len(points))
     shape, paint = points[pieces], colors[pieces][..., :3]
     if count == 2:
         return EMPTY._replace(lines=shape, line_colors=paint)
