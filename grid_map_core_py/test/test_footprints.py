@@ -428,3 +428,12 @@ def test_smallest_footprints_touch_cells_on_borders_and_corners(size):
     grid_map = GridMap((2.0, 3.0), 0.5, layers={"value": 1.0})
     for pose in ((0.0, 0.0, 0.0), (0.5, 0.25, 0.0), (0.25, 0.5, np.pi / 2)):
         assert len(footprint_cells(grid_map, Footprint.rectangle(*size), pose)) > 0
+
+
+def test_huge_value_changes_only_means_under_it():
+    grid_map = value_map(value=0.25)
+    grid_map["value"][0, 0] = 1e30
+    found = footprint_layer(grid_map, ROBOT, "value", 3, "mean")
+    known = np.isfinite(found)
+    assert ((found[known] == 0.25) | (found[known] > 1e27)).all()
+    assert (found[known] == 0.25).sum() > 500

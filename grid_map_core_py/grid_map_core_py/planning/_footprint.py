@@ -162,8 +162,7 @@ def footprint_layer(
         layer: layer with the values; cells that are not finite, and cells beyond the map, are
             unknown.
         yaws: number of directions; the yaw of direction k is 2 pi k / `yaws`.
-        statistic: lowest value, mean or highest value of the cells that the footprint touches. The
-            rounding error of a mean is up to 1e-14 times the largest absolute value of the layer.
+        statistic: lowest value, mean or highest value of the cells that the footprint touches.
 
     Returns:
         (rows, cols, yaws) float32; rows and columns are ordered like the layers of the map. NaN if
@@ -197,9 +196,20 @@ def footprint_layer(
     return result
 
 
-def _mean(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> Any:
-    weights = kernel / np.count_nonzero(kernel)
-    return cv2.filter2D(image.astype(np.float64), -1, weights, borderType=cv2.BORDER_CONSTANT)
+def _means(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the means of the values under a kernel.
+
+    With `cv2.filter2D`, rounding errors would depend on distant values, and so on tile borders.
+    """
+    padded = np.pad(image.astype(np.float64), [(size // 2, size // 2) for size in kernel.shape])
+    edges = np.argwhere(np.diff(kernel, axis=1, prepend=0, append=0))
+    begins, lengths = edges[::2], np.diff(edges[:, 1])[::2]
+    total, sums = np.zeros(image.shape), padded
+    for length in range(1, lengths.max(initial=0) + 1):
+        for line, first in begins[lengths == length]:
+            total += sums[line:, first:][: image.shape[0], : image.shape[1]]
+        sums = sums[:, :-1] + padded[:, length:]
+    return (total / np.count_nonzero(kernel)).astype(np.float32)
 
 
-_STATISTICS: dict[str, Callable[..., Any]] = {"min": cv2.erode, "mean": _mean, "max": cv2.dilate}
+_STATISTICS: dict[str, Callable[..., Any]] = {"min": cv2.erode, "mean": _means, "max": cv2.dilate}
