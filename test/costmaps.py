@@ -167,7 +167,7 @@ def test_late_subscriber_has_the_present_costs_within_full_period() -> None:
 
 def test_stale_costs_become_unknown_and_return_in_full() -> None:
     """A late subscriber gets no older update, though `stale_after` is lowered after one."""
-    unknown, text = costs(), "no usable map of /grid_map for 2 s, all cells are unknown"
+    unknown, text = costs(), "no usable map of /grid_map for 2 s, so all cells are unknown"
     unknown["cost"] = np.nan
     with costmap(full_period=1000.0, stale_after=0.0) as (node, replay), peer() as other:
         replay.peer.listen("/diagnostics", DiagnosticArray, 10)

@@ -85,7 +85,7 @@ def test_picture_shows_all_plans_and_the_walk():
         assert all(line.tolist() in drawn for line in (*plans, walk))
 
 
-def test_robot_repeats_its_goal_until_it_walks_and_waits_for_maps():
+def test_robot_repeats_its_goal_and_waits_for_maps():
     plan = Path()
     for x, y in (START, GOAL):
         plan.poses.append(PoseStamped())

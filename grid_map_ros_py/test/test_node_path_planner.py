@@ -148,7 +148,7 @@ def test_plan_is_repeated_only_if_a_map_blocks_it() -> None:
         assert other.expect("/plan", 5).poses == []
 
 
-def test_goal_waits_for_a_pose_and_a_map_that_is_not_stale() -> None:
+def test_goal_waits_for_a_pose_and_a_fresh_map() -> None:
     stale = (
         "no plan: no usable map has come on /grid_map (publishers: 1) in the last 1 s; set stale_"
     )
