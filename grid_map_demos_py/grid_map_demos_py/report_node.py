@@ -490,7 +490,7 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
 
     Plans and path are positions (N, 2) [m].
     """
-    figure = Figure((7.6, 3.6), layout="constrained")
+    figure = Figure((6.4, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     plot(truth, "elevation", left, color_map="gist_earth", hillshade="elevation", scale_bar=False)
     plot(costs, "inflated_cost", right, color_map="RdYlGn_r", label="cost", scale_bar=False)
@@ -502,7 +502,7 @@ def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Mat
         ax.plot(*START, "ko", markersize=5)
         ax.plot(*GOAL, "k*", markersize=10)
         ax.set(xlim=(-1.0, 9.5), ylim=(-4.0, 8.0))
-    right.legend(fontsize=7, loc="upper right")
+    right.legend(fontsize=6, loc="upper right")
     return figure
 
 
