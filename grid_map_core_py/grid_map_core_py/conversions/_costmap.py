@@ -21,7 +21,7 @@ Costs: TypeAlias = NDArray[np.uint8]
 
 FREE = 0
 INSCRIBED = 253
-"""Cost of a cell in which a robot collides at any heading if its center is there."""
+"""Cost of a cell where a robot collides at any heading if the robot's center is in the cell."""
 LETHAL = 254
 UNKNOWN = 255
 
@@ -129,7 +129,7 @@ class CostRange:
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Convert costs to float32 values (...): 0 to `data_min`, 254 to `data_max`, 255 to NaN."""
+        """Convert costs (...) to float32 values from `data_min` to `data_max`; 255 becomes NaN."""
         known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
         table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))

@@ -99,7 +99,7 @@ class _Grid:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
         resolution: side of a cell [m].
         height_type: 0 uses the smallest mean height of all clusters; 1 uses the mean height of the
-            cluster with the most points, or of the lowest such cluster.
+            cluster with the most points (the lowest one if several are equally large).
         height_thresh: with height type 1, largest difference to the smallest mean height [m];
             clusters with a larger difference are ignored.
     """
@@ -204,7 +204,7 @@ class PointCloudPipeline:
         return grid_map.with_layers({layer: values.reshape(geometry.size, order="F")})
 
     def prepared(self, points: npt.ArrayLike) -> Positions:
-        """Return the cloud (M, 3) without outliers, downsampled, in the map frame [m]."""
+        """Return the cloud (M, 3) after outlier removal and downsampling, in the map frame [m]."""
         cloud = finite_points(points)
         outliers, voxels = self.outlier_removal, self.downsampling
         if outliers.is_remove_outliers:

@@ -141,9 +141,9 @@ def from_points(
     Args:
         resolution: side of a cell [m].
         length: (2,) side lengths of the map [m]; None means just large enough for all points.
-        position: (2,) center of the map [m]; None, with a `length`, means the center of the
-            rectangle that encloses the points.
-        tight: if True, center the map on that rectangle instead of aligning its borders; ignored
+        position: (2,) center of the map [m]. If None and `length` is given, the map is centered on
+            the rectangle that encloses the points.
+        tight: if True, center the map on this rectangle instead of aligning its borders; ignored
             if `length` or `position` is given.
         timestamp: timestamp of the map [ns].
 
@@ -211,7 +211,7 @@ def fitting_geometry(
         lower, upper: (2,) smallest and largest x, y [m].
         resolution: side of a cell [m].
         hold_edges: if True, the grid also contains the -x and -y edges of the rectangle. A map does
-            not contain its -x and -y borders, so it may then need one more row and column.
+            not contain its -x and -y borders, so the grid may need one more row and column.
         align: if True, align the borders with multiples of the resolution; if False, center the
             grid on the rectangle.
         layers: number of layers to be created, for the check of the memory limit.

@@ -11,7 +11,7 @@ _MANY = 1_000_000
 """Number of points that a process handles before it loads the compiled loops; loading is slow."""
 
 _FEW = 64
-"""Largest number of points in a cell for which insertion sort, of quadratic time, is used."""
+"""Largest number of points per cell for insertion sort; its time grows with their square."""
 
 _handled = 0
 
@@ -23,7 +23,7 @@ def count(points: int) -> None:
 
 
 def ready(wanted: Loop) -> Compiled | None:
-    """Return the compiled loop, or None before `_MANY` points are handled or if numba fails."""
+    """Return the compiled loop; None if fewer than `_MANY` points were handled, or numba fails."""
     return wanted.compiled() if _handled > _MANY else None
 
 

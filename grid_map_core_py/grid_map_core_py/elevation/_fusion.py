@@ -46,7 +46,7 @@ SIGHTINGS = 3
 """Number of scans that must contain a candidate before the candidate becomes the surface."""
 
 TAIL = 0.1
-"""If a cell has less than this share of a neighbor's support, its points may be stray points."""
+"""If a cell has less than this share of a neighbor's support, its points may be mere noise."""
 
 CANDIDATE_TIME = 500
 """Maximum time between the first and the last sighting of a candidate [ms]."""
@@ -154,7 +154,7 @@ class Fusion:
         return used
 
     def _decide(self, surface: Integers, is_large: Mask) -> None:
-        """Set `outcomes` and `chosen`, without candidates; `_merge` then considers those."""
+        """Set `outcomes` and `chosen` without regard to candidates, which `_merge` adds later."""
         clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
         agrees = clusters.agree(old, self.state.variances[self._cells])
         smaller = is_large & (self._numbers < surface[groups])
@@ -171,7 +171,7 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return a mask (k,) of the cells whose height a lower cluster may replace."""
+        """Return a mask (k,) of the cells in `lower` in which the lower cluster may be used."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
         # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
@@ -228,7 +228,7 @@ class Fusion:
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
         """Return the candidate (m,) of each cell if enough scans contained it, otherwise `NONE`.
 
-        All other candidates are stored in the state, to be compared with the next scans.
+        A candidate that too few scans have contained is stored in the state for the next scans.
         """
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means

@@ -239,7 +239,7 @@ class ElevationMapper:
         return report
 
     def configure(self, **parameters: Any) -> None:
-        """Change parameters; all but `horizontal_variances` can change. On error, none changes."""
+        """Change parameters, except `horizontal_variances`. An error leaves all unchanged."""
         new = build(Parameters, {**vars(self._parameters), **parameters})
         has_layer = self._parameters.horizontal_variances
         kept = new.horizontal_variances == has_layer

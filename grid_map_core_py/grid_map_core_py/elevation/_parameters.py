@@ -113,7 +113,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Upper limit of the variance [m^2] that relief or the pose adds without clearing cells."""
+        """Limit of the variance [m^2] added by relief or the pose, so that cells stay known."""
         return 0.25 * self.largest_variance
 
 
@@ -163,7 +163,7 @@ class _Model:
 class LaserModel(_Model):
     """Lidar with noise along and across each beam; the noise across the beam grows with distance.
 
-    The beam direction is that of each point, so the model also fits spinning lidars.
+    Each point defines the direction of its beam, so the model also fits spinning lidars.
 
     Attributes:
         min_radius: standard deviation along the beam [m].

@@ -117,8 +117,9 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
     """Return the covariance that the motion from one pose to the next adds.
 
-    The result is the new covariance minus the old one, propagated to the new position. There, a
-    tilt lifts the sensor by `roll * dy - pitch * dx`. Negative eigenvalues are set to 0.
+    First, the old covariance is propagated to the new position, where a tilt lifts the sensor by
+    `roll * dy - pitch * dx`. The result is subtracted from the new covariance. Negative eigenvalues
+    become 0.
 
     Args:
         old, new: covariances of the previous and the new pose.
@@ -185,7 +186,7 @@ class Scan:
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n).
 
-    The rounding of a matrix product would depend on the index of a point, so none is used.
+    A matrix product is not used, because its rounding depends on the index of a point.
     """
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))

@@ -171,9 +171,9 @@ def at_centers(
     """Return the heights (n,) of points after moving them along the slope to the cell centers [m].
 
     Along each axis, a cell has two slopes: from the previous cell to this cell, and from this cell
-    to the next. The less steep slope is used. If a cell is level or next to a step, its slope
-    counts as 0: the two slopes have opposite signs, or one height difference is at most `threshold`
-    standard deviations. The slope is also 0 next to unknown cells and map borders.
+    to the next. The less steep slope is used. If the slopes have opposite signs, or if one height
+    difference is at most `threshold` standard deviations, the cell is level or next to a step. Its
+    slope is then 0. The slope is also 0 next to unknown cells and map borders.
 
     Args:
         points: (3, n) points on the map.

@@ -11,10 +11,10 @@ confirmed for `scanning_duration`, a beam below its foot clears it, with four ex
 - This scan has a point in the cell or its 8 neighbors that is higher than the beam, or at most one
   resolution lower. The beam then passed next to an obstacle that still exists, such as a wall that
   covers part of the cell.
-- A cell at most two cells away still contains an obstacle, such as a wall: a beam along the wall
-  passes between the points of the wall. An obstacle is assumed if no beam crossed the other cell
-  below its foot, and this foot is higher than the beam or at most one resolution lower. The foot
-  must also be more than one resolution above the lowest height in and next to the first cell.
+- Another cell, at most two cells away, still contains an obstacle. (Beams along a wall pass between
+  the points of the wall.) An obstacle is assumed if no beam crossed the other cell below its foot,
+  and this foot is higher than the beam or at most one resolution lower. The foot must also be more
+  than one resolution above the lowest height in and next to the cell to be cleared.
 - The beam grazes the surface: the angle between the beam and the plane through the neighbors is
   less than `cleanup_min_angle`.
 
@@ -161,7 +161,7 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
 
 
 def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
-    """Return the upward unit normals (3, k) of the surface in `cells`, along rows, columns and z.
+    """Return the upward unit normals of the surface in `cells`: (3, k) along rows, columns and z.
 
     The surface is the plane through the neighbors along rows and columns. A neighbor that is
     unknown or outside the map is replaced with the cell itself.
@@ -205,7 +205,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the width [cells] of a ring; `RINGS` rings cover the part of the map in reach."""
+    """Return the ring width [cells]; `RINGS` rings cover all of the map within `max_ray_length`."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -237,7 +237,7 @@ def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any
 
 
 def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
-    """Clip the range [`first`, `last`] of the beam parameter to the map along one axis."""
+    """Clip a range of the beam parameter (0: sensor, 1: point) to the map, along one axis."""
     if way == 0.0:
         return first, (last if 0.0 <= start <= size else -1.0)
     one, other = -start / way, (size - start) / way
@@ -246,7 +246,7 @@ def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the beam parameter beyond which a beam cannot clear cells; 0 if it can clear none."""
+    """Return the beam parameter (0: sensor, 1: point) up to which a beam can clear cells."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))
@@ -333,7 +333,7 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return a beam's first row (or column), the beam parameter at its end, and that of one row."""
+    """Return a beam's first row (or column), the beam parameter at its end and the step per row."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

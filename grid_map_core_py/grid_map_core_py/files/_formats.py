@@ -88,8 +88,8 @@ def load(
     """Load a map from a file or folder; the name selects the format.
 
     `formats()` lists the formats. The documentation page "Bags and files" lists their options. If
-    several formats share an ending, the first that accepts all options is used:
-    `load("a.tif")` reads a GeoTIFF, `load("a.tif", resolution=0.1)` reads a height image.
+    several formats share an ending, the first format that accepts all options is used:
+    `load("a.tif")` reads a GeoTIFF, and `load("a.tif", resolution=0.1)` reads a height image.
 
     Args:
         path: the file or folder.
@@ -116,7 +116,7 @@ def save(
     """Write a map to a file or folder; the name selects the format.
 
     The file or folder is written atomically, and replaces an existing one of the same format. If
-    several formats share an ending, the first that accepts all options is used.
+    several formats share an ending, the first format that accepts all options is used.
 
     Args:
         grid_map: the map.

@@ -111,9 +111,9 @@ def save_map_server(
     Args:
         grid_map: the map; it is stored in map order.
         path: the YAML file.
-        layer: layer with whole numbers from 0 (free) to 100 (occupied), and NaN or -1 for unknown.
-            Other layers require `data_min` and `data_max`. None means `occupancy` if it exists,
-            else the only layer.
+        layer: name of the layer; None means `occupancy` if it exists, else the only layer. Without
+            `data_min` and `data_max`, the values must be whole numbers from 0 (free) to 100
+            (occupied), or NaN or -1 (unknown).
         mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw`
             keep the occupancies.
         negate: if True, white means occupied. This has no effect in `raw` mode.
@@ -248,7 +248,7 @@ def _as_occupancies(
 
 
 def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
-    """Convert occupancies to the pixels of an image; the inverse of `_occupancy`."""
+    """Convert occupancies to the pixels of an image, which `_occupancy` can convert back."""
     known = ~np.isnan(values)
     rounded = np.where(known, np.rint(values.astype(np.float64)), 0.0)
     if mode == "raw":

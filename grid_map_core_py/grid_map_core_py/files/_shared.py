@@ -88,14 +88,14 @@ def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
 
 
 def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
-    """Warn if a map has a reference system, because this file or message cannot store it."""
+    """Warn if a map has a reference system, because the file or message cannot store the system."""
     if grid_map.crs:
         text = f"crs: {kind} cannot hold the coordinate reference system of the map; it is lost. "
         warnings.warn(f"{text}A GeoTIFF, Zarr or .npz file keeps it", stacklevel=stacklevel)
 
 
 def map_facts(grid_map: GridMap) -> dict[str, Any]:
-    """Return all attributes of a map except the layer values, as JSON types."""
+    """Return all attributes of a map except the layer values, in types that JSON supports."""
     crs = grid_map.crs
     with suppress(Exception):  # pyproj is missing, or `crs` is invalid
         crs = ":".join(import_module("pyproj").CRS.from_user_input(crs).to_authority() or [crs])

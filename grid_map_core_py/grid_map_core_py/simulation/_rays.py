@@ -25,7 +25,7 @@ def cast_rays(
 ) -> Positions:
     """Return the ranges at which beams hit the surface of a layer.
 
-    The surface is the one of `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between
+    The surface is that of `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between
     cell centers, and level from the outermost centers to the border. A step between neighboring
     cells is therefore a slope one cell wide. If one of four neighboring heights is not finite, the
     patch between their cell centers is a hole. The ground below the surface is solid: a beam from
@@ -117,7 +117,7 @@ def march(
     Args:
         heights: (rows, columns) heights [m]; a patch with a NaN is a hole.
         rows, columns: shape of the heights.
-        rays: (6, count) row, column and z [m] of each beam at range 0, then their slopes per meter.
+        rays: (6, count) row, column and z [m] of each beam at range 0, and the change per meter.
         span: (2, count) nearest and farthest range at which each beam can hit the surface.
         count: number of beams.
         ranges: (count,) output: the ranges [m].
@@ -171,10 +171,10 @@ def _crossing(start: float, step: float, patch: int) -> float:
 def _above(
     a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
 ) -> Any:
-    """Return the coefficients of 1, t and t^2 of a beam's height above a patch after t meters.
+    """Return the height of a beam above a patch, as the coefficients of a polynomial in t.
 
-    The height of the patch is a + b u + c v + d u v. At t = 0, the beam is at (u, v, z). Per meter,
-    it advances by (d_row, d_column, d_z).
+    After t meters, the beam is at (u, v, z) + t (d_row, d_column, d_z). The height of the patch is
+    a + b u + c v + d u v. The result holds the coefficients of 1, t and t^2.
     """
     return (
         z - (a + b * u + c * v + d * (u * v)),

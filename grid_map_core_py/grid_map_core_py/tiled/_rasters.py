@@ -50,7 +50,7 @@ _MOST_OPEN = 64
 """Maximum number of rasters that a process keeps open."""
 
 _WIDEST_STRIP = 8192
-"""Width of compressed strips above which a user is warned that reading windows is slow [pixels]."""
+"""Width of compressed strips above which opening a raster warns of slow windows [pixels]."""
 
 _WARPING: dict[str, Any] = {
     "dtype": "float32",

@@ -97,7 +97,7 @@ class TiledData:
         return self.geometry.length
 
     def _in_frame_at(self: _Data, origin: Sequence[float]) -> _Data:
-        """Return the map in a frame whose origin is at x, y in the current frame [m]."""
+        """Return the map in a frame whose origin is at `origin` (x, y) in the current frame [m]."""
         x, y = origin
         geometry = self.geometry.at(self.position - np.array([x, y]))
         return replace(self, geometry=geometry, origin=(self.origin[0] + x, self.origin[1] + y))
