@@ -165,18 +165,17 @@ class ElevationMapper:
     ) -> UpdateReport:
         """Fuse the points of a scan into the map; if an error occurs, the map stays unchanged.
 
-        The result does not depend on the order of the points.
+        The result does not depend on the order of the points. After a jump of more than
+        `max_time_jump`, or if timestamps are too early for more than a second, the map clock
+        restarts at `timestamp`, and all cells count as just confirmed. If such a jump leads to the
+        timestamp 0, all points are dropped instead. Both cases cause a `RuntimeWarning`.
 
         Args:
             points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite or lie
                 at the origin are dropped.
             transform: (4, 4) transform from the sensor to the map frame.
             timestamp: time of the scan [ns]. If it is earlier than the previous timestamp, the
-                previous timestamp is used. If it jumps by more than `max_time_jump`, or if
-                timestamps are too early for more than a second, the map clock restarts at this
-                timestamp, and all cells count as just confirmed. If it is 0 and the previous
-                timestamp exceeds `max_time_jump`, all points are dropped. Restarts and dropped
-                scans cause a `RuntimeWarning`.
+                previous timestamp is used.
             pose_covariance: (6, 6) covariance of the sensor pose: x, y, z [m], roll, pitch, yaw
                 [rad]; rotations are about the map axes. None means an exact pose.
             values: additional point values (N,) by layer name.
