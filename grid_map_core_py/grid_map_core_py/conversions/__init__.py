@@ -4,8 +4,8 @@
 - Gray images: `to_image`, `from_image`, `add_layer_from_image`; color images: `to_color_image`,
   `add_color_layer_from_image`. `change_resolution` resamples all layers of a map.
 - Packed colors: `color_vector_to_value`, `color_value_to_vector`.
-- Costmaps: `to_costs`, `from_costs`, `Costmap`. A `CostTable` or `CostRange` defines which cost
-  belongs to which value.
+- Costmaps: `to_costs`, `from_costs`, `Costmap`. A `CostTable` or a `CostRange` defines the cost of
+  each layer value.
 - Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `PointCloudPipeline`.
 - Triangle meshes: `from_mesh`, `rasterize_triangles`.
 """

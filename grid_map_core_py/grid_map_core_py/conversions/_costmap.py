@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Convert layers to and from navigation costmaps, one byte per cell; NaN becomes 255 (unknown)."""
+"""Convert layers to and from navigation costmaps, which store one cost from 0 to 255 per cell."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Costs: TypeAlias = NDArray[np.uint8]
 
 FREE = 0
 INSCRIBED = 253
-"""Cost at which a robot centered in the cell collides at any heading."""
+"""Cost of a cell where a robot collides at any heading if the robot's center is in the cell."""
 LETHAL = 254
 UNKNOWN = 255
 
@@ -40,8 +40,8 @@ class CostCodec(Protocol):
 class CostTable:
     """Maps layer values to the costs of costmap_2d and Nav2: free, inscribed, lethal, unknown.
 
-    Values between `free` and `inscribed` are mapped linearly. The defaults suit layers with the
-    values of occupancy grids: 0 to 100, and -1 for unknown. For layers that store costs, use
+    Values between `free` and `inscribed` are mapped linearly to the costs 0 to 253. The defaults
+    suit layers with occupancies: 0 to 100, and -1 for unknown. For layers that store costs, use
     `CostTable(0, 253, 254, 255)`.
 
     Attributes:
@@ -129,7 +129,7 @@ class CostRange:
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Convert costs to float32 values (...): 0 to `data_min`, 254 to `data_max`, 255 to NaN."""
+        """Convert costs (...) to float32 values from `data_min` to `data_max`; 255 becomes NaN."""
         known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
         table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))
@@ -153,7 +153,7 @@ class Costmap:
     """A costmap with the attributes of nav2's `PyCostmap2D`.
 
     Attributes:
-        costmap: (size_x * size_y,) uint8 costs; x varies fastest, and x and y ascend.
+        costmap: (size_x * size_y,) uint8 costs: x ascends within a row, and y from row to row.
         size_x, size_y: number of cells along x and y.
         resolution: side of a cell [m].
         origin_x, origin_y: position of the corner with the smallest x and y [m].
@@ -203,7 +203,7 @@ def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int
         timestamp: time of the data [ns].
 
     Raises:
-        GeometryError: the size or resolution is invalid, or the number of costs does not match.
+        GeometryError: the size or resolution is invalid, or the number of costs is wrong.
     """
     size = as_size((costmap.size_x, costmap.size_y), "size_x, size_y")
     costs = _as_costs(costmap.costmap)

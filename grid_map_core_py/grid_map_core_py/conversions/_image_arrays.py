@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert layers to images and images to layers, and change the resolution of maps.
 
-Pixel (row, column) of an image corresponds to cell (row, column) of a map that has not moved, so
-+x points up in the image and +y left. A moved map is unwrapped first, which keeps this orientation.
+Pixel (row, column) of an image is cell (row, column) of the map in map order. In the image, +x
+therefore points up and +y points left.
 
 **Color images are BGR by default**, the order of `cv2.imread` and `cv2.imwrite`. For images from
 Matplotlib, Pillow or ROS `rgb8`, pass `order="rgb"`. A fourth channel is always alpha.
@@ -11,9 +11,9 @@ In gray images, the layer range [`lower`, `upper`] is scaled to [0, 255] for uin
 uint16, and [0, 1] for float32 and float64. A float image created without `lower` and `upper`
 contains the layer values unchanged.
 
-NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. The alpha of a NaN cell is
-0. All other cells are opaque. Scaling maps infinities to the bounds of the range. When an image is
-read, pixels whose alpha is below half the maximum become NaN by default.
+NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. In images with alpha, NaN
+cells are transparent, and all other cells are opaque. Infinite values become the nearest bound of
+the range. When an image is read, pixels with an alpha below half the maximum become NaN by default.
 """
 
 from __future__ import annotations
@@ -68,10 +68,10 @@ def to_image(
     Args:
         dtype: uint8, uint16, float32 or float64.
         channels: 1, 3 (three equal channels) or 4 (three equal channels and alpha).
-        lower: value that becomes 0; None means the smallest finite value of the layer.
-        upper: value that becomes 255, 65535 or 1.0; may be less than `lower`. None means the
-            largest finite value. Values beyond the bounds are clamped. If both are None, a float
-            image contains the layer values unchanged.
+        lower: layer value of black; None means the smallest finite value. Values beyond the bounds
+            are clamped. If both bounds are None, a float image contains the layer values unchanged.
+        upper: layer value of white (255, 65535 or 1.0), which may be less than `lower`; None means
+            the largest finite value.
 
     Returns:
         (rows, cols) for one channel, else (rows, cols, channels); C-contiguous.
@@ -147,7 +147,7 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return a function that converts layer values to gray values, as floats."""
+    """Return a function that converts layer values to gray values; both are floats."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _range(lower, upper, values)
@@ -170,7 +170,7 @@ def _encoder(
 def _range(
     lower: float | None, upper: float | None, values: Layer
 ) -> tuple[np.float32, np.float32]:
-    """Return `lower` and `upper`, with None replaced by the smallest or largest finite value."""
+    """Return `lower` and `upper`; None becomes the smallest or the largest finite value."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
     # If only one bound is given, and all finite values lie beyond it, both bounds are equal.
@@ -210,8 +210,8 @@ def from_image(
         lower, upper: layer values of black (0) and white (255, 65535 or 1.0) pixels. With 0 and 1,
             the values of a float image are copied unchanged.
         position: (2,) center of the map [m].
-        alpha_threshold: pixels with a smaller alpha become NaN (1 is opaque). For integer images,
-            the threshold is scaled to the range of the type and rounded down.
+        alpha_threshold: alpha below which pixels become NaN, from 0 to 1 (opaque). For integer
+            images, the threshold is scaled to the range of the type and rounded down.
         order: order of the color channels; `cv2.imread` returns "bgr".
         timestamp: time of the data [ns].
 
@@ -243,7 +243,7 @@ def add_layer_from_image(
         image, layer, lower, upper, alpha_threshold, order: as in `from_image`.
 
     Raises:
-        GeometryError: image and map differ in size, or an error as in `from_image`.
+        GeometryError: image and map differ in size, or one of the other arguments is invalid.
     """
     pixels = _as_image(image, grid_map.size)
     grid_map.set_unwrapped(layer, _read_gray(pixels, lower, upper, alpha_threshold, order))
@@ -325,8 +325,8 @@ def change_resolution(
 
     Layers are interpolated as float images with OpenCV's `resize`. If the nearest cell in the
     original map is NaN or infinite, the new cell gets that value. All other cells are interpolated
-    from finite cells only. The layer `color` always uses the nearest color. For other
-    packed-color layers, pass `cv2.INTER_NEAREST_EXACT`.
+    from finite cells only. In the layer `color`, each cell gets the nearest color. For other layers
+    of packed colors, pass `cv2.INTER_NEAREST_EXACT`.
 
     Args:
         resolution: new side of a cell [m].

@@ -35,8 +35,8 @@ def rasterize_triangles(
 
     Args:
         vertices: (V, 3) x, y, z [m], map frame.
-        faces: (F, 3) vertex indices of each triangle, in any winding order; or (F, n) for polygons
-            with n vertices, which are split into triangles that share the first vertex.
+        faces: (F, 3) vertex indices of each triangle, clockwise or counterclockwise. Polygons
+            (F, n) with n vertices are split into triangles that share the first vertex.
         layer: name of the layer that is added or replaced.
 
     Returns:
@@ -138,8 +138,7 @@ class _Triangles(NamedTuple):
     Attributes:
         row, column: (T,) position of the first corner.
         by_row, by_column: (3, T) change of each barycentric coordinate per row and per column.
-        slacks: (3, T) tolerance; a cell is covered if each barycentric coordinate is at least
-            -slack.
+        slacks: (3, T) tolerances: a triangle covers cells with barycentric coordinates >= -slack.
         heights: (3, T) heights of the corners [m].
         first_row, row_count, first_column, column_count: (T,) bounding rectangles.
         counts: (T,) number of cells in each bounding rectangle.
@@ -192,7 +191,7 @@ def _prepared(
 
 
 def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield column-major indices (n,) of covered cells, and heights (n,) of the triangles there."""
+    """Yield column-major indices (n,) of covered cells, and triangle heights (n,) at the cells."""
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides
@@ -211,7 +210,7 @@ def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integ
 
 
 def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Do the same as `_hits_of_small` for one large triangle, without copying its data per cell."""
+    """Do the same as `_hits_of_small` for one large triangle, but do not copy its data per cell."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column
@@ -243,7 +242,7 @@ def _inside(
 def _heights(
     weights: Iterable[Positions], hits: Integers, corners: Iterable[Positions]
 ) -> Positions:
-    """Interpolate the corner heights of one or n triangles to heights (n,) in covered cells."""
+    """Return the heights (n,) of covered cells, interpolated between the triangle corners."""
     heights, total = np.zeros(len(hits)), np.zeros(len(hits))
     for weight, height in zip(weights, corners, strict=True):
         # Clamped, because extrapolating a steep triangle beyond an edge causes large errors.
@@ -254,13 +253,13 @@ def _heights(
 
 
 def _range(corners: Positions, cells: int, tolerance: float) -> tuple[Integers, Integers]:
-    """Return the first cell and the number of cells under each triangle along one axis."""
+    """Return, along one axis, the first cell under each triangle and the number of cells."""
     first = np.ceil(np.clip(corners.min(axis=0) - tolerance, 0, cells))
     last = np.floor(np.clip(corners.max(axis=0) + tolerance, -1, cells - 1))
     return first.astype(np.int64), np.maximum(last - first + 1, 0).astype(np.int64)
 
 
 def _edges(corners: Positions) -> Positions:
-    """Return the signed extents (3, T), along one axis, of the edges opposite the corners."""
+    """Return the signed extents (3, T) of the edges opposite the corners, along one axis."""
     first, second, third = corners
     return np.array([third - second, first - third, second - first])

@@ -62,7 +62,7 @@ def join_channels(red: Any, green: Any, blue: Any) -> Any:
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Split uint32 bits 0x00RRGGBB into three values whose low bytes are red, green and blue."""
+    """Split uint32 bits 0x00RRGGBB into three values, whose low bytes are red, green and blue."""
     return bits >> _RED, bits >> _GREEN, bits
 
 

@@ -99,9 +99,9 @@ class _Grid:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
         resolution: side of a cell [m].
         height_type: 0 uses the smallest mean height of all clusters; 1 uses the mean height of the
-            cluster with the most points (the lower cluster if several are equally large).
-        height_thresh: with height type 1, clusters whose mean height exceeds the smallest mean
-            height by more than this value [m] are ignored.
+            cluster with the most points (the lowest one if several are equally large).
+        height_thresh: with height type 1, largest difference to the smallest mean height [m];
+            clusters with a larger difference are ignored.
     """
 
     min_num_points_per_cell: int = 2
@@ -122,9 +122,10 @@ class _Grid:
 class PointCloudPipeline:
     """Creates a map from a raw point cloud; the fields are the parameters of `grid_map_pcl`.
 
-    If enabled, outliers are removed and the cloud is downsampled. The cloud is then transformed to
-    the map frame, and the points of each cell are clustered. The height of a cell is the mean
-    height of the cluster that `height_type` selects. Cells without a cluster are NaN.
+    First, outliers are removed and the cloud is downsampled, if the parameters enable these steps.
+    Then the cloud is transformed to the map frame, and the points of each cell are clustered. The
+    height of a cell is the mean height of the cluster that `height_type` selects. Cells without a
+    cluster are NaN.
 
     Attributes:
         num_processing_threads: number of threads that search for neighbors.
@@ -203,7 +204,7 @@ class PointCloudPipeline:
         return grid_map.with_layers({layer: values.reshape(geometry.size, order="F")})
 
     def prepared(self, points: npt.ArrayLike) -> Positions:
-        """Return the cleaned cloud (M, 3) in the map frame [m]."""
+        """Return the cloud (M, 3) after outlier removal and downsampling, in the map frame [m]."""
         cloud = finite_points(points)
         outliers, voxels = self.outlier_removal, self.downsampling
         if outliers.is_remove_outliers:
@@ -223,7 +224,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) of whole cells in chunks; skip cells outside the limits."""
+        """Yield point indices (n,) in chunks of whole cells, without cells outside the limits."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -239,7 +240,7 @@ class PointCloudPipeline:
     def _heights(
         self, cells: Integers, points: Positions
     ) -> tuple[Integers, npt.NDArray[np.float64]]:
-        """Cluster points (n, 3); return cells (m,) with clusters, and their heights (m,)."""
+        """Cluster points (n, 3), and return the cells (m,) with clusters and their heights (m,)."""
         extraction = self.cluster_extraction
         groups = np.unique(cells, return_inverse=True)[1]
         clusters = euclidean_clusters(
@@ -359,8 +360,8 @@ def euclidean_clusters(
 ) -> Integers:
     """Return the cluster number (n,) of each point; clusters are numbered in arbitrary order.
 
-    Two points are in the same cluster if a chain of points in their group connects them with steps
-    no longer than the tolerance.
+    Two points are in the same cluster if a chain of points of their group connects them, with no
+    step longer than the tolerance.
 
     Args:
         points: (n, 3) finite x, y, z [m].
@@ -403,10 +404,10 @@ def _missing_links(
 ) -> _Edges:
     """Return links between points of different clusters in the same group.
 
-    Only crowded points need further links: points that already have the maximum number of links.
-    `crowded` contains their indices. For each pair of clusters, each crowded point of one cluster
-    (the one with fewer such points) is linked to the nearest crowded point of the other cluster, if
-    the distance is less than `reach`.
+    A crowded point already has the maximum number of links; only such points can lack a link.
+    `crowded` contains their indices. For each pair of clusters, the cluster with fewer crowded
+    points is chosen. Each of its crowded points is linked to the nearest crowded point of the other
+    cluster, if the distance is less than `reach`.
     """
     from scipy.spatial import cKDTree  # slow to import
 

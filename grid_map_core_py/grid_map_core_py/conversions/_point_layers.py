@@ -6,8 +6,8 @@ that are not finite, outside the map or outside the height limits are ignored.
 
 Reductions of heights and other fields:
 
-- `max`, `min`, `mean`, `median`: statistics of the values; the median of an even number of values
-  is the mean of the two middle values.
+- `max`, `min`, `mean`, `median`: statistics of the values. If their number is even, the median is
+  the mean of the two middle values.
 - `first`, `last`: value of the first or last point in the cell, in the order of the cloud.
 - `variance`: mean squared deviation from the mean (population variance; 0 for one point).
 - `count`: number of points.
@@ -70,14 +70,14 @@ def rasterize(
 
     Args:
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
-        layers: maps the name of each height layer [m] to a reduction: `max`, `min`, `mean`,
+        layers: reduction of the point heights [m] for each layer name: `max`, `min`, `mean`,
             `median`, `first`, `last`, `variance` or `count`.
-        fields: maps field names to point values (N,); each field becomes a layer of the same name.
+        fields: other point values (N,) by field name; each field becomes a layer of the same name.
             Values that are not finite are ignored. The fields `rgb`, `rgba` and `color` are packed
             colors; alpha is dropped.
-        field_reductions: maps field names to reductions. The default is `mean`; the mean of colors
-            is computed per channel. Colors support only `mean`, `first`, `last` and `count`.
-        min_height, max_height: inclusive height range [m]; points outside it are ignored.
+        field_reductions: reductions by field name. The default is `mean`; the mean of colors is
+            computed per channel. Colors support only `mean`, `first`, `last` and `count`.
+        min_height, max_height: inclusive height range [m]; other points are ignored.
 
     Returns:
         A map with the new layers, which replace existing layers of the same name. All other layers
@@ -140,11 +140,11 @@ def from_points(
 
     Args:
         resolution: side of a cell [m].
-        length: (2,) side lengths of the map [m]; if None, just large enough for all points.
-        position: (2,) center of the map [m]; if None and `length` is given, the map is centered on
-            the extent of the points.
-        tight: if True, center the map on the extent of the points instead of aligning its borders;
-            ignored if `length` or `position` is given.
+        length: (2,) side lengths of the map [m]; None means just large enough for all points.
+        position: (2,) center of the map [m]. If None and `length` is given, the map is centered on
+            the rectangle that encloses the points.
+        tight: if True, center the map on this rectangle instead of aligning its borders; ignored
+            if `length` or `position` is given.
         timestamp: timestamp of the map [ns].
 
     Raises:
@@ -210,11 +210,11 @@ def fitting_geometry(
     Args:
         lower, upper: (2,) smallest and largest x, y [m].
         resolution: side of a cell [m].
-        hold_edges: if True, include positions on the -x and -y edges. A map does not contain its
-            -x and -y borders, so a rectangle of whole cells then needs one more row and column.
+        hold_edges: if True, the grid also contains the -x and -y edges of the rectangle. A map does
+            not contain its -x and -y borders, so the grid may need one more row and column.
         align: if True, align the borders with multiples of the resolution; if False, center the
             grid on the rectangle.
-        layers: number of layers to be created, to check the memory limit.
+        layers: number of layers to be created, for the check of the memory limit.
 
     Raises:
         LimitError: the grid or the layers would be too large.
@@ -273,9 +273,9 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return flat cell indices (n,) of the points on the map and within the height limits.
+    """Find the points on the map and within the height limits.
 
-    The second result is the mask (N,) of these points.
+    Return the flat cell indices (n,) of these points, and a mask (N,) of them.
     """
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compiled loops over points, which a process uses only after it has handled many points."""
+"""Compiled loops over points; a process uses these loops only after it has handled many points."""
 
 from typing import Any
 
@@ -8,10 +8,10 @@ import numpy as np
 from .._loops import Compiled, Loop, loop
 
 _MANY = 1_000_000
-"""Number of points that a process handles before it loads the compiled loops, which takes time."""
+"""Number of points that a process handles before it loads the compiled loops; loading is slow."""
 
 _FEW = 64
-"""Largest number of points in a cell for which insertion sort is used; it takes quadratic time."""
+"""Largest number of points per cell for insertion sort; its time grows with their square."""
 
 _handled = 0
 
@@ -23,7 +23,7 @@ def count(points: int) -> None:
 
 
 def ready(wanted: Loop) -> Compiled | None:
-    """Return the compiled loop, or None before `_MANY` points are handled or if numba fails."""
+    """Return the compiled loop; None if fewer than `_MANY` points were handled, or numba fails."""
     return wanted.compiled() if _handled > _MANY else None
 
 
@@ -36,7 +36,7 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
         frame: lower and upper z limit, half side lengths of the map along x and y, x and y of its
             center, and the negated resolution [m].
         size: number of rows and columns.
-        cells: (n,) output: flat cell indices of the counted points, at the beginning of the array.
+        cells: (n,) output: flat cell indices of the counted points, stored without gaps.
         counted: (n,) output: 1 for points on the map and within the z limits, else 0.
     """
     lowest, highest, half_x, half_y, center_x, center_y, step = frame
@@ -61,7 +61,7 @@ def find_medians(cells: Any, values: Any, places: Any, dealt: Any, medians: Any)
     """Write the median of the values (n,) in each cell to `medians`.
 
     `dealt` is a buffer for the values sorted by cell. `places` holds the index in `dealt` at which
-    each cell starts. Both are modified. For cells without values, `medians` is not changed.
+    each cell starts. Both arrays are modified. Cells without values keep their entry in `medians`.
     """
     for i in range(len(values)):
         dealt[places[cells[i]]] = values[i]

@@ -2,8 +2,8 @@
 """Functions that reduce the point values in each cell to one value.
 
 The arguments of a reduction are the flat cell index (n,) and the value (n,) of each point, and the
-number of cells. The result is one float32 per cell. For cells without points, it is 0 for `count`
-and NaN for all other reductions.
+number of cells. The result is one float32 per cell. In cells without points, `count` is 0 and all
+other reductions are NaN.
 """
 
 from collections.abc import Callable, Mapping
@@ -79,7 +79,7 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
 
 
 def mean_color(cells: Integers, values: npt.NDArray[Any], size: int) -> _Flat:
-    """Return the mean color of each cell; the mean of each channel is rounded."""
+    """Return the mean color of each cell, with the mean of each channel rounded."""
     numbers = np.bincount(cells, minlength=size)
     means = [
         (np.bincount(cells, channel, size) + numbers // 2) // np.maximum(numbers, 1)

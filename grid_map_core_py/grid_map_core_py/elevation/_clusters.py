@@ -3,10 +3,10 @@
 
 The results do not depend on the order of the points in the scan.
 
-The points of a cell are visited from highest to lowest. Let z be the height of a point, r its
-variance, and m the mean height of the current cluster. The point joins this cluster if
-`|z - m| <= max(threshold * sqrt(variance of m + r), relief)`. Otherwise, it starts a new cluster.
-The relief is the height difference that a slope may cause within a cell.
+The points of a cell are visited from highest to lowest. Let z be the height of a point, and m the
+mean height of the current cluster. The point joins this cluster if
+`|z - m| <= max(threshold * sqrt(variance of m + variance of z), relief)`, where the relief is the
+height difference that a slope may cause within a cell. Otherwise, the point starts a new cluster.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Sorted:
         order: (n,) indices of the points before sorting.
         heights, variances: (n,) heights [m] and variances [m^2] of the points.
         cells: (m,) indices of the cells that contain points, in ascending order.
-        begins, ends: (m,) the points of each cell are those from `begins` to `ends` - 1.
+        begins, ends: (m,) start and end (exclusive) of each cell's slice of the sorted points.
     """
 
     order: Integers
@@ -95,7 +95,7 @@ def deal(
         cells: (count,) cells of the points.
         points: (count,) heights and variances of the points.
         size: number of cells.
-        borders: (size + 1,) zeros; output: the end of each cell's points.
+        borders: (size + 1,) zeros; afterwards, the end of each cell's points (exclusive).
         order, dealt: (count,) output: the sorted indices, and the sorted heights and variances.
     """
     heights, variances = points
@@ -121,9 +121,9 @@ def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) ->
     """Sort a slice of points by descending height, then by variance, with Shellsort.
 
     Args:
-        begin, end: the slice.
+        begin, end: start and end (exclusive) of the slice.
         order, heights: indices and heights of the points; sorted in place.
-        variances: variances by point index.
+        variances: variances in the original order of the points; not sorted.
     """
     gap = (end - begin) // 2 if end - begin > 12 else 1
     while gap > 0:
@@ -147,14 +147,14 @@ class Clusters:
 
     Attributes:
         points: the points on the map.
-        threshold, relief: parameters of the gate in `agree`.
+        threshold, relief: height differences that `agree` accepts [standard deviations] and [m].
         groups: (q,) index of each cluster's cell in `points.cells`.
         firsts: (q,) index in `points` of each cluster's highest point.
         counts: (q,) number of points in each cluster.
         means: (q,) mean heights, weighted by inverse variance [m].
         variances: (q,) variances of the means [m^2]. They include the variance that all points of
             a cell share, and are larger if the points scatter more than their variances predict.
-        spreads: (q,) sample variance in excess of the point variances [m^2]; it widens the gate.
+        spreads: (q,) amount by which the sample variance exceeds the point variances [m^2].
     """
 
     points: Sorted
@@ -175,7 +175,7 @@ class Clusters:
     def agree(self, heights: Numbers, variances: Numbers) -> Mask:
         """Return a mask (q,) of the clusters that agree with the height of their cell.
 
-        A cluster agrees (passes the gate) if its mean differs from the height by at most
+        A cluster agrees if its mean differs from the height by at most
         `max(threshold * sqrt(height variance + cluster variance + spread), relief)`.
 
         Args:
@@ -187,18 +187,18 @@ class Clusters:
         return fits
 
     def first(self, chosen: Mask) -> Integers:
-        """Return, for each cell (m,), the highest cluster in the mask `chosen`, or `NONE`."""
+        """Return each cell's highest cluster (m,) among those in the mask `chosen`, or `NONE`."""
         return self.last(chosen, -1)
 
     def last(self, chosen: Mask, step: int = 1) -> Integers:
-        """Return, for each cell (m,), the lowest cluster in the mask `chosen`, or `NONE`."""
+        """Return each cell's lowest cluster (m,) among those in the mask `chosen`, or `NONE`."""
         found = np.full(len(self.points.cells), NONE)
         numbers = np.flatnonzero(chosen)[::step]
         found[self.groups[numbers]] = numbers
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the point indices of k clusters, concatenated, and where each cluster starts."""
+        """Return the concatenated point indices of k clusters, and each cluster's start (k,)."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -207,8 +207,8 @@ class Clusters:
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
     """Group the points of each cell into clusters of consistent heights.
 
-    `common` (m,) is the height variance [m^2] that all points of a cell share, due to the pose. It
-    has one value per cell in `points.cells`.
+    `common` (m,) is the height variance [m^2] due to the pose, one value per cell in
+    `points.cells`. All points of a cell share it.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances
@@ -266,10 +266,10 @@ def _grow_arrays(
 
 @loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
-    """Form clusters, and write the results of each cluster at the index of its first point.
+    """Form clusters, and store the results of each cluster at the index of its first point.
 
-    The output `counts` is the number of points. The output `sums` consists of the sums of w, w h
-    and w h^2 over the points, where w is the weight and h the height above the first point.
+    `counts` receives the number of points. `sums` receives three sums over the points: w, w h and
+    w h^2, where w is a point's weight and h its height above the first point.
     """
     begins, ends = borders
     z, r = points

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fuses the points of a scan with the heights of their cells.
 
-The surface of a cell depends only on the scan: it is the highest cluster with support. A cluster
-has support if it contains at least `conflict_points` points, and at least `min_support` times as
-many points as the cell's densest cluster. `Clusters.agree` defines when a cluster agrees with a
-height. Each cell with points has one of these outcomes:
+The points in a cell form clusters of similar heights. A cluster has support if it contains at least
+`conflict_points` points, and at least `min_support` times as many points as the cell's densest
+cluster. The highest cluster with support is the surface of the cell. `Clusters.agree` defines when
+a cluster agrees with the height of the map. Each cell with points has one of these outcomes:
 
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
 - `STARTED`: the cell was unknown. The height of the surface becomes the height of the cell.
-- `RAISED`: a surface above the old height replaces it, or a candidate does. A candidate is a
-  smaller cluster above the surface. It must have at least `conflict_points` points in each of three
-  scans within half a second, at the same height.
-- `LOWERED`: a surface below the old height replaces it. This happens in two cases. (a) The height
+- `RAISED`: the surface is above the height and replaces it. A candidate, which is a smaller cluster
+  above the surface, can also replace the height: three scans within half a second must contain it
+  at the same height, with at least `conflict_points` points each.
+- `LOWERED`: the surface is below the height and replaces it. There are two cases. (a) The height
   was not confirmed for `scanning_duration`, and the beams of at least `conflict_points` points of
   the surface entered the cell above the height. (b) At most `conflict_points` points ever supported
   the height, and no neighbor is more than one resolution higher than the surface.
@@ -20,11 +20,11 @@ height. Each cell with points has one of these outcomes:
 
 If no cluster has support, any cluster can confirm the height. In `STARTED` and case (b), the
 highest cluster is then used instead of the surface. `RAISED`, `LOWERED` and `CONTRADICTED` are
-conflicts: `multi_height_noise` is added to the variance.
+conflicts, and add `multi_height_noise` to the variance of the cell.
 
-Drift compensation first shifts the whole map by a share of the offset between scan and map. It then
-shifts the scan by the rest of the offset, so that both match. The map lags behind the odometry by
-`drift per scan / drift_compensation_alpha`.
+Drift compensation first shifts the whole map by a share of the offset between scan and map. Then it
+shifts the scan by the rest of the offset, so that scan and map match. With a steady drift, the map
+therefore lags behind the odometry by `drift per scan / drift_compensation_alpha`.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ from ._parameters import Numbers, Parameters
 from ._state import OVERHANG, State, highest_around
 
 SIGHTINGS = 3
-"""Number of scans in which a candidate must be seen before it becomes the surface."""
+"""Number of scans that must contain a candidate before the candidate becomes the surface."""
 
 TAIL = 0.1
-"""If a cell has less than this share of a neighbor's support, its points may be its noise."""
+"""If a cell has less than this share of a neighbor's support, its points may be mere noise."""
 
 CANDIDATE_TIME = 500
 """Maximum time between the first and the last sighting of a candidate [ms]."""
@@ -58,14 +58,13 @@ LEVEL = 0.03
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
     """Return the vertical offset of a scan from the map [m], or 0 if the cells do not agree.
 
-    A cell votes if its variance is small, and its eight neighbors are known and about as high. Near
-    steps and edges, points and map differ even without drift. Each cluster in such a cell has one
-    vote, its offset from the map. The tolerance of a vote is
-    `threshold * sqrt(height variance + cluster variance)`. Votes that exceed `max_drift` by more
-    than their tolerance, or that differ from the median vote by more than their tolerance, are
-    ignored. The result is the mean of the remaining votes, weighted by inverse variance. It is 0 if
-    fewer than `min_drift_cells` votes or fewer than half of the votes remain, or if the mean
-    exceeds `max_drift`.
+    Near steps and edges, points and map differ even without drift. Therefore, a cell votes only if
+    its variance is small, and its eight neighbors are known and about as high. Each cluster in such
+    a cell has one vote: its offset from the map. The tolerance of a vote is
+    `threshold * sqrt(height variance + cluster variance)`. A vote is ignored if it exceeds
+    `max_drift`, or differs from the median vote, by more than its tolerance. The result is the mean
+    of the remaining votes, weighted by inverse variance. It is 0 if the mean exceeds `max_drift`,
+    or if fewer than `min_drift_cells` votes or fewer than half of the votes remain.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
@@ -106,9 +105,9 @@ class Fusion:
 
     Attributes:
         entries: function that accepts point indices, and returns the heights [m] at which the beams
-            entered the cells of these points.
+            of these points entered their cells.
         outcomes: (m,) `Outcome` of each cell with points.
-        chosen: (m,) cluster that determined the outcome.
+        chosen: (m,) index of the cluster that determined each outcome.
     """
 
     clusters: Clusters
@@ -155,7 +154,7 @@ class Fusion:
         return used
 
     def _decide(self, surface: Integers, is_large: Mask) -> None:
-        """Set `outcomes` and `chosen`, which `_merge` changes later in cells with candidates."""
+        """Set `outcomes` and `chosen` without regard to candidates, which `_merge` adds later."""
         clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
         agrees = clusters.agree(old, self.state.variances[self._cells])
         smaller = is_large & (self._numbers < surface[groups])
@@ -172,7 +171,7 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return a mask (k,) of the cells whose height a lower cluster may replace."""
+        """Return a mask (k,) of the cells in `lower` in which the lower cluster may be used."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
         # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
@@ -227,9 +226,9 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the candidate (m,) of each cell that was seen in enough scans, or `NONE`.
+        """Return the candidate (m,) of each cell if enough scans contained it, otherwise `NONE`.
 
-        Candidates that were seen in too few scans are stored in the state.
+        A candidate that too few scans have contained is stored in the state for the next scans.
         """
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
@@ -254,9 +253,9 @@ class Fusion:
         return np.where(done, again, NONE)
 
     def _overhangs(self, is_large: Mask) -> Integers:
-        """Return the lowest overhanging cluster (m,) of each cell, or `NONE`.
+        """Find overhangs, and return the lowest overhanging cluster (m,) of each cell, or `NONE`.
 
-        Also update the layer `overhang`, and set heights that belong to an overhang to NaN.
+        The layer `overhang` is updated. Cells that hold the height of an overhang become NaN.
         """
         clusters, state, cells = self.clusters, self.state, self._cells
         groups, heights = clusters.groups, clusters.points.heights

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Heights and bounds that account for the horizontal uncertainty of cells.
 
-Each cell becomes a mixture of itself and the cells around it. The weight of a neighbor is the
-probability that the true position of the cell is in this neighbor. The position error is normally
-distributed, with the cell's `horizontal_variance` along each axis.
+The position of a cell has a normally distributed error, with the cell's `horizontal_variance` along
+each axis. The result for a cell is a mixture of the cell and its neighbors. The weight of a
+neighbor is the probability that the true position of the cell lies in that neighbor.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ Cells = NDArray[np.float64]
 def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float) -> list[Layer]:
     """Return the height, variance, upper bound and lower bound of each cell, NaN where unknown.
 
-    The height and the variance are the mean and variance of the weighted mixture of a cell and its
-    neighbors. The bounds are the 99 % quantile of their upper bounds and the 1 % quantile of their
-    lower bounds. Neighbors that are unknown, or more than four cells away, have no weight.
+    The height and the variance are the weighted mean and variance over a cell and its neighbors.
+    The upper bound is the 99 % quantile of the upper bounds of these cells, and the lower bound is
+    the 1 % quantile of their lower bounds. Unknown or distant neighbors have no weight.
 
     Args:
-        heights, variances: heights [m], NaN where unknown, and variances [m^2] of the cells.
+        heights, variances: heights [m] and their variances [m^2]; unknown heights are NaN.
         horizontal: horizontal variance of each cell, used along both x and y [m^2].
         resolution: side of a cell [m].
 
@@ -63,7 +63,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """For each offset, yield weight, height and variance (k,) of each known cell's neighbor."""
+    """Yield, per offset, the weights, heights and variances (k,) of all known cells' neighbors."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
@@ -88,7 +88,7 @@ def _share(step: int, deviations: Cells) -> Cells:
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the smallest value such that larger values have a total weight of at most `_TAIL`."""
+    """Return the weighted quantile: all larger values together weigh at most `_TAIL`."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.argmax(above > _TAIL, axis=0)

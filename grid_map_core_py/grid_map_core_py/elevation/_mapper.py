@@ -43,7 +43,7 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 _LOOPS = deal, grow_clusters, cover, trace
 
 LATE = 10**9
-"""Longest time for which timestamps may be too early before the map clock restarts [ns]."""
+"""If timestamps are too early for longer than this time [ns], the map clock restarts."""
 
 KEPT = "time", *BOUNDS
 """Layers that `masked_replace` does not copy from the other map."""
@@ -56,7 +56,7 @@ class UpdateReport:
     Attributes:
         points_used: number of points that were fused into the height of a cell.
         points_dropped: number of points that were ignored.
-        points_gated: number of points on the map whose height does not agree with their cell.
+        points_gated: number of points on the map that do not agree with the height of their cell.
         reasons: number of dropped points for each reason.
         conflicts: number of cells whose previous height the scan contradicts or replaces.
         cells_cleared: number of cells that the visibility cleanup cleared.
@@ -87,9 +87,9 @@ class ElevationMapper:
         geometry: size, resolution and initial position of the map.
         frame_id: frame of the map.
         sensor: noise model of the sensor. A call of `update` may use another model.
-        value_fusions: maps value names or regular expressions to fusion methods: `average`,
-            `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is `color` for
-            `rgb`, `rgba` and `color`, and `average` for all other values.
+        value_fusions: fusion method of each point value, by value name or regular expression:
+            `average`, `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is
+            `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
         parameters: elevation mapping parameters, such as `min_variance`. The property `parameters`
             lists all of them.
 
@@ -165,24 +165,23 @@ class ElevationMapper:
     ) -> UpdateReport:
         """Fuse the points of a scan into the map; if an error occurs, the map stays unchanged.
 
-        The result does not depend on the order of the points.
+        The result does not depend on the order of the points. After a jump of more than
+        `max_time_jump`, or if timestamps are too early for more than a second, the map clock
+        restarts at `timestamp`, and all cells count as just confirmed. If such a jump leads to the
+        timestamp 0, all points are dropped instead. Both cases cause a `RuntimeWarning`.
 
         Args:
             points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite or lie
                 at the origin are dropped.
             transform: (4, 4) transform from the sensor to the map frame.
             timestamp: time of the scan [ns]. If it is earlier than the previous timestamp, the
-                previous timestamp is used. After a jump of more than `max_time_jump`, or if
-                timestamps are too early for more than a second, the map clock restarts at this
-                time, and all cells count as just confirmed. If the timestamp is 0 and the previous
-                timestamp exceeds `max_time_jump`, all points are dropped. Restarts and dropped
-                scans cause a `RuntimeWarning`.
-            pose_covariance: (6, 6) covariance of x, y, z [m], roll, pitch, yaw [rad] of the sensor;
-                rotations are about the map axes. None means an exact pose.
+                previous timestamp is used.
+            pose_covariance: (6, 6) covariance of the sensor pose: x, y, z [m], roll, pitch, yaw
+                [rad]; rotations are about the map axes. None means an exact pose.
             values: additional point values (N,) by layer name.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             sensor: noise model; None uses the model passed to the constructor.
-            limits: parameters that contain the range and height limits for this scan, such as
+            limits: parameters from which this scan takes its range and height limits, such as
                 `dataclasses.replace(mapper.parameters, max_range=5.0)`; None uses `parameters`.
 
         Raises:
@@ -239,7 +238,7 @@ class ElevationMapper:
         return report
 
     def configure(self, **parameters: Any) -> None:
-        """Change parameters except `horizontal_variances`. If one is invalid, none is changed."""
+        """Change parameters, except `horizontal_variances`. An error leaves all unchanged."""
         new = build(Parameters, {**vars(self._parameters), **parameters})
         has_layer = self._parameters.horizontal_variances
         kept = new.horizontal_variances == has_layer
@@ -268,8 +267,8 @@ class ElevationMapper:
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace the layers of this map with the layers of another map where the maps overlap.
 
-        Layers that exist in both maps are replaced. Each cell gets the value (even NaN) of the cell
-        in the other map that contains its center. A variance that is then unknown or too small
+        Layers that exist in both maps are replaced. Each cell gets the value, even NaN, of the cell
+        in the other map that contains its center. If the new variance is unknown or too small, it
         becomes `min_variance`. `time` and the bounds are not copied: the bounds are recomputed, and
         replaced heights count as confirmed by the last scan.
 
@@ -313,9 +312,9 @@ class ElevationMapper:
         """Return a copy of the map that accounts for the horizontal uncertainty of cells.
 
         Each known cell becomes a mixture of the cells within its horizontal uncertainty. The layers
-        `elevation` and `variance` hold the mean and variance of the mixture. The bounds are the
-        99 % quantile of the upper bounds and the 1 % quantile of the lower bounds of these cells.
-        Other layers stay unchanged.
+        `elevation` and `variance` hold the mean and variance of the mixture. `upper_bound` is the
+        99 % quantile of the upper bounds of these cells, and `lower_bound` is the 1 % quantile of
+        their lower bounds. Other layers stay unchanged.
 
         Raises:
             ConfigError: the mapper was created without `horizontal_variances`.
@@ -332,7 +331,7 @@ class ElevationMapper:
     # Stages
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
-        """Update the age of all cells; return the start of the clock and the scan time [ns]."""
+        """Update the age of all cells; return the clock's start time and the scan time [ns]."""
         start = stamp if self._start is None else self._start
         first = stamp if self._late is None else self._late
         self._late = first if stamp < last else None

@@ -2,8 +2,8 @@
 """Elevation mapping parameters, and sensor models, which predict the variance of heights.
 
 Let S (3, 3) be the covariance of a point in the sensor frame. A model returns the variance
-`axis @ S @ axis` along an axis of the map. For heights, `axis` (3,) is the vertical axis of the map
-in the sensor frame, which is the third row of the rotation from the sensor to the map frame.
+`axis @ S @ axis` along a unit vector `axis` (3,). For heights, `axis` is the vertical axis of the
+map in the sensor frame: the third row of the rotation from the sensor to the map frame.
 """
 
 from __future__ import annotations
@@ -30,18 +30,17 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: difference up to which a point and a height agree
+        mahalanobis_distance_threshold: largest difference between a point and a height that agree
             [standard deviations].
         multi_height_noise: variance added to a cell whose height a scan contradicts [m^2].
         time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
         conflict_points: number of points in one scan that must agree to replace a height.
-        min_support: the highest cluster with at least this share of the points of the cell's
-            densest cluster becomes the surface at once. Smaller clusters must be seen in three
-            scans.
-        overhang_clearance: a cluster above a vertical gap larger than this [m] is an overhang: the
-            cell keeps the ground height, and the layer `overhang` holds the underside of the
+        min_support: number of points a cluster needs to become the surface at once, as a share of
+            the points in the cell's densest cluster. Smaller clusters must appear in three scans.
+        overhang_clearance: vertical gap [m] above which a cluster counts as an overhang. The cell
+            then keeps the ground height, and the layer `overhang` holds the underside of the
             overhang. With 0, the cell gets the highest surface.
         max_time_jump: time difference between two scans above which the map clock restarts [s].
         enable_visibility_cleanup: clear cells that beams have passed through.
@@ -114,7 +113,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Largest variance [m^2] that relief or the pose may add without ever clearing a cell."""
+        """Limit of the variance [m^2] added by relief or the pose, so that cells stay known."""
         return 0.25 * self.largest_variance
 
 
@@ -137,12 +136,12 @@ class SensorModel(Protocol):
                 such as the map's x axis for horizontal variances.
 
         Returns:
-            Variances; NaN for points that the sensor cannot measure. These points are dropped.
+            Variances [m^2]. Points that the sensor cannot measure are NaN, and are dropped.
         """
 
 
 class _Model:
-    """Base class, which checks that values are finite and, unless in `_signed`, not negative."""
+    """Base class that checks the values: they are finite and, except in `_signed`, not negative."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""
@@ -164,7 +163,7 @@ class _Model:
 class LaserModel(_Model):
     """Lidar with noise along and across each beam; the noise across the beam grows with distance.
 
-    Each point has its own beam direction, so the model also fits spinning lidars.
+    Each point defines the direction of its beam, so the model also fits spinning lidars.
 
     Attributes:
         min_radius: standard deviation along the beam [m].
@@ -216,8 +215,8 @@ class StructuredLightModel(_Camera):
     Attributes:
         cutoff_min_depth: smallest depth of the points to use [m].
         cutoff_max_depth: largest depth of the points to use [m].
-        normal_factor_a: the term `a` of the standard deviation [m] of the depth z, which is
-            `a + b (z - c)^2 + d z^e`.
+        normal_factor_a: `a` in the standard deviation of the depth z, `a + b (z - c)^2 + d z^e`
+            [m].
         normal_factor_b: `b` in the formula of `normal_factor_a`.
         normal_factor_c: `c` in the formula of `normal_factor_a`.
         normal_factor_d: `d` in the formula of `normal_factor_a`.
@@ -290,7 +289,7 @@ class PerfectModel(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantModel(_Model):
-    """Sensor whose vertical variance is proportional to the squared distance, in all directions.
+    """Sensor whose variance in each direction is proportional to the squared distance.
 
     Attributes:
         sensor_noise_factor: vertical variance at a distance of 1 m [m^2].

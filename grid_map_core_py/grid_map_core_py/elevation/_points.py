@@ -25,7 +25,7 @@ LEAST_VARIANCE = 1e-12
 """Lower limit of the variance of a point [m^2], so that weights stay finite."""
 
 _TOLERANCE = 1e-6
-"""Tolerance for asymmetry and negative eigenvalues, relative to the largest element."""
+"""Tolerance for asymmetry and negative eigenvalues, relative to the largest matrix element."""
 
 _HEIGHT_AND_TILT, _LEVEL = np.array([2, 3, 4]), np.array([0, 1, 5])
 """Indices of (z, roll, pitch) and of (x, y, yaw) in a pose (x, y, z, roll, pitch, yaw)."""
@@ -64,13 +64,13 @@ class Covariance:
     def of_places(self, x: Any, y: Any) -> Any:
         """Return the height variance [m^2] of cells due to the uncertainty of the pose.
 
-        Unlike `of_points`, it includes the covariances of z with roll and with pitch.
+        Unlike `of_points`, the result includes the covariances of z with roll and with pitch.
         """
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the mean of the x and y variances of cells [m^2] due to the pose.
+        """Return the horizontal variances of cells [m^2] due to the pose, averaged over x and y.
 
         A yaw error moves a cell by `yaw * (-y, x)`.
         """
@@ -78,10 +78,10 @@ class Covariance:
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the mean of the x and y variances of points [m^2] due to the pose.
+        """Return the horizontal variances of points [m^2] due to the pose, averaged over x and y.
 
-        Unlike `level_of_places`, it includes tilt errors. A tilt error moves a point horizontally
-        by the tilt angle times `z`, the height of the point above the sensor.
+        Unlike `level_of_places`, the result includes tilt errors. A tilt error moves a point
+        horizontally by the tilt angle times `z`, the height of the point above the sensor.
         """
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
         return self.level_of_places(x, y) + tilt * z * z
@@ -117,8 +117,9 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
     """Return the covariance that the motion from one pose to the next adds.
 
-    The old covariance is propagated to the new position, where a tilt lifts the sensor by
-    `roll * dy - pitch * dx`. In directions in which the new covariance is smaller, the result is 0.
+    First, the old covariance is propagated to the new position, where a tilt lifts the sensor by
+    `roll * dy - pitch * dx`. The result is subtracted from the new covariance. Negative eigenvalues
+    become 0.
 
     Args:
         old, new: covariances of the previous and the new pose.
@@ -132,7 +133,7 @@ def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covaria
 def _added(
     old: NDArray[np.float64], new: NDArray[np.float64], moved: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return `new - moved @ old @ moved.T` with negative eigenvalues set to 0."""
+    """Return `new - moved @ old @ moved.T`, with negative eigenvalues set to 0."""
     scale = max(float(np.abs(old).max()), float(np.abs(new).max())) or 1.0
     added = new / scale - moved @ (old / scale) @ moved.T
     values, vectors = np.linalg.eigh(0.5 * (added + added.T))
@@ -151,7 +152,7 @@ class Scan:
         variances: (n,) variances of z from the sensor noise alone [m^2].
         cells: (n,) cell index of each point, column-major in map order; OUTSIDE if not on the map.
         places: (n,) indices of the points in the cloud.
-        horizontal: (n,) means of the variances along x and y [m^2]; empty if not requested.
+        horizontal: (n,) horizontal variances, averaged over x and y [m^2]; empty if not requested.
         dropped: number of dropped points for each reason.
         noise: pose covariance, shared by all points; None means an exact pose.
     """
@@ -185,7 +186,7 @@ class Scan:
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n).
 
-    This is not a matrix product, whose rounding depends on the index of a point in the array.
+    A matrix product is not used, because its rounding depends on the index of a point.
     """
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))
@@ -216,7 +217,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 
 
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
-    """Check additional point values, and return them by name as arrays (count,)."""
+    """Check additional point values, and return them as arrays (count,) by layer name."""
     columns = {}
     check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():
@@ -276,7 +277,7 @@ def _horizontal(
     covariance: Covariance | None,
     sensor: SensorModel,
 ) -> Numbers:
-    """Return the mean (n,) of the x and y variances of each point [m^2]."""
+    """Return the horizontal variance (n,) of each point, averaged over x and y [m^2]."""
     own = np.ascontiguousarray(cloud[:, :3].T, dtype=np.float64)
     distances = distances_of(own)
     along = [sensor.vertical_variances(own, distances, axis) for axis in transform[:2, :3]]
@@ -294,7 +295,7 @@ def _located_part(
     given: Parameters,
     dropped: dict[str, int],
 ) -> tuple[Integers, NDArray[np.float64], Numbers, Integers]:
-    """Return cloud indices, positions (3, n), variances and cells of points within all limits."""
+    """Return indices, positions (3, n), variances and cells of the points within all limits."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)

@@ -36,15 +36,15 @@ class RollingMap:
         geometry: size, resolution and initial position of the window.
         frame_id: frame of the points and of the map.
         layer: name of the height layer [m]; the only basic layer.
-        fusion: `max` and `min` keep the largest or smallest height of all clouds. `last` keeps the
-            height from the last cloud with points in the cell. `mean` averages all points of all
-            clouds with equal weights, and adds the layers `variance` (population variance [m^2])
-            and `count` (number of points).
+        fusion: how the heights of successive clouds are fused. `max` keeps the largest height and
+            `min` the smallest. `last` keeps the height from the last cloud with points in the cell.
+            `mean` averages all points of all clouds, and adds the layers `variance` (population
+            variance [m^2]) and `count` (number of points).
         reduction: how the points of one cloud in a cell are reduced to one height: `max`, `min`,
             `mean`, `median`, `first` or `last`. It has no effect with `mean` fusion.
-        max_count: with `mean` fusion, the largest total weight of the earlier points of a cell
-            [points], so that the map follows changes in the ground; 0 means no limit.
-        min_height, max_height: height range [m], map frame; points outside it are ignored.
+        max_count: with `mean` fusion, upper limit of the weight of all earlier points in a cell
+            [points]. With a limit, the map follows changes in the ground. 0 means no limit.
+        min_height, max_height: height range [m], map frame; points outside this range are ignored.
 
     Raises:
         ConfigError: an argument is invalid.
@@ -79,7 +79,7 @@ class RollingMap:
 
     @property
     def grid_map(self) -> GridMap:
-        """The current map. `fuse` and `move` modify it, so copy it to keep it."""
+        """The current map. `fuse` and `move` modify this map, so copy it to keep its values."""
         return self._map
 
     def move(self, position: ArrayLike) -> None:
@@ -108,8 +108,8 @@ class RollingMap:
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
                 map are ignored.
-            columns: additional point values (N,) by layer name. In such a layer, each cell contains
-                the mean value of the last cloud that had values there.
+            columns: additional point values (N,) by layer name. In these layers, each cell contains
+                the mean value from the last cloud with values in the cell.
             transform: (4, 4) transform from the sensor to the map frame; None if the points are in
                 the map frame.
             min_range, max_range: smallest and largest distance of points from the sensor [m];
@@ -121,8 +121,8 @@ class RollingMap:
             The number of ignored points by reason, such as `outside the map`.
 
         Raises:
-            GridMapError: an array or the position is invalid, or a column is named like one of the
-                layers that the fusion computes from heights.
+            GridMapError: an array or the position is invalid, or a column has the name of a layer
+                that the fusion computes from heights.
         """
         cloud, reasons = as_points(points), Counter[str]()
         columns = as_columns(columns, len(cloud))

@@ -77,7 +77,7 @@ class State:
 
     @classmethod
     def of(cls, grid_map: GridMap, hidden: GridMap) -> State:
-        """Create the state from a map in map order; some layers share memory with the map."""
+        """Create the state from a map in map order; some of its layers share the map's memory."""
         layers, own = (
             {name: flat(data) for name, data in part.items()} for part in (grid_map, hidden)
         )
@@ -99,7 +99,7 @@ class State:
         return dict(zip(HIDDEN, vars(self.memory).values(), strict=True)) | self.weights
 
     def is_stale(self, given: Parameters) -> Mask:
-        """Return a mask (cells,) of the cells not confirmed for `scanning_duration`."""
+        """Return a mask (cells,) of the cells that were not confirmed for `scanning_duration`."""
         stale: Mask = self.memory.age >= 1e3 * given.scanning_duration
         return stale
 
@@ -170,10 +170,10 @@ def at_centers(
 ) -> Numbers:
     """Return the heights (n,) of points after moving them along the slope to the cell centers [m].
 
-    Along each axis, there are two slopes: from the previous cell to this cell, and from this cell
-    to the next. The less steep slope is used. If the two have opposite signs, or if one of the
-    height differences is at most `threshold` standard deviations, the slope is 0, because the cell
-    is level or next to a step. It is also 0 next to unknown cells and map borders.
+    Along each axis, a cell has two slopes: from the previous cell to this cell, and from this cell
+    to the next. The less steep slope is used. If the slopes have opposite signs, or if one height
+    difference is at most `threshold` standard deviations, the cell is level or next to a step. Its
+    slope is then 0. The slope is also 0 next to unknown cells and map borders.
 
     Args:
         points: (3, n) points on the map.

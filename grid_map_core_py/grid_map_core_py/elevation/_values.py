@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fusion of additional point values, such as colors and classes; each value has one layer.
 
-Only the values of points that were fused into the height of their cell are used. A cell whose
-height is replaced loses its earlier values. Fusion methods:
+Only points that were fused into the height of their cell contribute values. If the height of a cell
+is replaced, its earlier values are deleted. Fusion methods:
 
 - `average`: mean over all scans, weighted by the inverse variances of the heights.
 - `latest`: mean over the last scan with points in the cell, with the same weights.
-- `exponential`: weighted mean of `latest` (weight `exponential_alpha`) and the old value.
+- `exponential`: weighted mean of the result of `latest` (weight `exponential_alpha`) and the old
+  value.
 - `max`: the largest value.
 - `color`: packed colors. Each channel is the mean over the last scan with points in the cell.
 - `class_bayesian`: class probabilities. All layers that match one pattern form a set of classes.
-  They contain the means of a Dirichlet distribution, which starts with one count per class. Each
-  point adds its probabilities to the counts.
+  The layers contain the means of a Dirichlet distribution, which starts with one count per class.
+  Each point adds its probabilities to the counts.
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ class ValueFusion:
     """Fuses point values into layers.
 
     Args:
-        fusions: maps value names, or regular expressions that match whole names, to fusion methods.
-            Exact names take precedence; then the first expression that matches is used. The default
+        fusions: fusion methods by value name, or by regular expression that matches the whole name.
+            Exact names take precedence; then the first matching expression is used. The default
             is `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
         exponential_alpha: weight of the last scan in `exponential`.
     """
@@ -84,7 +85,7 @@ class ValueFusion:
         """Fuse point values (n,) into flat layers (cells,).
 
         Args:
-            values: values of all points on the map, in the order before sorting, by layer name.
+            values: values of all points on the map by layer name, in the order before sorting.
             layers: layers by name; updated in place.
             weights: weights of `average` by layer name, and counts of `class_bayesian` by class
                 pattern; updated in place.
@@ -163,7 +164,7 @@ class ValueFusion:
 def _forgotten(
     layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
 ) -> NDArray[np.float32]:
-    """Return a copy of a layer in which `nothing` replaces NaN and the values of `fresh` cells."""
+    """Return a copy of a layer; cells that are NaN or in the mask `fresh` become `nothing`."""
     if layer is None:
         return np.full(len(fresh), nothing, np.float32)
     copy = layer.copy()
@@ -174,7 +175,7 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of fused points, in an order independent of the scan."""
+    """Return cells, values and weights of the fused points; the order in the scan has no effect."""
     points = chosen.points
     # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)

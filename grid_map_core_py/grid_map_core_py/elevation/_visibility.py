@@ -4,23 +4,23 @@
 Each beam is traced from the sensor to its point, cell by cell (Amanatides and Woo, "A Fast Voxel
 Traversal Algorithm for Ray Tracing", 1987). The height of a beam in a cell is the largest height of
 the beam within the cell. The foot of a cell with height h and variance v is the height
-`h - max(3 sqrt(v), relief)`, where the relief is the resolution times `RELIEF`. A beam below the
-foot clears a cell that was not confirmed for `scanning_duration`. There are four exceptions:
+`h - max(3 sqrt(v), relief)`, where the relief is the resolution times `RELIEF`. If a cell was not
+confirmed for `scanning_duration`, a beam below its foot clears it, with four exceptions:
 
 - The point of the beam is in the cell.
 - This scan has a point in the cell or its 8 neighbors that is higher than the beam, or at most one
   resolution lower. The beam then passed next to an obstacle that still exists, such as a wall that
   covers part of the cell.
-- Another cell, at most two cells away, still contains an obstacle. This is assumed if no beam
-  crossed that cell below its foot, and the foot is higher than the beam or at most one resolution
-  lower. The foot must also be more than one resolution above the lowest height in and next to the
-  cell to be cleared. (Beams along a wall pass between the points of the wall.)
+- Another cell, at most two cells away, still contains an obstacle. (Beams along a wall pass between
+  the points of the wall.) An obstacle is assumed if no beam crossed the other cell below its foot,
+  and this foot is higher than the beam or at most one resolution lower. The foot must also be more
+  than one resolution above the lowest height in and next to the cell to be cleared.
 - The beam grazes the surface: the angle between the beam and the plane through the neighbors is
   less than `cleanup_min_angle`.
 
-The end of a beam is raised by three standard deviations of its point. If a beam leaves a cell below
-the feet of all cells in the 3 x 3 neighborhood that this scan confirmed, it is assumed to end
-there, and does not clear cells farther away.
+The end of a beam is raised by three standard deviations of its point. A beam is assumed to end in a
+cell if it leaves the cell below the feet of all cells in the 3 x 3 neighborhood that this scan
+confirmed. The beam then clears no cells farther away.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def cleared_cells(
 ) -> Integers:
     """Return the indices of the cells that beams prove to be free.
 
-    `points` are the points on the map. `confirmed` (k,) are the cells that this scan confirmed.
+    `points` are the scan points on the map. `confirmed` (k,) are the cells that the scan confirmed.
     """
     heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
@@ -161,7 +161,7 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
 
 
 def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
-    """Return the upward unit normals (3, k) of the surface in `cells`, along rows, columns and z.
+    """Return the upward unit normals of the surface in `cells`: (3, k) along rows, columns and z.
 
     The surface is the plane through the neighbors along rows and columns. A neighbor that is
     unknown or outside the map is replaced with the cell itself.
@@ -181,7 +181,7 @@ def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -
 
 
 def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
-    """Return whether the sine of the angle between a beam and a surface is at least `sine`.
+    """Return whether the angle between a beam and a surface is at least the angle with this sine.
 
     The sine of the angle is the beam's component along the normal, divided by the beam length.
     """
@@ -191,10 +191,10 @@ def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, 
 
 
 MARGIN = 1e-9
-"""Height [m] by which `last_ring` lowers beams, so that no ring is skipped due to rounding."""
+"""Height [m] by which `last_ring` lowers beams, so that rounding errors never skip a ring."""
 
 SECTORS, RINGS = 512, 32
-"""Size of the polar grid around the sensor, in which `last_ring` looks up where beams end."""
+"""Size of the polar grid around the sensor; `last_ring` uses this grid to find where beams end."""
 
 
 def direction(x: Any, y: Any) -> Any:
@@ -205,7 +205,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the width [cells] of a ring; `RINGS` rings cover the part of the map in reach."""
+    """Return the ring width [cells]; `RINGS` rings cover all of the map within `max_ray_length`."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -213,7 +213,7 @@ def ring_width(frame: Any, size: Any) -> Any:
 
 @loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
 def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
-    """Set each polar bin of `table` to the maximum of `lowest` over the cells that overlap it."""
+    """Set each bin of the polar grid `table` to the maximum of `lowest` over overlapping cells."""
     width = ring_width(frame, size)
     for i in range(count):
         x = cells[i] % size[0] + 0.5 - frame[0]
@@ -237,7 +237,7 @@ def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any
 
 
 def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
-    """Clip the range [`first`, `last`] of the beam parameter to the map, along one axis."""
+    """Clip a range of the beam parameter (0: sensor, 1: point) to the map, along one axis."""
     if way == 0.0:
         return first, (last if 0.0 <= start <= size else -1.0)
     one, other = -start / way, (size - start) / way
@@ -246,7 +246,7 @@ def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the beam parameter beyond which a beam cannot clear cells; 0 if it clears none."""
+    """Return the beam parameter (0: sensor, 1: point) up to which a beam can clear cells."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))
@@ -278,11 +278,11 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
         size: rows and columns of the map.
         table: result of `cover`.
         surface: the following seven arrays. Candidates are the cells that may be cleared.
-            ceilings: for each cell, the height below which a beam can clear it.
+            ceilings: for each cell, the height below which a beam can clear the cell.
             places: index of each cell among the candidates.
-            floors: for each candidate, the height above which a beam can clear it.
+            floors: for each candidate, the height above which a beam can clear the candidate.
             normals: surface normals of the candidates, three numbers each.
-            guards: for each cell, the height below which a beam ends there.
+            guards: for each cell, the height below which a beam ends in the cell.
             proofs: output, the height of the lowest beam that proves each candidate to be free.
             crossed: output, 1 for candidates that a beam crossed below their foot.
     """

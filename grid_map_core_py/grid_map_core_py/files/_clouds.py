@@ -36,9 +36,9 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
     Returns:
         points: (N, 3) x, y, z, float32 or float64 as in the file; may contain NaN. The viewpoint of
             a PCD file is ignored.
-        fields: other values of each point in a PCD or PLY file, such as `intensity`. Colors are
-            packed into one field `rgb`, which `rasterize` accepts. A PCD field with several numbers
-            per point is split into the fields `name__0000`, `name__0001` ...
+        fields: other point values in a PCD or PLY file by field name, such as `intensity`. Colors
+            are packed into the field `rgb`, which `rasterize` accepts. A PCD field with several
+            numbers per point is split into the fields `name__0000`, `name__0001` ...
     """
     file = Path(path)
     if file.suffix.lower() == ".pcd":
@@ -120,9 +120,9 @@ def load_cloud(
         resolution: side of a cell [m]; required.
         kind: "points" or "mesh"; None means "mesh" if the file has faces, else "points".
         height_layer: name of the height layer.
-        reduction: reduction of the point heights in a cell to one height, such as "max"; see
+        reduction: how the point heights in a cell become one height, such as "max"; see
             `rasterize`.
-        min_height, max_height: points below or above these heights [m] are ignored.
+        min_height, max_height: height range [m]; other points are ignored.
         tight: for points only. If True, center the map on the points; if False, align its
             borders with multiples of the resolution.
         frame_id: frame of the map.
@@ -220,7 +220,7 @@ def _read_meshes(file: Path) -> list[Any]:
 
 
 def _check_complete(mesh: Any) -> None:
-    """Raise ValueError if PLY text is truncated, a face is invalid, or x, y or z is missing."""
+    """Raise ValueError if a text PLY is truncated, a face is invalid, or x, y or z is missing."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(getattr(mesh, "faces", ()))
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"expected x, y, z of every vertex, got an array {vertices.shape}")

@@ -25,7 +25,7 @@ GROUP = "grid_map_core_py.formats"
 
 
 class MapRecord(Protocol):
-    """A map in a file, which is read on demand."""
+    """A map in a file; the map is read on demand."""
 
     time: int
     """Recording time [ns]."""
@@ -52,13 +52,13 @@ class Format:
         describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
             "map" contains the map metadata. If None, the map is loaded instead.
         open_maps: for formats with several maps per file. `open_maps(path, **options)` accepts the
-            options of `load` except `layers` and `index`, and returns a context manager. It yields
+            options of `load` except `layers` and `index`. It returns a context manager that yields
             a sequence of `MapRecord` with an attribute `topic`.
         save_maps: for formats with several maps per file. `save_maps(path, maps, **options)` writes
-            (time [ns] or None, map) pairs from an iterable, and returns their number.
-        save_all: for formats that also store other messages. `save_all(source, path, **options)`
-            copies all messages of the file `source`, such as the clouds and poses of a bag, to
-            `path`, and returns their number.
+            all maps and returns their number; `maps` yields pairs (time [ns] or None, map).
+        save_all: for formats that also store other messages, such as the clouds and poses of a bag.
+            `save_all(source, path, **options)` copies all messages of the file `source` to `path`,
+            and returns their number.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the option names of a format's function: its parameters without the first `given`."""
+    """Return a function's option names: all parameters except the first `given` parameters."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 
@@ -88,8 +88,8 @@ def load(
     """Load a map from a file or folder; the name selects the format.
 
     `formats()` lists the formats. The documentation page "Bags and files" lists their options. If
-    several formats share an ending, the first that accepts all options is used:
-    `load("a.tif")` reads a GeoTIFF, `load("a.tif", resolution=0.1)` reads a height image.
+    several formats share an ending, the first format that accepts all options is used:
+    `load("a.tif")` reads a GeoTIFF, and `load("a.tif", resolution=0.1)` reads a height image.
 
     Args:
         path: the file or folder.
@@ -116,7 +116,7 @@ def save(
     """Write a map to a file or folder; the name selects the format.
 
     The file or folder is written atomically, and replaces an existing one of the same format. If
-    several formats share an ending, the first that accepts all options is used.
+    several formats share an ending, the first format that accepts all options is used.
 
     Args:
         grid_map: the map.
@@ -137,9 +137,9 @@ def save(
 def formats() -> dict[str, Format]:
     """Return all formats by name: first built-in formats, then formats from entry points.
 
-    An entry point in the group `grid_map_core_py.formats` adds a format. Its name is the name of
-    the format, and its value refers to a `Format`. If a format fails to load, it is skipped, and a
-    warning is issued.
+    An entry point in the group `grid_map_core_py.formats` adds a format. The entry point has the
+    name of the format, and its value refers to a `Format`. If a format fails to load, it is
+    skipped, and a warning is issued.
     """
     known = {one.name: one for one in _BUILT_IN}
     # Formats of this package come first, because the bag format accepts any folder.

@@ -2,8 +2,8 @@
 """GeoTIFF files with one float32 band per layer; the band description is the layer name.
 
 NaN means no data. Raster rows run towards -y and columns towards +x. A tag stores the frame, time
-and basic layers. The geotransform defines the position, so rasters are also loaded correctly after
-another program has cropped them. The first part of this module reads and writes whole maps.
+and basic layers. The geotransform defines the position, so a raster is also loaded correctly after
+another program has cropped it. The first part of this module reads and writes whole maps.
 `grid_map_core_py.tiled` uses the second part to read and write windows.
 """
 
@@ -31,7 +31,7 @@ from ._shared import StoredMap, check_ending, new_file, package_for, storage_err
 _TAG = "GRID_MAP"
 
 _LARGEST_DIFFERENCE = 1e-6
-"""A pixel counts as square if its sides differ by at most this fraction."""
+"""Largest relative difference between the sides of a pixel that counts as square."""
 
 _CACHE = 2**27
 """Size of GDAL's block cache in a process [bytes]; GDAL's default is 5 % of the memory."""
@@ -112,20 +112,20 @@ def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
 
 
 def gdal(path: str | PathLike[str], **options: Any) -> Any:
-    """Return a rasterio environment with a limited block cache; it also logs GDAL errors."""
+    """Return a rasterio environment that limits GDAL's block cache and logs GDAL errors."""
     if "GDAL_CACHEMAX" not in os.environ:
         options["GDAL_CACHEMAX"] = _CACHE
     return package_for(path, "GeoTIFF", "rasterio").Env(**options)
 
 
 def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
-    """Open a file with rasterio; None opens the full resolution, 0 the most detailed overview."""
+    """Open a file with rasterio: at full resolution, or one overview (0 is the most detailed)."""
     level = {} if overview is None else {"overview_level": overview}
     return import_module("rasterio").open(os.fspath(path), **level)
 
 
 def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -> StoredMap:
-    """Return the map in an open raster without reading the layers yet."""
+    """Return the map in an open raster; its layers are read later, on demand."""
     tags = _tags_of(raster)
     names: list[str] = []
     for number, name in enumerate(raster.descriptions, 1):
@@ -153,7 +153,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
     """Return the frame origin stored in a raster, in coordinates of the reference system [m].
 
-    If no origin is stored, or if the raster has been reprojected since, the result is None.
+    If no origin is stored, or if the raster was reprojected afterwards, the result is None.
     """
     tags = _tags_of(raster)
     if "origin" not in tags:
@@ -247,7 +247,7 @@ def read_pixels(
 
 
 def _warn_of_fill(raster: Any, values: Layer) -> None:
-    """Warn if many pixels have the same extreme value, probably an undeclared nodata value."""
+    """Warn if many pixels share an extreme value, which is probably an undeclared nodata value."""
     for fill in map(float, (values.min(initial=0.0), values.max(initial=0.0))):
         # Common nodata values are at least 999 away from 0.
         others = values[values != fill].astype(np.float64) if abs(fill) > 900.0 else values[:0]
@@ -259,7 +259,7 @@ def _warn_of_fill(raster: Any, values: Layer) -> None:
 
 
 def checked_crs(crs: Any) -> str:
-    """Return a reference system as text; raise `ConfigError` if rasterio does not know it."""
+    """Return a reference system as text; raise `ConfigError` if rasterio does not recognize it."""
     if text := as_crs(crs):
         rasterio = required("rasterio", "crs")
         try:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Height maps stored as gray images, and functions to read and write images of any kind.
 
-In files, up is +y and right is +x, as in GeoTIFF files, in Nav2's `map_server` and in the top-down
-view of RViz. In the arrays of `grid_map_core_py.conversions`, up is +x, as in C++.
+In image files, +y is up and +x is right, as in GeoTIFF files, in Nav2's `map_server` and in the
+top-down view of RViz. In the arrays of `grid_map_core_py.conversions`, +x is up, as in C++.
 
 A height image stores only pixels. The caller provides the resolution, and the heights for black
 and white.
@@ -32,7 +32,7 @@ HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 
 _PNM_HEAD = re.compile(rb"P([1-6])\s+(?:#.*\s+)*(\d+)\s+(?:#.*\s+)*(\d+)\s+(?:(?:#.*\s+)*(\d+)\s)?")
-"""PNM header: kind, width, height, white value (not in bitmaps); comments may separate them."""
+"""PNM header: kind, width, height and white value (not in bitmaps), with comments in between."""
 
 _TIFF_SHORT = 3
 """TIFF type code of 16-bit integers."""
@@ -52,14 +52,14 @@ def load_height_image(
     """Load a gray image as a map with one height layer.
 
     Pixels that are more than half transparent become NaN. NaN in a floating-point image stays NaN.
-    Colors are converted to luma.
+    Colors are converted to gray (luma).
 
     Args:
         path: a PNG, TIFF, BMP or PGM file with uint8, uint16, float32 or float64 pixels.
         layers: names of the layers to load; only `height_layer` exists. None means all.
         resolution: side of a pixel [m]; required.
-        lower, upper: heights of black and white pixels [m]. Floating-point images contain heights,
-            so these arguments are not allowed.
+        lower, upper: heights of black and white pixels [m]; not allowed for floating-point images,
+            which contain heights.
         height_layer: name of the layer.
         position: (2,) center of the map [m].
         frame_id: frame of the map.
@@ -109,7 +109,7 @@ def save_height_image(
         layer: name of the layer; None means `elevation` if it exists, else the only layer.
         bits: bits per pixel: 8, 16, or 32 (float32, TIFF only); None means 16, or 32 for TIFF.
         lower, upper: heights of black and white pixels [m]; None means the smallest and the largest
-            finite value. Float32 images contain heights, so these arguments are not allowed.
+            finite value. They are not allowed for float32 images, which contain heights.
     """
     file = Path(path)
     ending = file.suffix.lower()

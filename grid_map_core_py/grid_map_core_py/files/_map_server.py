@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Occupancy maps of Nav2's `map_server`: a YAML file, and an image in the same folder.
 
-The YAML file defines how pixels are converted to occupancies. Let `shade` be the mean of the color
-channels, from 0 (black) to 1 (white), and `occ` be `1 - shade`, or `shade` if `negate` is set:
+The YAML file selects one of three modes, which convert pixels to occupancies. Let `shade` be the
+mean of the color channels, from 0 (black) to 1 (white). Let `occ` be `1 - shade`, or `shade` if
+`negate` is set. The modes are:
 
-- `trinary`: 100 if `occ` is above `occupied_thresh`, 0 if it is below `free_thresh`, otherwise
+- `trinary`: 100 if `occ` is above `occupied_thresh`, 0 if `occ` is below `free_thresh`, otherwise
   unknown. An alpha channel counts as a fourth color channel.
-- `scale`: as `trinary`, but between `free_thresh` and `occupied_thresh`, the occupancy rises
-  linearly from 0 to 100. It is computed in float32 and rounded (ties up), as in Nav2. Pixels that
-  are not opaque are unknown.
+- `scale`: as `trinary`, but between the two thresholds, the occupancy rises linearly from 0 to 100.
+  It is computed in float32 and rounded (ties up), as in Nav2. Pixels that are not opaque are
+  unknown.
 - `raw`: the 8-bit pixel value if it is at most 100, otherwise unknown. `negate` has no effect.
 
 In the map, occupancies range from 0 to 100. Unknown cells are NaN.
@@ -42,7 +43,7 @@ MODES = ("trinary", "scale", "raw")
 LAYER = "occupancy"
 
 _THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
-"""Default thresholds (occupied, free) by mode, with which loading restores the saved values."""
+"""Default thresholds (occupied, free) by mode; with them, loading restores the saved values."""
 
 _BLACK, _UNKNOWN, _WHITE = 0, 205, 254
 """Pixel values that nav2's `map_saver` writes in `trinary` mode: occupied, unknown and free."""
@@ -104,24 +105,24 @@ def save_map_server(
 ) -> None:
     """Write a layer as an occupancy map of nav2's `map_server`.
 
-    The image is written to the same folder, as PGM or, in `scale` mode, as PNG with alpha. The YAML
-    file is replaced last. Until then, an existing map stays intact.
+    The image is written to the folder of the YAML file, as PNG with alpha in `scale` mode, or else
+    as PGM. The YAML file is replaced last, so an existing map stays intact until the end.
 
     Args:
         grid_map: the map; it is stored in map order.
         path: the YAML file.
-        layer: layer with whole numbers from 0 (free) to 100 (occupied), and NaN or -1 for unknown.
-            Other layers require `data_min` and `data_max`. None means `occupancy` if it exists,
-            else the only layer.
+        layer: name of the layer; None means `occupancy` if it exists, else the only layer. Without
+            `data_min` and `data_max`, the values must be whole numbers from 0 (free) to 100
+            (occupied), or NaN or -1 (unknown).
         mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw`
             keep the occupancies.
         negate: if True, white means occupied. This has no effect in `raw` mode.
         occupied_thresh, free_thresh: thresholds for occupied and free cells, 0 to 1. None means
-            0.65 and 0.196, or 1 and 0 in `scale` mode. In `scale` mode, loading restores all
-            occupancies exactly if the thresholds are at least 0.4 apart.
+            0.65 and 0.196, or 1 and 0 in `scale` mode. If the thresholds are at least 0.4 apart,
+            loading a `scale` map restores all occupancies exactly.
         data_min, data_max: layer values that become occupancy 0 and 100; `data_max` may be less
-            than `data_min`. Values between them are scaled linearly and rounded to whole numbers.
-            Other values are clamped. If these arguments are given, only NaN means unknown.
+            than `data_min`. Values in between are scaled linearly and rounded to whole numbers, and
+            other values are clamped. If these arguments are given, only NaN means unknown.
 
     Raises:
         GridMapError: an option is invalid, a file cannot be written, or a value is not an occupancy
@@ -198,7 +199,7 @@ def _settings(document: Any) -> _Settings:
 
 
 def _occupancy(pixels: Image, settings: _Settings) -> Layer:
-    """Return (rows, cols) occupancies, 0 to 100 or NaN, from the pixels of an image."""
+    """Convert the pixels of an image to occupancies (rows, cols): 0 to 100, or NaN."""
     if pixels.dtype.kind != "u":
         raise ValueError(f"expected an image of 8 or 16 bits, got {pixels.dtype}")
     largest = np.iinfo(pixels.dtype).max
@@ -247,7 +248,7 @@ def _as_occupancies(
 
 
 def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
-    """Convert occupancies to an image, from which `_occupancy` restores them."""
+    """Convert occupancies to the pixels of an image, which `_occupancy` can convert back."""
     known = ~np.isnan(values)
     rounded = np.where(known, np.rint(values.astype(np.float64)), 0.0)
     if mode == "raw":
@@ -266,7 +267,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the image path of an existing map; None unless `save_map_server` wrote the image."""
+    """Return the image path of an existing map if `save_map_server` wrote the image, else None."""
     if not file.exists():
         return None
     document = load_yaml(file)

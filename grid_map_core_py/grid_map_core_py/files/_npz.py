@@ -36,7 +36,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
     Args:
         grid_map: the map.
         path: path of the file; `.npz` is not appended.
-        compress: if True, compress the file. Saving then takes several times as long.
+        compress: if True, compress the file; saving then takes several times as long.
     """
     check_ending(path, ".npz")
     arrays = {_LAYERS + name: grid_map.unwrapped(name) for name in grid_map}

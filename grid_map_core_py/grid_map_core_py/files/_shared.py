@@ -28,7 +28,7 @@ _KNOWN = (
     *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
     *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
 )
-"""File extensions of common formats; `check_ending` refuses them for files of any other format."""
+"""File extensions of common formats; `check_ending` rejects them for files of other formats."""
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
@@ -83,12 +83,12 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Import a package that a kind of file needs; if it is missing, say how to install it."""
+    """Import a package that a kind of file needs; if missing, the error says how to install it."""
     return errors.required(name, f"{path}: {kind}")
 
 
 def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
-    """Warn if a map has a reference system, which this kind of file or message cannot store."""
+    """Warn if a map has a reference system, because the file or message cannot store the system."""
     if grid_map.crs:
         text = f"crs: {kind} cannot hold the coordinate reference system of the map; it is lost. "
         warnings.warn(f"{text}A GeoTIFF, Zarr or .npz file keeps it", stacklevel=stacklevel)
@@ -116,7 +116,7 @@ def map_facts(grid_map: GridMap) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class StoredMap:
-    """A map in a file, whose layers are read on demand."""
+    """A map in a file; its layers are read on demand."""
 
     empty: GridMap
     """The map without its layers."""
@@ -159,7 +159,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
     Args:
         path: path of the folder.
         check_old: function that raises an error if the existing file or folder must not be
-            replaced. It is called before anything is written, and again before the replacement.
+            replaced; called before anything is written, and again before the replacement.
 
     Raises:
         OSError: the parent folder is missing or not writable. The error names `path`.
@@ -179,7 +179,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Rename `target` to a hidden name and `temporary` to `target`; then remove the old folder."""
+    """Rename `target` to a hidden name, then `temporary` to `target`, and remove the old folder."""
     old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
     target.rename(old)
     try:

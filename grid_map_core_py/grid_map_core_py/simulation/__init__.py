@@ -3,7 +3,7 @@
 
 - `cast_rays` returns the ranges at which beams hit a terrain, given as a height layer.
 - `SpinningLidar` and `DepthCamera` compute the beam directions of a sensor. `scan` returns the
-  points that the sensor measures; a sensor model of `grid_map_core_py.elevation` adds noise.
+  points that the sensor measures. A sensor model of `grid_map_core_py.elevation` can add noise.
 - `with_box`, `with_ramp` and `with_stairs` place objects on a terrain. To simulate a moving
   obstacle, place a box at a new center for each scan.
 """

@@ -14,7 +14,7 @@ from ..map import GridMap
 from ..regions import polygon_cells
 
 _Profile: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Maps positions along the object's x axis (0 to 1) to fractions of its height (0 to 1)."""
+"""Function that returns the relative height (0 to 1) at positions along the x axis (0 to 1)."""
 
 
 def with_box(
@@ -32,8 +32,8 @@ def with_box(
         grid_map: the terrain, which stays unchanged.
         center: (2,) center of the object [m], map frame; parts outside the map are cut off.
         length: (2,) side lengths along the object's x and y axes [m].
-        height: height of the object [m] above the mean height of the ground below it, or above 0 if
-            no ground height is known. Ground that is higher than the object stays unchanged.
+        height: height of the object [m] above the mean height of the ground below the object, or
+            above 0 if the ground is unknown. Ground higher than the object stays unchanged.
         yaw: rotation of the object relative to the map [rad].
         layer: name of the height layer. The object covers all cells whose centers lie in its
             outline, even cells without a height.

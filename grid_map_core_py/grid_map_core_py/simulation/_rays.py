@@ -25,14 +25,14 @@ def cast_rays(
 ) -> Positions:
     """Return the ranges at which beams hit the surface of a layer.
 
-    The surface is defined as in `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between
+    The surface is that of `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between
     cell centers, and level from the outermost centers to the border. A step between neighboring
-    cells is therefore a slope one cell wide. The patch between four centers is a hole if one of the
-    four values is not finite. The ground below the surface is solid: a beam that enters from
+    cells is therefore a slope one cell wide. If one of four neighboring heights is not finite, the
+    patch between their cell centers is a hole. The ground below the surface is solid: a beam from
     outside the map or through a hole can hit the ground from the side.
 
     Args:
-        grid_map: the terrain; its start index does not matter.
+        grid_map: the terrain.
         origins: (N, 3) start points of the beams, or (3,) for a common start point [m], map frame.
         directions: (N, 3) directions of any nonzero length, map frame.
         layer: name of the height layer [m].
@@ -40,7 +40,7 @@ def cast_rays(
 
     Returns:
         (N,) ranges [m]; NaN for beams that do not return, start on or below the surface, or are not
-        finite. For unit directions, the points are `origins + ranges[:, None] * directions`.
+        finite. With unit directions, beams hit at `origins + ranges[:, None] * directions`.
 
     Raises:
         GeometryError: an array has the wrong shape, or `max_range` is not a number above 0.
@@ -88,8 +88,8 @@ def cast_rays(
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
     """Return the nearest and farthest ranges (2, N) at which each beam can hit the surface.
 
-    Between these ranges, the x and y of the beam are on the map, and its z is at most `highest`. If
-    a beam cannot hit the surface, its nearest range is NaN or exceeds its farthest range.
+    Between these ranges, the beam is above or below the map, and its z is at most `highest`. If a
+    beam cannot hit the surface, the nearest range is NaN or exceeds the farthest range.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
@@ -117,7 +117,7 @@ def march(
     Args:
         heights: (rows, columns) heights [m]; a patch with a NaN is a hole.
         rows, columns: shape of the heights.
-        rays: (6, count) row, column and z [m] of each beam at range 0, and their changes per meter.
+        rays: (6, count) row, column and z [m] of each beam at range 0, and the change per meter.
         span: (2, count) nearest and farthest range at which each beam can hit the surface.
         count: number of beams.
         ranges: (count,) output: the ranges [m].
@@ -171,10 +171,10 @@ def _crossing(start: float, step: float, patch: int) -> float:
 def _above(
     a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
 ) -> Any:
-    """Return the coefficients of 1, t and t^2 of a beam's height above a patch after t meters.
+    """Return the height of a beam above a patch, as the coefficients of a polynomial in t.
 
-    The height of the patch is a + b u + c v + d u v. At t = 0, the beam is at (u, v, z). Per meter,
-    it advances by (d_row, d_column, d_z).
+    After t meters, the beam is at (u, v, z) + t (d_row, d_column, d_z). The height of the patch is
+    a + b u + c v + d u v. The result holds the coefficients of 1, t and t^2.
     """
     return (
         z - (a + b * u + c * v + d * (u * v)),
@@ -184,7 +184,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN (without cancellation)."""
+    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN; cancellation is avoided."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0

@@ -38,7 +38,7 @@ class SpinningLidar:
 
     @property
     def directions(self) -> Positions:
-        """(rings * azimuths, 3) unit vectors, lowest ring first; each ring turns from x to y."""
+        """(rings * azimuths, 3) unit vectors, ring by ring from the lowest, turning from x to y."""
         elevations = np.linspace(self.lowest, self.highest, self.rings)
         azimuths = np.linspace(0.0, 2.0 * np.pi, self.azimuths, endpoint=False)
         elevation, azimuth = np.meshgrid(elevations, azimuths, indexing="ij")
@@ -95,8 +95,8 @@ def scan(
         grid_map: the terrain; `cast_rays` defines the surface.
         directions: (N, 3) beam directions, sensor frame, such as `SpinningLidar().directions`.
         transform: (4, 4) homogeneous transform from the sensor frame to the map frame.
-        sensor: noise model. The noise is Gaussian, with the covariance that the model predicts at
-            the true point. Points that the sensor cannot measure become NaN. None means no noise.
+        sensor: noise model, which predicts the covariance of the Gaussian noise at the true point.
+            Points that the sensor cannot measure become NaN. None means no noise.
         random: random generator for the noise; None creates a new generator for each call.
         layer: name of the height layer [m].
         max_range: range beyond which beams do not return [m].
@@ -123,9 +123,9 @@ def scan(
 
 
 def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
-    """Return the covariance S of each point, (N, 3, 3) [m^2]; NaN if a point cannot be measured.
+    """Return the covariances (N, 3, 3) of points [m^2]; NaN for points that cannot be measured.
 
-    S is computed from the variances `axis @ S @ axis` that the model returns for six axes.
+    Each covariance S follows from the variances `axis @ S @ axis` of the model along six axes.
     """
     coordinates = np.ascontiguousarray(points.T)
     distances = np.linalg.norm(points, axis=1)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Converts maps to xarray datasets, and reads layers from datasets.
 
-Layers become variables with the dimensions ("x", "y") in map order, so both coordinates descend.
-Datasets from other programs may have the dimensions ("y", "x") and ascending coordinates.
+Each layer becomes a variable with the dimensions ("x", "y") in map order, so both coordinates
+descend. Datasets from other programs may have the dimensions ("y", "x") and ascending coordinates.
 """
 
 import re
@@ -51,10 +51,10 @@ _LARGEST_DIFFERENCE = 1e-3
 _WKT = re.compile(r"\s*[A-Z]\w*\s*\[", re.IGNORECASE)
 
 _DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
-"""Matches the start of WKT for a geographic reference system."""
+"""Matches the beginning of the WKT of a geographic reference system."""
 
 _ORIGINS = WeakValueDictionary[tuple[str, str], TiledData]()
-"""Maps (layer name, name of the Dask array) to the tiled map that the array was created from."""
+"""Tiled map from which a Dask array was created, by (layer name, name of the Dask array)."""
 
 # --- from maps ------------------------------------------------------------------------------------
 
@@ -138,8 +138,8 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Convert a dataset or data array to a dataset with one variable per band.
 
-    A single band keeps the name of its variable. If several bands lack unique names, they are
-    numbered, such as `height_2`. Missing values become NaN. Scales and offsets are applied.
+    A single band keeps the name of its variable. Several bands without unique names are numbered,
+    such as `height_2`. Missing values become NaN. Scales and offsets are applied.
     """
     xr = required("xarray", "a dataset")
     dataset: Any = data
@@ -170,7 +170,7 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
 
 
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
-    """Return the geometry of a dataset in the map frame, and whether x and whether y ascends.
+    """Return the geometry of a dataset in the map frame, and two flags: x ascends, y ascends.
 
     Raises:
         GeometryError: a coordinate is missing or not evenly spaced, or cells are not square.
@@ -212,7 +212,7 @@ def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
-    """Return the attribute `resolution` if it matches the coordinates, else their spacing."""
+    """Return the attribute `resolution` if it matches the coordinate spacing, else the spacing."""
     steps = [abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes if axis.size > 1]
     if steps and max(steps) - min(steps) > _LARGEST_DIFFERENCE * min(steps):
         raise GeometryError(
@@ -271,13 +271,13 @@ def crs_of(dataset: "xarray.Dataset") -> str:
 
 @dataclass(frozen=True, eq=False)
 class DatasetSource:
-    """Source that reads layers from a dataset: from memory, from a file or from Dask arrays.
+    """Source that reads layers from a dataset in memory, in a file or in Dask arrays.
 
     Args:
         dataset: dataset whose variables are layers with the dimensions x and y.
         layers: names of the layers.
         name: name of the dataset in error messages.
-        ascends: whether x and whether y ascends, unlike in a map.
+        ascends: two flags: x ascends, y ascends. In a map, both coordinates descend.
     """
 
     dataset: "xarray.Dataset"
@@ -322,7 +322,7 @@ def open_dataset(
     Args:
         data: as in `GridMap.from_xarray`. Values are read or computed window by window.
         tile: rows and columns of a tile. None means the size of the first Dask chunk, or
-            1024 x 1024 cells if there are no chunks.
+            1024 x 1024 cells if the dataset has no chunks.
         name: name of the dataset in error messages.
     """
     dataset = as_dataset(data)
@@ -418,7 +418,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
 
 
 def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray[np.object_]:
-    """Return the layers of a tile, wrapped in a one-element array because Dask requires one."""
+    """Return the layers of a tile in an array of one element, because Dask requires an array."""
     tiles, result = tiled_map.tiles, np.empty((1, 1), object)
     window = tiles[block_id[0] * tiles.counts[1] + block_id[1]]
     result[0, 0] = tiled_map.source.read(window, names)
@@ -426,13 +426,13 @@ def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray
 
 
 def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
-    """Remember which tiled map a dataset of Dask arrays was created from, for `origin_of`."""
+    """Store the tiled map from which a dataset of Dask arrays was created, for `origin_of`."""
     for name in {*tiled_map.layers} & {*dataset}:
         _ORIGINS[name, dataset[name].data.name] = tiled_map
 
 
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
-    """Return the tiled map that a dataset was created from; None if its layers have changed since.
+    """Return the tiled map from which a dataset was created; None if the layers have changed.
 
     Reading windows from this map is faster than computing whole tiles of Dask arrays. Layers that
     are already computed count as changed.

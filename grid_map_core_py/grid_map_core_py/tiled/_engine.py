@@ -2,8 +2,8 @@
 """Runs a function on many tiles with the program's Dask scheduler.
 
 The default scheduler is a thread pool in this process. If the program creates a
-`dask.distributed.Client`, its cluster is used instead. `dask.config.set(scheduler=...)` selects
-another local scheduler.
+`dask.distributed.Client`, the cluster of this client is used instead.
+`dask.config.set(scheduler=...)` selects another local scheduler.
 """
 
 import itertools
@@ -25,27 +25,27 @@ P = TypeVar("P")
 
 
 _AHEAD = 2
-"""Number of running and queued calls per thread of this process."""
+"""Maximum number of running and queued calls per thread of this process."""
 
 _PER_BATCH = 16
 """Number of calls per worker in a batch, for local schedulers other than the thread pool."""
 
 _TASKS = 4
-"""Number of running and queued tasks per thread of a cluster."""
+"""Maximum number of running and queued tasks per thread of a cluster."""
 
 _PER_TASK = 8
-"""Maximum number of calls per task; a cluster scheduler needs about 1 ms for each task."""
+"""Maximum number of calls per task. A cluster scheduler needs about 1 ms for each task."""
 
 _PERIOD = 1.0
-"""Interval [s] at which the threads of a cluster are counted, because their number may change."""
+"""Interval at which the threads of a cluster are counted [s]; their number may change."""
 
 
 def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
     """Yield each part and `function(part)` as soon as the result is available.
 
-    Parts are taken from `parts` on demand, so that neither this process nor the scheduler stores
-    all of them. Closing the iterator cancels queued calls. Calls that already run in threads of
-    this process are completed.
+    Parts are taken from `parts` on demand, so neither this process nor the scheduler ever stores
+    all parts. Closing the iterator cancels queued calls, but not calls that already run in threads
+    of this process.
 
     Args:
         function: function to call. If other processes call it, it is pickled with the parts.
@@ -53,7 +53,7 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
 
     Raises:
         GridMapError: the cluster is lost, or several workers died while computing the same part.
-        Exception: a call raised this exception; no further call is started.
+        Exception: any exception that a call raises; no further call is started.
     """
     required("dask", "tiled maps")
     from dask import base, config, system, threaded
@@ -132,7 +132,7 @@ def _on_cluster(
 
 
 def _values(values: list[T], warned: list[Warning]) -> list[T]:
-    """Issue the warnings that a task returned, and return its results."""
+    """Issue the warnings that a task returned, and return the results of the task."""
     for warning in warned:
         warnings.warn(warning, stacklevel=3)
     return values
@@ -157,12 +157,12 @@ _unpickled = lru_cache(maxsize=4)(pickle.loads)
 
 
 _warned: ContextVar[list[Warning] | None] = ContextVar("_warned", default=None)
-"""Warnings of the task that the current thread of a worker runs."""
+"""Warnings issued by the task that the current thread of a worker runs."""
 
 
 @cache
 def _collect_warnings() -> None:
-    """Collect warnings in `_warned`; `catch_warnings` would affect all threads of the worker."""
+    """Collect warnings in `_warned`, because `catch_warnings` affects all threads of a worker."""
     show: Any = warnings.showwarning
 
     def collect(warning: Any, *details: Any, **options: Any) -> None:
@@ -173,7 +173,7 @@ def _collect_warnings() -> None:
 
 
 def _call_each(pickled: bytes, group: list[Any]) -> list[list[Any]]:
-    """Return the results and the warnings of a task; the client issues the warnings again."""
+    """Run a task and return its results and its warnings; the client issues the warnings."""
     keep_memory()
     _collect_warnings()
     token = _warned.set(warned := list[Warning]())

@@ -30,18 +30,17 @@ def open_map(
     """Open a map of any size and read only the metadata.
 
     Several GeoTIFF files form one map if their pixels lie on the same grid. Gaps between files are
-    NaN. Where files overlap, a cell gets its value from the first file that has data there.
+    NaN. If files overlap, a cell gets its value from the first file with data in this cell.
 
     Args:
         path: a Zarr store (a folder or an fsspec URL), one or more GeoTIFF files (including GDAL
             virtual files such as `/vsicurl/https://.../dem.tif`), or an xarray dataset.
-        chunks: side of the tiles in which the map is computed and written [cells]. The default is
-            the chunk size of the store or of the Dask arrays, or 1024 if there are no chunks.
-        crs: coordinate reference system, such as "EPSG:25832", to which GeoTIFF files are projected
-            when they are read, with bilinear interpolation and square pixels.
-        origin: latitude and longitude [deg, WGS 84] of the map frame origin. None means the stored
-            origin, or the origin of the reference system if none is stored. See
-            `TiledMap.with_origin`.
+        chunks: side of the tiles in which the map is computed and written [cells]. None means the
+            chunk size of the store or of the Dask arrays, or 1024 for data without chunks.
+        crs: coordinate reference system of the map, such as "EPSG:25832". GeoTIFF files are
+            projected to this system when read, with bilinear interpolation and square pixels.
+        origin: latitude and longitude of the map frame origin [deg, WGS 84]. None means the stored
+            origin, or else the origin of the reference system. See `TiledMap.with_origin`.
 
     Raises:
         ConfigError: `crs` is malformed, or is given for a map that is not a GeoTIFF file.

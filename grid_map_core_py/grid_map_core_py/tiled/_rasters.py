@@ -50,7 +50,7 @@ _MOST_OPEN = 64
 """Maximum number of rasters that a process keeps open."""
 
 _WIDEST_STRIP = 8192
-"""Width of compressed strips [pixels] above which a warning says that reading windows is slow."""
+"""Width of compressed strips above which opening a raster warns of slow windows [pixels]."""
 
 _WARPING: dict[str, Any] = {
     "dtype": "float32",
@@ -79,7 +79,7 @@ _FILE_BLOCK = 512
 class _Part(NamedTuple):
     path: str
     place: Window
-    """Rows and columns of the map that the raster covers."""
+    """Map rows and columns that the raster covers."""
     stamp: tuple[int, int] | None
     """Modification time [ns] and size [bytes] of the file; None for virtual files."""
     transform: Any
@@ -93,9 +93,9 @@ class RasterSource:
     """Source that reads layers from the bands of rasters that share a grid.
 
     Args:
-        parts: the rasters. Where they overlap, a cell gets the first value that is not NaN.
+        parts: the rasters. If rasters overlap, a cell gets the first value that is not NaN.
         layers: names of the bands.
-        crs: reference system to which rasters are projected; if empty, they are not projected.
+        crs: reference system to which the rasters are projected; empty means no projection.
     """
 
     parts: tuple[_Part, ...]
@@ -225,8 +225,8 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
     """Return the coarsest overview whose cells are at most as wide as `step` cells of the raster.
 
     Returns:
-        overview: the overview as a map, with positions accurate to half a cell. If the map is a
-            mosaic, is projected, or has no such overview, this is `tiled_map` itself.
+        overview: the overview as a map, with positions accurate to half a cell; `tiled_map` itself
+            if the map is a mosaic, is projected, or has no such overview.
         factor: side of an overview cell [cells of `tiled_map`].
     """
     source = tiled_map.source
@@ -316,8 +316,8 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
     """Return the sides of a raster in the grid of a mosaic: west, north, east, south [cells].
 
     Args:
-        header, first: headers of the raster and of the first raster of the mosaic. The sides are
-            measured to the east and south from the north-west corner of `first`.
+        header: header of the raster.
+        first: header of the first raster of the mosaic. Its north-west corner is (0, 0).
         exact: if True, the raster must lie on the grid. If False, include all cells it overlaps.
 
     Raises:
@@ -420,7 +420,7 @@ def _write_windows(
 
 
 def _compute(tiled_map: TiledData, names: Sequence[str], window: Window) -> list[Layer]:
-    """Compute the layers in a window of raster lines and pixels."""
+    """Compute the layers in a window, given in raster lines and pixels."""
     lines, pixels = window
     rows = slice(tiled_map.size[0] - pixels.stop, tiled_map.size[0] - pixels.start)
     return tiled_map.source.read((rows, lines), names)
@@ -446,7 +446,7 @@ def _copy_as_cog(tiles: Path, file: Path, *, compress: bool) -> None:
 
 
 def _check_complete(file: Path) -> None:
-    """Raise `OSError` if a block is missing, because GDAL may not report that the disk is full."""
+    """Raise `OSError` if a block is missing, because GDAL may not report a full disk."""
     length, last = file.stat().st_size, (-1, 0, 0, 0)
     with import_module("rasterio").open(file) as raster:
         levels = [(None, 1), *enumerate(raster.overviews(1))]

@@ -32,8 +32,8 @@ class Source(Protocol):
     """Provider of layers that are read window by window.
 
     Sources are pickled and sent to other processes and machines, so they open files only in `read`.
-    A source may set `reads_layers_alone` if reading several layers together is not faster than
-    reading each layer separately.
+    If reading several layers together is not faster than reading each layer separately, a source
+    may set `reads_layers_alone`.
     """
 
     @property
@@ -41,10 +41,10 @@ class Source(Protocol):
         """Layer names, in order."""
 
     def describe(self) -> str:
-        """Return a text that identifies the data; a run is resumed only if the text is equal."""
+        """Return text that identifies the data; a run is resumed only if the text is unchanged."""
 
     def prepare(self) -> None:
-        """Prepare the data that windows share; called once before windows are read in parallel."""
+        """Prepare data that all windows share; called once before windows are read in parallel."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         """Return layers of a window as new (rows, cols) float32 arrays in Fortran order.
@@ -97,7 +97,7 @@ class TiledData:
         return self.geometry.length
 
     def _in_frame_at(self: _Data, origin: Sequence[float]) -> _Data:
-        """Return the map in a frame whose origin is at x, y in the current frame [m]."""
+        """Return the map in a frame whose origin is at `origin` (x, y) in the current frame [m]."""
         x, y = origin
         geometry = self.geometry.at(self.position - np.array([x, y]))
         return replace(self, geometry=geometry, origin=(self.origin[0] + x, self.origin[1] + y))
@@ -178,7 +178,7 @@ def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
     """Replace exceptions from reading or writing with a GridMapError that names `path`.
 
     Args:
-        path: name of a store or dataset, or of one of its parts.
+        path: name of a store, of a dataset or of a part of either.
         doing: "read" or "written", for the message "cannot be ...".
     """
     try:

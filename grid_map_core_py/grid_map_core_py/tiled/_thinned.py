@@ -25,7 +25,7 @@ _MOST_TILES = 4096
 """Maximum number of tiles to read; reading them takes about half a minute."""
 
 _Run: TypeAlias = tuple[slice, slice]
-"""Rows or columns to read from a tile, and the rows or columns of the result that they fill."""
+"""Slices of the rows (or columns) to read from a tile, and of those to fill in the result."""
 
 
 def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridMap:
@@ -51,7 +51,7 @@ def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridM
 
 
 def _runs(size: int, side: int, step: int) -> list[_Run]:
-    """Return one run per tile along an axis: the lines to read, and their place in the result."""
+    """Return the `_Run` of each tile along an axis that contains rows (or columns) to read."""
     lines = np.arange(min(step // 2, size - 1), size, step)
     begins = np.flatnonzero(np.diff(lines // side, prepend=-1)).tolist()
     return [

@@ -128,7 +128,7 @@ class TiledMap(TiledData):
         return self._map(geometry, names, self.source.read(window, names))
 
     def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
-        """Return a map in memory with `layers` (not copied) and the frame and time of this map."""
+        """Return a map in memory with the frame and time of this map; `layers` are not copied."""
         empty = GridMap.from_geometry(geometry, frame_id=self.frame_id, timestamp=self.timestamp)
         empty._reference = self.crs, self.origin
         grid_map = empty.with_layers(dict(zip(names, layers, strict=True)))
@@ -209,9 +209,9 @@ class TiledMap(TiledData):
     def to_xarray(self, layers: Iterable[str] | None = None) -> xarray.Dataset:
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
-        Each tile is one chunk. If several layers are used together, it is still computed only once.
-        In all other respects, the dataset equals the result of `GridMap.to_xarray`. If a filter
-        needs values from the whole map, these are computed immediately.
+        Each tile is one chunk. A tile is computed only once, even if several layers are used
+        together. In all other respects, the dataset equals the result of `GridMap.to_xarray`.
+        Values that a filter needs from the whole map are computed immediately.
 
         Args:
             layers: names of the layers; None means all.
@@ -223,8 +223,8 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        The cells of the result are `step` times as wide, with the value of the original cell at
-        their center. If the map is a raster with a suitable overview, cells are copied from the
+        The cells of the result are `step` times as wide. Each has the value of the original cell at
+        its center. If the map is a raster with a suitable overview, cells are copied from the
         overview. If more than about 4000 tiles would be read, a larger step is used.
 
         Args:
@@ -270,7 +270,7 @@ class TiledMap(TiledData):
             options: see `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter needs the whole map in memory, or the chain fails in a trial on a
+            FilterError: a filter needs the whole map in memory, or the chain fails when tried on a
                 small map of zeros.
         """
         source = chain.on_tiles(self, **options)
@@ -293,15 +293,15 @@ class TiledMap(TiledData):
         Args:
             path: folder of the store.
             layers: names of the layers to write; None means all.
-            resume: continue an unfinished run. Only missing tiles are computed. The store is
+            resume: continue an unfinished run, and compute only the missing tiles. The store is
                 identical to the store of an uninterrupted run.
             overwrite: replace an existing store.
-            progress: called after each tile with the number of finished tiles and of all tiles.
+            progress: called after each tile with the number of finished tiles and the total.
 
         Raises:
-            GridMapError: a tile cannot be read, computed or written; the store exists, or another
-                process is writing it; or there is an unfinished run, and `resume` is False or the
-                inputs differ.
+            GridMapError: a tile cannot be read, computed or written; the store exists; another
+                process is writing the store; or an unfinished run exists, and `resume` is False or
+                the inputs differ.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -316,7 +316,7 @@ class TiledMap(TiledData):
         """Merge a map into the store that this map was opened from.
 
         Each store cell gets the value of the map cell that contains its center, as with
-        `GridMap.add_data_from`, if this value is finite. Map cells outside the store are ignored.
+        `GridMap.add_data_from`. Map cells that are not finite or outside the store are ignored.
         Only chunks under the map are read and written. Each chunk is written atomically. Several
         processes may write at the same time without losing data.
 
@@ -404,16 +404,15 @@ class TiledMap(TiledData):
         """Return the map in a frame whose origin has this latitude and longitude.
 
         Coordinates in a reference system can reach millions of meters. In a frame whose origin is
-        near the robot, they are small. The axes keep their directions. Datasets, stores and GeoTIFF
-        files still contain coordinates in the reference system. They also contain the origin, so
-        that `open_map` and `load_geotiff` can restore the frame.
+        near the robot, coordinates are small. The axes keep their directions. Datasets, stores and
+        GeoTIFF files still contain coordinates in the reference system. The origin is also stored,
+        so that `open_map` and `load_geotiff` can restore the frame.
 
         Args:
             latitude, longitude: the new origin [deg, WGS 84].
 
         Raises:
-            GridMapError: the map has no reference system, or the reference system is not valid at
-                the origin.
+            GridMapError: the map has no reference system, or the system is not valid at the origin.
         """
         origin = self.position_of(latitude, longitude)
         if not np.isfinite(origin).all():
@@ -447,12 +446,12 @@ def _transformer(crs: str) -> Any:
 class GridMapAccessor:
     """xarray accessor with grid map methods: `dataset.grid_map` and `array.grid_map`.
 
-    Datasets in memory are processed immediately. Datasets of Dask arrays are processed lazily, tile
-    by tile, like a `TiledMap`. `GridMap.from_xarray` describes which datasets are accepted.
+    Datasets in memory are processed immediately. Datasets of Dask arrays are processed tile by tile
+    on demand, like a `TiledMap`. `GridMap.from_xarray` describes which datasets are accepted.
     """
 
     def __init__(self, data: xarray.Dataset | xarray.DataArray) -> None:
-        """Wrap a dataset or data array; it is checked when a method is called."""
+        """Wrap a dataset or data array; methods check the data when they are called."""
         self._data = data
 
     @cached_property
@@ -483,7 +482,8 @@ class GridMapAccessor:
             options: for Dask datasets, the options of `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter fails, or needs the whole map of a Dask dataset in memory.
+            FilterError: a filter fails, or the data are Dask arrays and a filter needs the whole
+                map in memory.
         """
         mine, opened = self._dataset, self._opened
         if self._is_lazy:

@@ -3,7 +3,7 @@
 
 Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file contains a block of a
 layer in Fortran order. zarr-python writes a chunk to a temporary file, and then renames the file.
-Cells of missing chunks are NaN.
+If a chunk has no file, its cells are NaN.
 
 An unfinished store is a folder whose name ends in `.part`. The folder is renamed when all tiles are
 complete. A tile is complete when its chunks exist in all layers. A resumed run computes only the
@@ -36,13 +36,13 @@ from ._source import Progress, TiledData, data_errors, tile_name
 
 VERSION_KEY = "grid_map_version"
 VERSION = 1
-"""Version of the store format. It changes if older releases cannot read new stores correctly."""
+"""Version of the store format, increased when older releases cannot read new stores correctly."""
 
 _RUN = ".run.json"
-"""File that describes the run in an unfinished store; locked by the process that is writing."""
+"""File that describes the run in an unfinished store; the writing process locks this file."""
 
 _NEAR = 4
-"""Side of the square groups in which neighboring tiles are computed [tiles]."""
+"""Side of the squares of neighboring tiles that are computed one after the other [tiles]."""
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
@@ -269,7 +269,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
 
 
 def metadata_file(store: Path) -> Path:
-    """Return the path of a store's metadata file; its content does not depend on the chunks."""
+    """Return the path of a store's metadata file, whose content does not depend on the chunks."""
     if not store.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(store))
     # Zarr formats 2 and 3.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray
 
 _OPENED = 16
-"""Number of stores that a process keeps open. Opening one takes as long as reading a window."""
+"""Number of stores that a process keeps open; opening a store is as slow as reading a window."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Maximum relative difference between resolutions that count as equal."""
@@ -39,7 +39,7 @@ _LARGEST_DIFFERENCE = 1e-6
 
 @dataclass(frozen=True)
 class StoreSource:
-    """Source that reads layers from a Zarr store, which each process opens on its first read.
+    """Source that reads layers from a Zarr store; each process opens the store on its first read.
 
     Args:
         path: folder or fsspec URL of the store.
@@ -157,8 +157,8 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
     """Return the store cells whose centers are on a map, and the map cells that contain them.
 
     Returns:
-        window: cells of the store.
-        lines: buffer row of the map for each row of the window, and buffer column for each column.
+        window: rectangle of store cells.
+        lines: row in the map's layer arrays for each window row, and column for each window column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution
