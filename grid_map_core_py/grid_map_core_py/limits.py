@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Limits on the size of messages, files and requests, checked before memory is allocated.
 
-A message of a few bytes can declare a map of any size. `GridMap(...)` itself accepts any size. Set
-limits permanently or for a `with` block::
+A message of a few bytes can declare a map of any size, so maps from outside are limited. The
+constructor `GridMap(...)` has no limit. Set limits permanently or for a `with` block::
 
     from grid_map_core_py.limits import changed_limits, set_limits
 
