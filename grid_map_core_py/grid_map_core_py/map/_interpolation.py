@@ -227,7 +227,7 @@ def _shape(method: Interpolation) -> tuple[int, bool]:
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
 ) -> list[tuple[int, float]]:
-    """Return (buffer row or column, weight) for cells near a coordinate, lowest x or y first."""
+    """Return pairs (buffer row or column, weight) of the cells near `x`, by ascending x or y."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
     weights = _weights(t, reach)
@@ -270,9 +270,9 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Return outer weights that continue the slope at the border cell beyond the border.
+    """Change the outer weights so that the slope at the border cell continues beyond the border.
 
-    `far` is the weight of the outer neighbor on the map, and `near` of the one beyond the border.
+    The outer neighbor on the map has the weight `far`; the one beyond the border has `near`.
     """
     return far - near, 2.0 * near
 
