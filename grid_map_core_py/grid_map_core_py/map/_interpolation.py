@@ -279,9 +279,6 @@ def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinat
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return the flat buffer offsets of the cells from -2 to count + 1 along an axis.
-
-    Cells beyond the map have the offset of the border cell.
-    """
+    """Return the flat buffer offsets of cells -2 to count + 1, clamped to the cells of the map."""
     cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
     return (cells + start) % count * stride

@@ -328,10 +328,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) of integer ranges, and the concatenated ranges (N,).
-
-    The ranges start at `first` (R,) and end before `stop` (R,).
-    """
+    """Return the lengths (R,) of the ranges from `first` to `stop` - 1, and their members (N,)."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)
