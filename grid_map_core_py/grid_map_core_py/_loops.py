@@ -112,7 +112,7 @@ def _has_numba() -> bool:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Register with numba every function that `function` calls, so that it compiles the calls."""
+    """Register all functions that `function` calls, so that numba can compile the calls."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

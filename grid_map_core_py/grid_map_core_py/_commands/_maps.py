@@ -130,8 +130,8 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield the sequence of map records to copy from the source to the destination.
 
-    It contains all maps of a bag if the destination can store several maps and `--index` is not
-    given. Otherwise, it contains a single map.
+    The sequence contains all maps of a bag if the destination can store several maps and `--index`
+    is not given. Otherwise, the sequence contains a single map.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)

@@ -81,7 +81,7 @@ class ProgressBar:
         clock: function that returns the time [s].
         quiet: whether to hide the progress; ignored for `as_json`.
         unit: plural name of the counted items.
-        cells: number of cells per unit, to show the rate in cells per second; 0 for units.
+        cells: number of cells per unit, to show the rate in cells per second; 0 shows units.
         as_json: whether to print a JSON line every second and at the end.
     """
 

@@ -519,7 +519,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         If cubic interpolation would use a cell that is not finite, linear interpolation is used
         instead. If linear interpolation would use such a cell too, the result is the value of the
-        nearest cell, even if that is not finite. At the map border, the border cell replaces
+        nearest cell, even if it is not finite. At the map border, the border cell replaces
         missing neighbors.
 
         Args:

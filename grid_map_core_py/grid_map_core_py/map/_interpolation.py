@@ -132,8 +132,8 @@ class Surface:
     Args:
         geometry: the grid.
         start: start index of the layer.
-        layer: (rows, cols) values of the layer; or a block of them, in map order, that contains all
-            cells needed.
+        layer: (rows, cols) values of the layer, or of a block in map order that contains all cells
+            needed.
         corner: row and column of the map at which `layer` begins.
     """
 

@@ -167,7 +167,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`; it takes as long as `gradient` alone."""
+        """Return the results of `value` and `gradient`, as fast as `gradient` alone."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):

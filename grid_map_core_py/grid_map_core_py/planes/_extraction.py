@@ -43,8 +43,8 @@ def extract_planes(
         parameters: thresholds; None means the defaults.
         previous: regions of an earlier map in the same frame with the same resolution; the map may
             have moved. Each old region passes its id to the region that shares the most cells with
-            it. If several ids are passed to one region, that of the old region with the most shared
-            cells is used. All other regions get ids that no earlier region had.
+            it. If several old regions pass their ids to one region, that region gets the id of the
+            one with the most shared cells. All other regions get ids that were never used.
 
     Raises:
         LayerNotFoundError: the map has no layer `layer`.
@@ -163,7 +163,7 @@ def _fitted(
 def _identify(
     labels: NDArray[np.int32], is_kept: Mask, grid_map: GridMap, previous: PlanarRegions | None
 ) -> tuple[NDArray[np.int64], int]:
-    """Return the ids (N,) of labels 1 to N, 0 for labels that are not kept, and the next new id.
+    """Return the ids (N,) of labels 1 to N (0 if a label is not kept), and the next unused id.
 
     Args:
         labels: (rows, cols) label of each cell in map order; 0 for none.

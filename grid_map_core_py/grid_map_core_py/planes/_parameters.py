@@ -58,11 +58,11 @@ class SlidingWindow(Section):
         local_plane_inclination_threshold_degrees: largest inclination of a window's plane.
         plane_patch_error_threshold: largest root-mean-square deviation of a window from its plane
             [m].
-        min_number_points_per_label: smallest number of cells of a region.
-        global_plane_fit_distance_error_threshold: largest distance of a cell from the plane of its
-            region, along z [m].
-        global_plane_fit_angle_error_threshold_degrees: largest angle between the planes of a window
-            and its region.
+        min_number_points_per_label: smallest number of cells per region.
+        global_plane_fit_distance_error_threshold: largest distance of a cell from its region's
+            plane, along z [m].
+        global_plane_fit_angle_error_threshold_degrees: largest angle between window plane and
+            region plane.
         connectivity, include_ransac_refinement: no effect.
     """
 
@@ -83,7 +83,7 @@ class ContourExtraction(Section):
     """Safety margin of the regions.
 
     Attributes:
-        marginSize: width of the border that is removed from each region [cells].
+        marginSize: width removed along each region's border [cells].
     """
 
     marginSize: int = 0  # noqa: N815

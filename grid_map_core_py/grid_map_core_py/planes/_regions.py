@@ -25,7 +25,7 @@ _CHUNK = 2**16  # pairs of points and edges per chunk
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanarRegion:
-    """Connected cells on one plane; lengths in meters, coordinates in `frame`.
+    """Connected cells on one plane. Lengths are in meters, and coordinates refer to `frame`.
 
     Attributes:
         id: number of the region, 1 or more.

@@ -132,7 +132,7 @@ def _window_fits(heights: Image, size: int, resolution: float) -> tuple[list[Ima
 def fit_planes(
     groups: Groups, count: int, points: Numbers, weights: Numbers | float = 1.0
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Fit a plane to each group of points: weighted least squares, all groups at once.
+    """Fit a plane to each group of points with weighted least squares, all groups at once.
 
     Args:
         groups: (N,) group of each point, 0 to `count` - 1.
@@ -190,7 +190,7 @@ class Splitter:
         self.cosine = math.cos(math.radians(limits.global_plane_fit_angle_error_threshold_degrees))
 
     def split(self, cells: Cells) -> Image:
-        """Return an image with the round in which each cell was put on a plane, or 0.
+        """Return an image of the round in which each cell is assigned to a plane; 0 for none.
 
         Cells of the same round that are connected through their sides are on the same plane.
         """

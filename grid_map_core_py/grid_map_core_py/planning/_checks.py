@@ -105,9 +105,9 @@ def check_pose(
     map, or if its value (or its height in `surface`) is not finite.
 
     With `surface`, the robot stands on a flat sole of the size of the footprint. The known heights
-    under the footprint have a convex hull, whose upper side consists of flat facets. The sole rests
-    on the facet at the mean position of these cells. If the cells are on a line, the sole is level
-    across the line. The underside of the body is level, `body_height` above the sole at the pose.
+    under the footprint have a convex hull, whose upper side consists of flat facets. The sole is in
+    the plane of the facet at the mean position of these cells. If the cells are on a line, the sole
+    is level across the line. The body is level, `body_height` above the sole at the pose.
 
     Args:
         pose: (3,) x, y [m] and yaw [rad] of the footprint, map frame.
@@ -117,7 +117,7 @@ def check_pose(
         unknown: whether unknown cells are "blocked" or "free"; their values are always ignored.
         surface: layer with heights [m].
         max_roll, max_pitch: largest absolute roll and pitch of the sole [rad].
-        body_height: height of the body above the sole at the pose [m].
+        body_height: height of the underside of the body above the sole at the pose [m].
         min_clearance: smallest height of the body above the highest cell under the footprint [m].
 
     Raises:
@@ -168,7 +168,7 @@ def check_path(
 
     Args:
         poses: (N, 3) x, y [m] and yaw [rad] of the footprint along the path, map frame.
-        layer, ..., min_clearance: as for `check_pose`; the limits hold at each pose.
+        layer, ..., min_clearance: as for `check_pose`; the limits apply to each pose.
 
     Raises:
         LayerNotFoundError, ConfigError: as for `check_pose`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A graph of the moves between cells of a map, and least costs in it."""
+"""A graph of the moves between the cells of a map, and least-cost paths in it."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ class TravelGraph:
         grid_map: the map.
         cost: layer of costs, not negative; None for a cost of 0 everywhere.
         cost_weight: extra cost per meter at a cost of 252; 0 finds the shortest path.
-        lethal: lowest cost of a blocked cell; 253 for costs of Nav2. If None, only infinite costs
-            are blocked.
+        lethal: lowest cost at which a cell is blocked; 253 for costs of Nav2. None blocks only
+            infinite costs.
         elevation: layer of heights [m]; None for flat ground.
         limits: steepest slopes; needs `elevation`. The slope along a move is measured between its
             ends. The slope across a move is measured at each end, with central differences of
@@ -275,7 +275,7 @@ class CostField:
 
     Attributes:
         costs: (rows, cols) float64, inf where no path leads to a goal. The cells are in buffer
-            order, as in the layers of the map: `grid_map["cost_to_go"] = field.costs`.
+            order, so `grid_map["cost_to_go"] = field.costs` adds them as a layer.
     """
 
     costs: Floats

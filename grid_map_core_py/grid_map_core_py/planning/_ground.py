@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The ground that paths cross: free cells, costs, heights, and straight lines over them."""
+"""The ground under paths: free cells, costs and heights of a map, and straight lines across it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class SlopeLimits:
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
     def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
-        """Return a mask of the allowed lines (L,); `across` (N, L) are tangents of slopes."""
+        """Return a mask of the allowed lines (L,); `across` (N, L) are tangents of cross slopes."""
         up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
         is_level = np.abs(across).max(axis=0) <= cross
         return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
@@ -179,7 +179,7 @@ class Ground:
 
         Args:
             begin, end: (2, M) end points of the lines [cells].
-            most: largest cost, (M,) or scalar.
+            most: largest cost of an allowed line, (M,) or scalar.
         """
         pieces = np.maximum(np.ceil(np.abs(end - begin).max(axis=0)), 1.0)
         points, extent, line = divided(begin, end, pieces)
@@ -234,7 +234,7 @@ class Ground:
         return np.hypot(run, rise) * mean, allowed
 
     def shortened(self, points: Floats, lines: Floats, tested: Mask) -> tuple[Floats, Floats]:
-        """Drop waypoints where the straight line between both neighbors does not cost more.
+        """Drop each waypoint if a straight line between its two neighbors does not cost more.
 
         Args:
             points: (2, K) waypoints [cells].

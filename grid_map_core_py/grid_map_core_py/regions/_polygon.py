@@ -295,7 +295,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return points (n, 2) along a counter-clockwise arc of `turns` turns around the origin."""
+    """Return points (n, 2) from `start` on an arc around the origin, `turns` counter-clockwise."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start
