@@ -12,8 +12,8 @@
 - Errors: all derive from `GridMapError`.
 
 The modules `map`, `regions`, `conversions`, `files`, `elevation`, `planning`, `planes`,
-`simulation`, `tiled`, `plugins`, `limits`, `errors` and `testing` contain further names. They are
-imported lazily.
+`simulation`, `tiled`, `plugins`, `limits`, `errors` and `testing` contain further names. All names
+are imported lazily.
 """
 
 from typing import TYPE_CHECKING

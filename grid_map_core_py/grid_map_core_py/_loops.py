@@ -50,9 +50,9 @@ class Loop:
     def compiled(self) -> Compiled | None:
         """Return the compiled function, which releases the GIL.
 
-        It is loaded from numba's cache or compiled, which takes a few seconds. The first
-        compilation in a process is logged. Array arguments of the function may have any shape, but
-        must be contiguous.
+        The function is loaded from numba's cache if possible. Otherwise, it is compiled within a
+        few seconds, and the first compilation in a process is logged. Array arguments may have any
+        shape, but must be contiguous.
 
         Returns:
             The function, or None if numba is not installed, if NUMBA_DISABLE_JIT is set, or (with a
@@ -112,7 +112,7 @@ def _has_numba() -> bool:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Make all functions that `function` calls known to numba, so that it can compile the calls."""
+    """Register all functions that `function` calls, so that numba can compile the calls."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

@@ -34,7 +34,7 @@ __all__ = [
 class GridMapError(Exception):
     """Base class of all errors that the grid_map packages raise.
 
-    `str(error)` is shortened to at most 500 characters; `error.whole_text()` is not.
+    `str(error)` returns at most 500 characters; `error.whole_text()` returns the whole message.
     """
 
     def __str__(self) -> str:

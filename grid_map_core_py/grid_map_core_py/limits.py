@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Limits on the size of messages, files and requests, checked before memory is allocated.
 
-A message of a few bytes can declare a map of any size. `GridMap(...)` itself accepts any size. Set
-limits permanently or for a `with` block::
+A message of a few bytes can declare a map of any size, so sizes are checked when data is read. The
+constructor `GridMap(...)` has no limit. Set limits permanently or for a `with` block::
 
     from grid_map_core_py.limits import changed_limits, set_limits
 
@@ -32,7 +32,7 @@ FREE_BYTES = 100_000_000
 """Size of unpacked data [bytes] up to which `max_ratio` is ignored; uniform maps compress well."""
 
 VISITS = 4
-"""Factor of `max_cells` that limits the total number of cells in overlapping parts of a map."""
+"""Largest total number of cells in overlapping parts of a map, as a multiple of `max_cells`."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 
 def check_visits(name: str, visits: float) -> None:
-    """Raise `LimitError` if overlapping parts of a map have too many cells in total (`visits`)."""
+    """Raise `LimitError` if `visits`, the total of cells in overlapping map parts, is too large."""
     if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 

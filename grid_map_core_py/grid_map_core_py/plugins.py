@@ -57,7 +57,7 @@ class Registry(Generic[T]):
 
     @property
     def types(self) -> tuple[str, ...]:
-        """Sorted type names of the built-in classes and of those from entry points."""
+        """Sorted type names of all classes, built-in or from entry points."""
         return tuple(sorted({*self.built_in, *self._plugins}))
 
     @cached_property

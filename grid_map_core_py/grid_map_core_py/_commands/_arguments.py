@@ -15,7 +15,7 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
 
     Args:
         parser: parser of the command.
-        which: maps of a bag that are read without `--index`, for the help text.
+        which: help text that says which maps of a bag are read without `--index`.
     """
     parser.add_argument("source", help="file or folder of any format, or - for .npz from a pipe")
     group = parser.add_argument_group("reading")

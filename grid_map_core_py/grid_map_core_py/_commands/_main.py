@@ -50,7 +50,7 @@ Handler: TypeAlias = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser with one-line error messages, which accepts negative numbers such as -1e-3."""
+    """Argument parser that prints one-line errors and accepts negative numbers such as -1e-3."""
 
     def __init__(self, **options: Any) -> None:
         # An abbreviated option that is unique today may become ambiguous when an option is added.

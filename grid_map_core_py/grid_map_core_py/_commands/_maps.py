@@ -50,8 +50,8 @@ def _choose(
 
     Args:
         options: the arguments.
-        of_source: None for the source format. For the destination format, the names of the options
-            that the source uses.
+        of_source: names of the options that the source uses, to choose the destination format; None
+            to choose the source format.
     """
     from ..files._formats import find_format, formats, options_of
 
@@ -130,8 +130,8 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield the sequence of map records to copy from the source to the destination.
 
-    It contains all maps of a bag if the destination can store several maps and `--index` is not
-    given. Otherwise, it contains a single map.
+    The sequence contains all maps of a bag if the destination can store several maps and `--index`
+    is not given. Otherwise, the sequence contains a single map.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)
@@ -252,7 +252,7 @@ class Destination:
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Raise `CommandError` if `path` exists, unless `force` is set and it is a file or folder."""
+    """Raise `CommandError` if `path` exists; if `force`, only if it is not a file or folder."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)

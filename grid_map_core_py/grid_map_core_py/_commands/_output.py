@@ -21,7 +21,7 @@ class CommandError(GridMapError):
 
 
 class UsageError(CommandError):
-    """Invalid arguments, whatever the files contain; exit code 2."""
+    """Arguments are invalid, regardless of the content of files; the exit code is 2."""
 
 
 def message(text: str) -> None:
@@ -72,18 +72,17 @@ def byte_count(size: int) -> str:
 class ProgressBar:
     """Shows progress: `[#####.....] 12/24 maps, 3.1 maps/s, 0:04 left`.
 
-    Leaving the context ends the line. If the stream is not a terminal, for example a log file, only
-    the last state is written.
+    Leaving the context ends the line. If the stream is not a terminal, only the last state is
+    written. With `cells`, the first call begins the measurement of the rate, so its units do not
+    count towards the rate.
 
     Args:
         stream: stream to write to; None means standard error, or standard output for `as_json`.
         clock: function that returns the time [s].
         quiet: whether to hide the progress; ignored for `as_json`.
         unit: plural name of the counted items.
-        cells: number of cells per unit. If given, the rate is shown in cells per second. Before the
-            work begins, call the bar with the number of units that are already finished. The rate
-            does not include them.
-        as_json: print a JSON line every second and at the end.
+        cells: number of cells per unit, to show the rate in cells per second; 0 shows units.
+        as_json: whether to print a JSON line every second and at the end.
     """
 
     def __init__(

@@ -106,8 +106,8 @@ def tiled_source(
     """Return the source as a `TiledMap` if it should be read window by window, else None.
 
     Windows can be read only if the source and the destination, if any, are Zarr stores or GeoTIFF
-    files. A map of at most `max_cells` cells is read as a whole if there is no destination or if
-    both are GeoTIFF files, unless `also_small` or an option in `_OPTIONS` is set.
+    files. If there is no destination, or if both are GeoTIFF files, a map of at most `max_cells`
+    cells is read as a whole, unless `also_small` or an option in `_OPTIONS` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name

@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    Attributes are Python numbers, because NumPy scalars are several times slower. Only in the
-    result of `both_axes`, all attributes except `resolution` are arrays.
+    The attributes are Python numbers, because NumPy scalars are several times slower. As an
+    exception, the result of `both_axes` has arrays for all attributes except `resolution`.
 
     Attributes:
         size: number of cells.
@@ -49,7 +49,7 @@ class Axis:
     def contains(self, x: Coordinate) -> bool | Mask:
         """Return whether coordinates are on the map; False for NaN.
 
-        The border with the larger coordinate (the + border) belongs to the map, the other border
+        The border with the larger coordinate (the + border) belongs to the map; the other border
         does not. Coordinates near a border are rounded as in the C++ library.
         """
         offset = self.offset(x)
@@ -124,7 +124,7 @@ class Axis:
         return cell, t
 
     def overlapped(self, lower: float, upper: float) -> slice:
-        """Return the slice, possibly empty, of the cells that an interval overlaps.
+        """Return the slice of the cells that an interval overlaps; it may be empty.
 
         A cell counts only if the interval extends into it by more than `BORDER_TOLERANCE`.
         """
@@ -138,9 +138,9 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return the distance to another center in whole cells, positive towards smaller x or y.
+        """Return the distance to another center, positive towards smaller coordinates [cells].
 
-        Halves are rounded away from zero. If the distance is infinite, the result is NaN.
+        It is rounded to whole cells, halves away from zero. An infinite distance results in NaN.
         """
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)

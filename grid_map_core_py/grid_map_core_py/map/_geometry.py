@@ -115,7 +115,7 @@ class GridGeometry:
     def is_inside(self, positions: ArrayLike) -> Mask:
         """Return a mask of the positions inside the map.
 
-        The +x and +y borders belong to the map, the -x and -y borders do not.
+        The +x and +y borders belong to the map; the -x and -y borders do not.
 
         Args:
             positions: (..., 2) x, y [m], map frame; NaN is outside.
@@ -155,7 +155,7 @@ class GridGeometry:
             start_index: buffer index of cell (0, 0); if (0, 0), the result is in map order.
 
         Returns:
-            cells: (rows, cols), each (...) int64. For positions outside the map, the border cell
+            cells: (rows, cols), each (...) int64. A position outside the map gets the border cell
                 that is nearest along each axis.
             inside: (...) bool, True for positions on the map.
         """

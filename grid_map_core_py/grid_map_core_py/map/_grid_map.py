@@ -56,10 +56,10 @@ class GridMap(MutableMapping[str, Layer]):
     float32 rounds values above 2**24.
 
     In map order, cell (0, 0) is at the corner with the largest x and y. Rows run towards -x and
-    columns towards -y. Layers of a new map are in map order. After `move`, they are circular
-    buffers, in which this cell is stored at `start_index`. `axes()`, `grid_map_core_py.regions` and
-    all methods that convert positions account for this. To read or write a layer in map order, use
-    `unwrapped(layer)` and `set_unwrapped(layer, values)`.
+    columns towards -y. Layers of a new map are in map order. After `move`, layers are circular
+    buffers, in which cell (0, 0) is stored at `start_index`. `axes()`, `grid_map_core_py.regions`
+    and all methods that convert positions handle the start index. To read or write a layer in map
+    order, use `unwrapped(layer)` and `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
     equal. NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
@@ -281,8 +281,8 @@ class GridMap(MutableMapping[str, Layer]):
     def crs(self) -> str:
         """Coordinate reference system of the frame: WKT, a code or a PROJ string; "" if unknown.
 
-        It is kept in copies, in submaps, and in GeoTIFF, Zarr and .npz files, but not in ROS
-        messages and images. Setting `crs` resets `origin` to (0, 0).
+        Copies, submaps, and GeoTIFF, Zarr and .npz files keep the `crs`; ROS messages and images do
+        not. Setting `crs` resets `origin` to (0, 0).
         """
         return self._reference[0]
 
@@ -442,7 +442,7 @@ class GridMap(MutableMapping[str, Layer]):
     def is_inside(self, positions: ArrayLike) -> bool | Mask:
         """Return whether each (2,) or (N, 2) position [m] is inside the map.
 
-        The +x and +y borders belong to the map, the -x and -y borders do not.
+        The +x and +y borders belong to the map; the -x and -y borders do not.
         """
         position = plain_pair(positions)
         if position is not None:
@@ -465,8 +465,8 @@ class GridMap(MutableMapping[str, Layer]):
             positions: (N, 2) x, y [m].
 
         Returns:
-            cells: (rows, cols) buffer indices, so `map["elevation"][cells]` are the values there.
-                For positions outside the map, the nearest border cell.
+            cells: (rows, cols) buffer indices, so `map["elevation"][cells]` returns the values. A
+                position outside the map gets the nearest border cell.
             inside: (N,) bool, True for positions on the map.
         """
         return self._geometry.cells_at(positions, self._start)
@@ -518,8 +518,9 @@ class GridMap(MutableMapping[str, Layer]):
         """Return the values of a layer at positions.
 
         If cubic interpolation would use a cell that is not finite, linear interpolation is used
-        instead. If that would use such a cell too, the result is the value of the nearest cell,
-        which may be NaN or infinite. At the map border, the border cell replaces missing neighbors.
+        instead. If linear interpolation would use such a cell too, the result is the value of the
+        nearest cell, even if it is not finite. At the map border, the border cell replaces
+        missing neighbors.
 
         Args:
             layer: name of the layer.
@@ -545,7 +546,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             index: one buffer index (row, col), or several as (rows, cols) or (N, 2).
-            layers: names of layers; None means the basic layers. If there are none, no cell is
+            layers: names of layers; None means the basic layers. Without any layers, no cell is
                 valid.
         """
         cell = plain_cell(index)
@@ -710,13 +711,13 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map takes the values of the cell of `other` that contains its center.
+        Each cell of this map gets the values of the `other` cell that contains its center.
         Values that are not finite are not copied. A map without `crs` adopts the `crs` of `other`.
 
         Args:
             other: the map to copy from, in the same frame or without a frame.
-            extend_map: if True, first extend this map, as `extend_to_include` does.
-            overwrite_data: if False, keep the finite values of this map.
+            extend_map: whether to extend this map first, as `extend_to_include` does.
+            overwrite_data: whether to overwrite the finite values of this map.
             layers: names of the layers to copy; None means all layers of the other map. Layers
                 missing in this map are added.
 
@@ -743,8 +744,9 @@ class GridMap(MutableMapping[str, Layer]):
                 one. Scaling, shear and reflection are rejected.
             height_layer: name of the layer that holds z [m].
             frame_id: the new frame.
-            sample_ratio: if positive, each cell adds four points at the same height to close gaps,
-                shifted along +x, -x, +y and -y by this fraction of the resolution.
+            sample_ratio: distance from a cell center to four additional points that close gaps, as
+                a fraction of the resolution; 0 for none. The points lie at the same height, in the
+                directions +x, -x, +y and -y.
 
         Returns:
             A map with the same resolution, layers, basic layers and time, start index (0, 0) and no

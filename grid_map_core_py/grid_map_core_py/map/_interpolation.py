@@ -132,8 +132,8 @@ class Surface:
     Args:
         geometry: the grid.
         start: start index of the layer.
-        layer: (rows, cols) values of the layer; or a block of them, in map order, that contains all
-            cells needed.
+        layer: (rows, cols) values of the layer, or of a block in map order that contains all cells
+            needed.
         corner: row and column of the map at which `layer` begins.
     """
 
@@ -227,7 +227,7 @@ def _shape(method: Interpolation) -> tuple[int, bool]:
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
 ) -> list[tuple[int, float]]:
-    """Return (buffer row or column, weight) for cells near a coordinate, lowest x or y first."""
+    """Return pairs (buffer row or column, weight) of the cells near `x`, by ascending x or y."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
     weights = _weights(t, reach)
@@ -270,18 +270,15 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Return outer weights that continue the slope at the border cell beyond the border.
+    """Change the outer weights so that the slope at the border cell continues beyond the border.
 
-    `far` is the weight of the outer neighbor on the map, and `near` of the one beyond the border.
+    The outer neighbor on the map has the weight `far`; the one beyond the border has `near`.
     """
     return far - near, 2.0 * near
 
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return the flat buffer offsets of the cells from -2 to count + 1 along an axis.
-
-    Cells beyond the map have the offset of the border cell.
-    """
+    """Return the flat buffer offsets of cells -2 to count + 1, clamped to the cells of the map."""
     cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
     return (cells + start) % count * stride

@@ -81,7 +81,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Split a block where it wraps; return (buffer slices, block slices) of the 1 to 4 pieces."""
+    """Split a block where the buffer wraps; return (buffer, block) slices of the 1 to 4 pieces."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
@@ -99,7 +99,7 @@ def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
     """Return the buffer regions that hold the new cells after the map has moved by `shift` cells.
 
-    They are at most two strips of rows and two strips of columns, or the whole buffer.
+    These regions are at most two strips of rows and two strips of columns, or the whole buffer.
     """
     (row, column), (rows, columns), (down, right) = start, size, shift
     if abs(down) >= rows or abs(right) >= columns:

@@ -167,7 +167,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`, in the time that `gradient` alone takes."""
+        """Return the results of `value` and `gradient`, as fast as `gradient` alone."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):
@@ -260,7 +260,7 @@ class SignedDistanceField:
         return out
 
     def _values_and_slopes(self, places: _Coordinates, cells: _Coordinates) -> Nodes:
-        """Return (4, N): values, and their changes per node spacing along x, y and z."""
+        """Return (4, N): interpolated values, then slopes per node spacing along x, y and z."""
         found: Nodes = self._corners(cells, np.empty((8, cells[0].size), np.float32))[:, None]
         for place, cell in zip(places, cells, strict=True):
             low, high = found[: len(found) // 2], found[len(found) // 2 :]

@@ -62,8 +62,8 @@ def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) 
         row: (4,) row of the transform that yields this coordinate.
         x: (rows,) x of the points before the transform.
         y: (cols,) y of the points before the transform.
-        lift: contribution of z and of the translation, `row[2] * z + row[3]`: (cols, rows), or one
-            number for all points.
+        lift: contribution of z and the translation, `row[2] * z + row[3]`; an array (cols, rows),
+            or one number for all points.
     """
     moved: Positions = row[0] * x + (row[1] * y)[:, None]
     moved += lift
@@ -79,8 +79,8 @@ def _seen_from_above(
 ) -> tuple[NDArray[np.float32], _Indices]:
     """Return the height of the highest point in each new cell, and the index of its source cell.
 
-    In both arrays, the cells are in column-major order. Cells without points have height -inf. Of
-    points with equal height, the one from the last source cell is kept.
+    Both arrays list the cells in column-major order. Cells without points have the height -inf.
+    Among equally high points, the one from the last source cell is kept.
 
     Args:
         grid_map: the map to transform.

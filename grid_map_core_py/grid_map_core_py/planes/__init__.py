@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Planar regions: the flat parts of a map as planes with outlines, for footholds.
 
-- `extract_planes` returns the `PlanarRegions` of a map, whose ids last from map to map.
+- `extract_planes` returns the `PlanarRegions` of a map. Regions keep their ids from map to map.
 - `PlanarRegion`: a plane with covariance, an outer polygon and holes.
 - `convex_inside`: a large convex polygon inside a region.
 - `PlaneParameters`: thresholds; reads `parameters.yaml` of convex_plane_decomposition.

@@ -23,9 +23,10 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
     """Return a large convex polygon that lies inside a region and contains a position.
 
     As in IRIS (Deits and Tedrake, "Computing large convex regions of obstacle-free space through
-    semidefinite programming", 2015), the edges of the region are cut off one by one, the nearest
-    first. The distances are those from a segment instead of an ellipse. It leads from the position
-    half-way to the outline. Of several segments, the one with the largest polygon is chosen.
+    semidefinite programming", 2015), straight lines cut off the edges of the region, the nearest
+    edge first. IRIS measures distances from an ellipse. Here, they are measured from a segment that
+    leads from the position half-way to the outline. Several segments are tried, and the largest
+    polygon is returned.
 
     Args:
         region: the region; its holes are avoided.
@@ -93,7 +94,7 @@ def _area(corners: Positions) -> float:
 
 
 def _reduced(corners: Positions, count: int) -> Positions:
-    """Drop the corners that contribute the least area until `count` remain around the origin."""
+    """Drop the corners that add the least area until `count` remain, but keep the origin inside."""
     while len(corners) > count:
         before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
         lost = _cross(corners - before, after - before)

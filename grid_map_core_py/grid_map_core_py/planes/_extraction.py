@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`extract_planes`: from a layer of heights to planar regions with lasting ids.
+"""`extract_planes`, which finds the planar regions in a layer of heights and keeps their ids.
 
 Images in this module are transposed layers (cols, rows) in C order.
 """
@@ -36,15 +36,15 @@ def extract_planes(
     for bit; the start index has no influence.
 
     Args:
-        grid_map: the map. If it has a layer `variance` [m^2], regions in which all variances are
-            positive and finite are fitted with the weights 1 / variance, and their covariance
-            follows from the variances. Otherwise it follows from the residuals.
+        grid_map: the map; a layer `variance` [m^2] is optional. If all variances in a region are
+            positive and finite, its plane is fitted with the weights 1 / variance, and the
+            covariance follows from the variances. Otherwise, it follows from the residuals.
         layer: name of the layer of heights [m].
         parameters: thresholds; None means the defaults.
         previous: regions of an earlier map in the same frame with the same resolution; the map may
-            have moved. The region that shares the most cells with an old region keeps its id; if
-            several old regions claim the same region, the one that shares the most cells wins. All
-            other regions get new ids, which `previous` and the regions before it never used.
+            have moved. Each old region passes its id to the region that shares the most cells with
+            it. If several old regions pass their ids to one region, that region gets the id of the
+            one with the most shared cells. All other regions get ids that were never used.
 
     Raises:
         LayerNotFoundError: the map has no layer `layer`.
@@ -86,8 +86,8 @@ def extract_planes(
 def _cleaned(rounds: Image, margin: int) -> Image:
     """Remove cells until the outline through the centers of the border cells is simple.
 
-    Every remaining cell belongs to a block of 2 x 2 cells with the same number, and cells with the
-    same number that touch at a corner are also connected through a side there.
+    Every remaining cell belongs to a block of 2 x 2 cells with the same number. If two cells with
+    the same number touch at a corner, a third cell with this number shares a side with both.
 
     Args:
         rounds: image of numbers; 0 for no region.
@@ -134,7 +134,7 @@ def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
 def _fitted(
     cells: Cells, labels: NDArray[np.int32], count: int, variances: Layer | None
 ) -> tuple[dict[str, NDArray[Any]], Mask]:
-    """Return the plane of each label, by name of the attribute, and which planes are determined."""
+    """Return attributes of the plane of each label, by name, and a mask of the unique planes."""
     groups = labels.reshape(-1)[cells.places].astype(np.int64) - 1
     chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
     points, groups = cells.points.take(chosen, axis=1), groups[chosen]
@@ -163,7 +163,7 @@ def _fitted(
 def _identify(
     labels: NDArray[np.int32], is_kept: Mask, grid_map: GridMap, previous: PlanarRegions | None
 ) -> tuple[NDArray[np.int64], int]:
-    """Return the ids (N,) of labels 1 to N, 0 for labels that are not kept, and the next new id.
+    """Return the ids (N,) of labels 1 to N (0 if a label is not kept), and the next unused id.
 
     Args:
         labels: (rows, cols) label of each cell in map order; 0 for none.

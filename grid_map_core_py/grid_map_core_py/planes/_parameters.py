@@ -53,15 +53,16 @@ class SlidingWindow(Section):
 
     Attributes:
         kernel_size: width of the window around each cell [cells], odd.
-        planarity_opening_filter: steps of a morphological opening of the planar cells [cells].
+        planarity_opening_filter: radius of the morphological opening of the planar cells [cells].
         plane_inclination_threshold_degrees: largest inclination of a region.
-        local_plane_inclination_threshold_degrees: largest inclination of a window.
+        local_plane_inclination_threshold_degrees: largest inclination of a window's plane.
         plane_patch_error_threshold: largest root-mean-square deviation of a window from its plane
             [m].
-        min_number_points_per_label: smallest number of cells of a region.
-        global_plane_fit_distance_error_threshold: largest distance of a cell from the plane of its
-            region, along z [m].
-        global_plane_fit_angle_error_threshold_degrees: largest angle between window and region.
+        min_number_points_per_label: smallest number of cells per region.
+        global_plane_fit_distance_error_threshold: largest distance of a cell from its region's
+            plane, along z [m].
+        global_plane_fit_angle_error_threshold_degrees: largest angle between window plane and
+            region plane.
         connectivity, include_ransac_refinement: no effect.
     """
 
@@ -82,7 +83,7 @@ class ContourExtraction(Section):
     """Safety margin of the regions.
 
     Attributes:
-        marginSize: number of border cells that regions lose [cells].
+        marginSize: width removed along each region's border [cells].
     """
 
     marginSize: int = 0  # noqa: N815
@@ -96,15 +97,15 @@ SECTIONS: dict[str, type[Any]] = {
 """Class of each section that has an effect."""
 
 UNUSED = "ransac_plane_refinement", "postprocessing"
-"""Sections of upstream that are accepted without effect."""
+"""Sections of convex_plane_decomposition that are accepted without effect."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneParameters:
-    """Parameters of `extract_planes`, in the sections of upstream's `parameters.yaml`.
+    """Parameters of `extract_planes`, with the sections of convex_plane_decomposition (upstream).
 
     The defaults are those of upstream, except that `marginSize` is counted in cells and is 0. The
-    sections `ransac_plane_refinement` and `postprocessing` of upstream have no effect.
+    upstream sections `ransac_plane_refinement` and `postprocessing` have no effect.
 
     Example:
         >>> parameters = {"contour_extraction": {"marginSize": 1}}
@@ -118,7 +119,7 @@ class PlaneParameters:
 
     @classmethod
     def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
-        """Create parameters from nested mappings, as read from upstream's `parameters.yaml`.
+        """Create parameters from nested mappings with the sections of convex_plane_decomposition.
 
         Raises:
             ConfigError: a section or parameter is unknown, or has a wrong type or value.
@@ -136,7 +137,7 @@ class PlaneParameters:
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> PlaneParameters:
-        """Read parameters from a YAML file with the sections of upstream's `parameters.yaml`.
+        """Read parameters from a YAML file with the sections of convex_plane_decomposition.
 
         Raises:
             ConfigError: as `from_mapping`; the message names the file.

@@ -25,7 +25,7 @@ _CHUNK = 2**16  # pairs of points and edges per chunk
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanarRegion:
-    """Connected cells on one plane; lengths in meters, coordinates in `frame`.
+    """Connected cells on one plane. Lengths are in meters, and coordinates refer to `frame`.
 
     Attributes:
         id: number of the region, 1 or more.
@@ -59,8 +59,8 @@ class PlanarRegions(Sequence[PlanarRegion]):
     """The planar regions of a map, a sequence of `PlanarRegion` in the order of their ids.
 
     Attributes:
-        labels: (rows, cols) int32 in map order, whatever the start index of the map; the id of the
-            region of each cell, 0 for none. Read-only.
+        labels: (rows, cols) int32 in map order: id of the region that each cell belongs to, or 0.
+            Read-only.
         planarity: (rows, cols) float32 in map order: 1 for cells whose window is planar, 0 for
             other cells, NaN for cells without a height. Read-only.
         geometry: geometry of the map.
@@ -119,9 +119,9 @@ class PlanarRegions(Sequence[PlanarRegion]):
     def layers(self) -> dict[str, Layer]:
         """Return the layers `plane_id`, `plane_elevation` and `planarity`, in map order.
 
-        `plane_elevation` is the height of the plane at the cell center [m]. Outside the regions, it
-        is NaN, and `plane_id` is 0. Ids above 2**24 lose digits in float32. On a moved map, add the
-        layers with `GridMap.set_unwrapped`.
+        `plane_elevation` is the height of the plane at the cell center [m]. Outside the regions,
+        `plane_elevation` is NaN and `plane_id` is 0. Ids above 2**24 lose digits in float32. Add
+        the layers to a moved map with `GridMap.set_unwrapped`.
         """
         x, y = self.geometry.axes_in_map_order()
         heights = np.full(self.labels.shape, np.nan, np.float32, order="F")
@@ -134,7 +134,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
     def at(self, position: ArrayLike) -> PlanarRegion | None:
         """Return the region whose polygon contains a position x, y [m], or None.
 
-        Outlines belong to the polygon, within 1e-9 m.
+        A position within 1e-9 m of an outline counts as inside.
         """
         return self.nearest(position, 0.0)
 
@@ -185,7 +185,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return result
 
     def _to_polygons(self, positions: Positions) -> Positions:
-        """Return the vectors (N, R, 2) from positions (N, 2) to the polygons; 0 inside."""
+        """Return vectors (N, R, 2) from positions (N, 2) to the nearest points of the polygons."""
         firsts = self._first_edges[:-1]
         ahead_x, ahead_y, crossed = to_edges(self._edges, *positions.T[:, :, None])
         squares = ahead_x**2 + ahead_y**2
@@ -199,16 +199,16 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return np.where(inside, 0.0, ahead).transpose(1, 2, 0)
 
     def _heights(self, numbers: Any, positions: Positions) -> Positions:
-        """Return the heights of planes at positions (..., 2) [m]."""
+        """Return the heights at positions (..., 2) of the planes with the indices `numbers` [m]."""
         normals, centers = self._planes["normal"][numbers], self._planes["center"][numbers]
         ahead = ((positions - centers[..., :2]) * normals[..., :2]).sum(axis=-1)
         return np.asarray(centers[..., 2] - ahead / normals[..., 2])
 
 
 def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """Return the edges of C outlines (V, 2): (4, E) x, y of the starts and x, y of the ends.
+    """Return the edges (4, E) of C outlines (V, 2): x, y of each start, then x, y of each end.
 
-    The second result (C + 1,) is the index of the first edge of each outline, and E.
+    Also return an array (C + 1,): the index of each outline's first edge, followed by E.
     """
     vertices = np.concatenate([np.empty((0, 2), np.int32), *outlines]).T
     starts = np.cumsum([0] + [len(outline) for outline in outlines])
@@ -218,7 +218,7 @@ def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np
 
 
 def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Return the vectors x, y from positions to edges (4, E), and which edges are crossed.
+    """Return the vectors x, y from positions to edges (4, E), and a mask of the crossed edges.
 
     A vector leads to the nearest point of the edge [m]. An edge is crossed by a ray from the
     position towards +x. Inside a polygon, the number of crossed edges is odd (even-odd rule).

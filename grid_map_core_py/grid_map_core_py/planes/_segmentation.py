@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Segmentation: cells whose window is planar are grouped until each group lies on one plane.
+"""Segmentation: divides the cells whose window is planar into groups that lie on one plane each.
 
 Images in this module are transposed layers (cols, rows) in C order.
 """
@@ -33,9 +33,9 @@ class Cells(NamedTuple):
 
     Attributes:
         places: (N,) indices into the flat image.
-        points: (3, N) positions x, y, z; heights of outliers are filtered.
+        points: (3, N) positions x, y, z; the heights of outliers are median-filtered.
         slopes: (2, N) dz/dx and dz/dy of the plane of the window.
-        is_exact: (N,) cells that are no outliers; only these are fitted.
+        is_exact: (N,) mask of cells that are not outliers; planes are fitted to these cells only.
     """
 
     places: NDArray[np.int64]
@@ -54,7 +54,7 @@ class Cells(NamedTuple):
 def planar_cells(
     heights: Image, resolution: float, parameters: PlaneParameters
 ) -> tuple[Cells, Mask]:
-    """Return the planar cells of an image of heights [m], and the image of their mask."""
+    """Return the planar cells of an image of heights [m], and an image with their mask."""
     limits, median = parameters.sliding_window_plane_extractor, parameters.preprocessing
     distance = limits.global_plane_fit_distance_error_threshold
     steepest = math.tan(math.radians(limits.local_plane_inclination_threshold_degrees))
@@ -95,10 +95,11 @@ def planar_cells(
 
 
 def _continuation(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return two images of places, from which `2 * first - second` continues an image linearly.
+    """Return two images of flat indices, which continue an image beyond its known cells.
 
-    The first cell is the nearest known one, half-way to the second. For known cells, and if the
-    second cell would be unknown, both are the nearest known cell.
+    The first is the nearest known cell, the second is twice as far in this direction. The linear
+    continuation is 2 * first value - second value. For known cells, and if the second cell would be
+    unknown, both are the nearest known cell.
     """
     places, unknown = np.arange(known.size).reshape(known.shape), (~known).view(np.uint8)
     kind: Any = {"distanceType": cv2.DIST_L2, "maskSize": 5, "labelType": cv2.DIST_LABEL_PIXEL}
@@ -131,7 +132,7 @@ def _window_fits(heights: Image, size: int, resolution: float) -> tuple[list[Ima
 def fit_planes(
     groups: Groups, count: int, points: Numbers, weights: Numbers | float = 1.0
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Fit a plane to each group of points: weighted least squares, all groups at once.
+    """Fit a plane to each group of points with weighted least squares, all groups at once.
 
     Args:
         groups: (N,) group of each point, 0 to `count` - 1.
@@ -141,7 +142,8 @@ def fit_planes(
     Returns:
         planes: (3, count) dz/dx, dz/dy, and z at x = y = 0; NaN if a plane is not unique.
         centers: (3, count) point on each plane at the mean x, y.
-        covariances: (count, 3, 3) of height at the center and slopes, for weights 1 / variance.
+        covariances: (count, 3, 3) covariance of the height at the center, dz/dx and dz/dy, if the
+            weights are 1 / variance.
     """
 
     def sums(values: Any) -> Any:
@@ -175,10 +177,10 @@ def above_planes(points: Numbers, planes: Numbers, groups: Groups) -> Numbers:
 class Splitter:
     """Splits connected planar cells into planes.
 
-    Each round labels the connected components of the remaining cells and fits a plane to each. If
-    all cells but a few are near the plane and similarly inclined, the component is done. Otherwise
-    a RANSAC, whose hypotheses are local planes, finds the largest plane of the component; its cells
-    are done, and the others remain for the next round.
+    Each round fits a plane to each connected component of the remaining cells. If nearly all cells
+    of a component are close to its plane and similarly inclined, the component is done. Otherwise,
+    RANSAC finds the largest plane in the component, with planes of single windows as hypotheses.
+    The cells on this plane are done; the other cells remain for the next round.
     """
 
     def __init__(self, shape: tuple[int, int], limits: SlidingWindow) -> None:
@@ -188,9 +190,9 @@ class Splitter:
         self.cosine = math.cos(math.radians(limits.global_plane_fit_angle_error_threshold_degrees))
 
     def split(self, cells: Cells) -> Image:
-        """Return an image of round numbers, 0 for cells on no plane.
+        """Return an image of the round in which each cell is assigned to a plane; 0 for none.
 
-        Cells of one round are on the same plane if they are connected through their sides.
+        Cells of the same round that are connected through their sides are on the same plane.
         """
         rounds = np.zeros(self.shape, np.uint8)
         for number in range(1, _MOST_ROUNDS + 1):
@@ -221,7 +223,7 @@ class Splitter:
         return near
 
     def _best_hypotheses(self, cells: Cells, groups: Groups) -> Numbers:
-        """Return the local plane with the most inliers of each component."""
+        """Return, for each component, the plane of the window that has the most inliers."""
         # A random sample of each component, of which the first cells offer their local planes.
         random = np.random.default_rng(0).random(groups.size)
         sample = np.flatnonzero(random * np.bincount(groups)[groups] < _SCORED)
@@ -241,9 +243,9 @@ class Splitter:
         return fit_planes(groups.take(chosen), count, cells.points.take(chosen, axis=1))[0]
 
     def _judged(self, cells: Cells, groups: Groups, planes: Numbers) -> tuple[Mask, Mask]:
-        """Return masks of the cells near the plane of their group, and of the inliers.
+        """Return a mask of the cells near the plane of their group, and a mask of the inliers.
 
-        Inliers are also similarly inclined.
+        Inliers are near the plane and similarly inclined.
         """
         (a, b), (c, d, _) = cells.slopes, planes
         norms = self.cosine * np.sqrt(1 + c**2 + d**2)
@@ -252,16 +254,16 @@ class Splitter:
         return is_close, is_close & is_parallel
 
     def _near(self, cells: Cells, groups: Groups, planes: Numbers) -> Mask:
-        """Return the mask of cells near the plane of their group that are, or touch, an inlier.
+        """Return a mask of the cells near the plane of their group that are inliers or touch one.
 
-        The window of a cell at an edge includes cells beyond the edge, which tilt its local plane.
+        The window of a cell at an edge includes cells beyond the edge, which tilt its plane.
         """
         image = np.zeros(self.shape, np.uint8)
         is_close, image.reshape(-1)[cells.places] = self._judged(cells, groups, planes)
         return is_close & cv2.dilate(image, _CROSS).reshape(-1)[cells.places].view(np.bool_)
 
     def _components(self, places: NDArray[np.int64]) -> tuple[Groups, NDArray[np.int64]]:
-        """Return the number of the component of each place, and the size of each component."""
+        """Return the index of the component at each place, and the size of each component."""
         image = np.zeros(self.shape, np.uint8)
         image.reshape(-1)[places] = 1
         _, labels = cv2.connectedComponents(image, connectivity=4, ltype=cv2.CV_32S)

@@ -25,15 +25,14 @@ class PathCheck:
 
     Attributes:
         is_free: whether the robot may move along the whole path.
-        index: number of the first blocked pose; if the path is blocked between two poses, the
-            number of the pose before. None if the path is free.
-        pose: (3,) x, y, yaw of the first blocked pose, given or in between; None if there is none.
+        index: index of the first blocked pose, or of the last pose before the path is blocked
+            between two poses. None if the path is free.
+        pose: (3,) x, y, yaw where the path is first blocked; None if the path is free.
         blocked: (N, 2) buffer indices of the blocked cells under the footprint.
-        worst: lowest known value under the footprint; NaN if there is none.
-        mean: mean of the known values under the footprint, in which each cell counts once; NaN if
-            there is none.
-        unknown: share of unknown cells under the footprint, from 0 to 1; cells beyond the map are
-            unknown.
+        worst: lowest known value under the footprint; NaN if no value is known.
+        mean: mean of the known values under the footprint; NaN if no value is known. Each cell
+            counts once, even if several poses touch it.
+        unknown: share of cells under the footprint that are unknown or outside the map, 0 to 1.
     """
 
     is_free: bool
@@ -47,14 +46,15 @@ class PathCheck:
 
 @dataclass(frozen=True, eq=False)
 class PoseCheck(PathCheck):
-    """Result of `check_pose`: that of a path with one pose, and how the robot rests there.
+    """Result of `check_pose`: the attributes of `PathCheck`, and how the robot stands on its sole.
+
+    The attributes below are NaN without `surface`, or if no height under the footprint is known.
 
     Attributes:
-        height: height of the sole at the pose [m]; like all of the following, it is NaN without
-            `surface` or if no height under the footprint is known.
+        height: height of the sole at the pose [m]; `check_pose` describes the sole.
         roll, pitch: rotations of the sole about its x and y axes [rad], as in ROS: the roll is
             positive if the left side is higher, the pitch is positive if the front is lower.
-        clearance: height of the body above the highest cell [m]; NaN without `body_height`.
+        clearance: height of the body above the highest cell [m]; also NaN without `body_height`.
     """
 
     height: float
@@ -101,20 +101,20 @@ def check_pose(
     """Check whether a robot may stand at a pose.
 
     A pose is free if no cell that the footprint touches is blocked, and if all other given limits
-    hold. A cell is blocked if its value is below `limit`. It is unknown if it is beyond the map, or
-    if its value (or its height in `surface`) is not finite.
+    hold. A cell is blocked if its value is below `limit`. A cell is unknown if it is outside the
+    map, or if its value (or its height in `surface`) is not finite.
 
-    With `surface`, the robot stands on a flat sole of the size of the footprint. The sole rests on
-    the plane of the facet of the convex hull of the cells' heights that is above the mean of the
-    cells' centers. If the known cells are on a line, the sole is level across the line. The body is
-    level, `body_height` above the sole.
+    With `surface`, the robot stands on a flat sole of the size of the footprint. The known heights
+    under the footprint have a convex hull, whose upper side consists of flat facets. The sole is in
+    the plane of the facet at the mean position of these cells. If the cells are on a line, the sole
+    is level across the line. The body is level, `body_height` above the sole at the pose.
 
     Args:
         pose: (3,) x, y [m] and yaw [rad] of the footprint, map frame.
         layer: layer in which high values are good, such as traversability.
         limit: lowest value of a free cell.
         mean_limit: lowest mean of the known values under the footprint.
-        unknown: "blocked" or "free": how unknown cells count; their values never count.
+        unknown: whether unknown cells are "blocked" or "free"; their values are always ignored.
         surface: layer with heights [m].
         max_roll, max_pitch: largest absolute roll and pitch of the sole [rad].
         body_height: height of the underside of the body above the sole at the pose [m].
@@ -122,7 +122,7 @@ def check_pose(
 
     Raises:
         LayerNotFoundError: a layer does not exist.
-        ConfigError: a limit is NaN, or `surface` or `body_height` is missing.
+        ConfigError: an argument is invalid, or needs the missing `surface` or `body_height`.
         GeometryError: the pose is not finite.
         LimitError: the footprint is larger than the largest permitted map.
 
@@ -161,14 +161,14 @@ def check_path(
 ) -> PathCheck:
     """Check whether a robot may move along a path.
 
-    Between two poses, the robot moves straight ahead and turns evenly, the shorter way round (half
-    a turn: counter-clockwise). Poses are checked so close to each other that no corner of the
-    footprint moves by more than half a cell in between. An obstacle that comes at least a quarter
-    of a cell inside the footprint is therefore found.
+    Between two poses, the robot moves along a straight line and turns at a constant rate in the
+    shorter direction; half a turn is counter-clockwise. Poses in between are also checked. From one
+    checked pose to the next, each corner of the footprint moves by at most half a cell, so every
+    obstacle that reaches at least a quarter of a cell into the footprint is found.
 
     Args:
         poses: (N, 3) x, y [m] and yaw [rad] of the footprint along the path, map frame.
-        layer, ..., min_clearance: as for `check_pose`; the limits hold at each pose.
+        layer, ..., min_clearance: as for `check_pose`; the limits apply to each pose.
 
     Raises:
         LayerNotFoundError, ConfigError: as for `check_pose`.
@@ -221,9 +221,9 @@ class _Rules:
 def _check(
     grid_map: GridMap, footprint: Footprint, poses: Positions, indices: Integers, rules: _Rules
 ) -> tuple[PathCheck, list[float]]:
-    """Check poses (P, 3) with the numbers `indices` (P,).
+    """Check poses (P, 3); each lies at or after the pose of the path with its index in `indices`.
 
-    Also return height, roll, pitch and clearance at the last pose.
+    Return the result, and height, roll, pitch and clearance at the last pose.
     """
     is_blocked, union = np.zeros(len(poses), np.bool_), []
     rests = np.full((4, len(poses)), np.nan)
@@ -269,19 +269,19 @@ def _check(
 
 
 def _distinct(cells: Integers) -> Integers:
-    """Return cells (2, N) in order, each once."""
+    """Return the sorted cells (2, N) without duplicates."""
     _, first = np.unique(cells[0] * 2**32 + cells[1], return_index=True)
     return cells[:, first]
 
 
 def _on_map(grid_map: GridMap, cells: Integers) -> tuple[Integers, Mask]:
-    """Return the buffer indices (2, N) of cells in map order, and which are on the map (N,)."""
+    """Return buffer indices (2, N) of cells in map order, and a mask of the cells on the map."""
     size, start = np.array([grid_map.size, grid_map.start_index])[..., np.newaxis]
     return (cells + start) % size, ((cells >= 0) & (cells < size)).all(axis=0)
 
 
 def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, Layer, Mask]:
-    """Return values and heights (N,), NaN if unknown, and which cells are blocked."""
+    """Return values and heights (N,) of cells, NaN if unknown, and a mask of blocked cells."""
     (row, column), known = _on_map(grid_map, cells)
     heights = np.full(len(row), np.nan, np.float32)
     if rules.surface is not None:
@@ -297,8 +297,8 @@ def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, 
 def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
     """Return height, roll and pitch of a sole on points (N, 3), N > 0, relative to the robot [m].
 
-    The convex hull is the intersection of half spaces, so the plane of its upper facet at a
-    position is the lowest of the planes there.
+    The convex hull of the points is an intersection of half spaces. Therefore, its upper facet at
+    a position belongs to the plane that is lowest there.
     """
     from scipy.spatial import ConvexHull  # slow to import
 
@@ -324,7 +324,7 @@ def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, f
 
 
 def _as_poses(values: ArrayLike, name: str, axes: int) -> Positions:
-    """Return one pose x, y, yaw (`axes` 1) or several poses (2) as (P, 3)."""
+    """Check one pose (3,) if `axes` is 1, or poses (N, 3) if `axes` is 2; return them as (P, 3)."""
     poses: Positions = as_array(values, np.float64, name)
     is_finite = poses.size and np.isfinite(poses).all()
     if poses.ndim != axes or poses.shape[-1] != 3 or not is_finite:

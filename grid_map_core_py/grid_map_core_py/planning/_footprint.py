@@ -30,15 +30,15 @@ _BATCH = 2**17  # edges times cells that are compared at once; they fit into the
 class Footprint:
     """Outline of a robot on the ground; immutable.
 
-    The robot's origin need not be inside.
+    The origin of the robot's frame may be outside the outline.
 
     Args:
         points: (N, 2) corners x, y [m] in the robot's frame (x forward, y to the left), in order
-            along the outline; convex or not.
+            along the outline, which need not be convex.
 
     Raises:
-        GeometryError: fewer than three corners, edges that cross, a width below about 1e-6 m, or
-            numbers that are not finite.
+        GeometryError: there are fewer than three corners, edges cross, the outline is narrower than
+            about 1e-6 m, or a number is not finite.
 
     Example:
         >>> Footprint.rectangle(0.9, 0.5).points.tolist()
@@ -108,8 +108,8 @@ def touched_cells(
 
     Yields:
         batch: slice of the poses.
-        pose: (N,) number of the pose in the batch, ascending.
-        cells: (2, N) row and column in map order, which may be beyond the map.
+        pose: (N,) index within the batch of the pose that touches each cell, ascending.
+        cells: (2, N) rows and columns in map order; cells may be outside the map.
     """
     side = 2.0 * (footprint.radius / geometry.resolution + 1.0)
     check_cells("footprint", (side, side))
@@ -140,7 +140,7 @@ def touched_cells(
 
 
 def kernel_of(footprint: Footprint, resolution: float, yaw: float) -> NDArray[np.uint8]:
-    """Return a mask (2 r + 1, 2 c + 1) of the cells under a footprint in the middle cell."""
+    """Return a mask (2 r + 1, 2 c + 1) of the cells under a footprint at the mask's center."""
     one_cell, pose = GridGeometry((resolution, resolution), resolution), np.array([[0.0, 0.0, yaw]])
     ((_, _, cells),) = touched_cells(footprint, one_cell, pose)
     reach = np.abs(cells).max(axis=1, keepdims=True, initial=0)
@@ -156,17 +156,17 @@ def footprint_layer(
     yaws: int = 16,
     statistic: Literal["min", "mean", "max"] = "min",
 ) -> NDArray[np.float32]:
-    """Return a statistic of the values under the footprint, which stands at the center of a cell.
+    """Return a statistic of the values under the footprint, for every cell and several directions.
 
     Args:
-        layer: layer with the values; cells that are not finite, and cells beyond the map, are
-            unknown.
+        layer: layer with the values. Cells outside the map, and cells whose value is not finite,
+            are unknown.
         yaws: number of directions; the yaw of direction k is 2 pi k / `yaws`.
         statistic: lowest value, mean or highest value of the cells that the footprint touches.
 
     Returns:
-        (rows, cols, yaws) float32; rows and columns are ordered like the layers of the map. NaN if
-        a cell under the footprint is unknown.
+        (rows, cols, yaws) float32: the statistic for a footprint at the center of each cell, in the
+        order of the layers. NaN if a cell under the footprint is unknown.
 
     Raises:
         LayerNotFoundError: the layer does not exist.
@@ -199,7 +199,7 @@ def footprint_layer(
 def _means(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Return the means of the values under a kernel.
 
-    With `cv2.filter2D`, rounding errors would depend on distant values, and so on tile borders.
+    The rounding errors of `cv2.filter2D` depend on distant values, so it cannot be used for tiles.
     """
     padded = np.pad(image.astype(np.float64), [(size // 2, size // 2) for size in kernel.shape])
     edges = np.argwhere(np.diff(kernel, axis=1, prepend=0, append=0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A graph of the moves between cells of a map, and least costs in it."""
+"""A graph of the moves between the cells of a map, and least-cost paths in it."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ class Path:
     Attributes:
         positions: (N, 2) x, y [m], map frame, from start to goal; at most 2.3 cells apart.
         heights: (N,) height [m]; 0 if the graph has no elevation.
-        yaws: (N,) direction of travel [rad]; at the ends, the yaw of the start and of the goal if
-            they have one.
+        yaws: (N,) direction of travel [rad]; at the ends, the yaws of the start and the goal if
+            they are given.
         length: length of the path in 3-D [m].
-        cost: integral of the cost along the path, between the centers of its first and last cell.
+        cost: cost of the path from the center of its first cell to the center of its last cell.
     """
 
     positions: Positions
@@ -70,41 +70,40 @@ class Path:
 class TravelGraph:
     """Moves of a robot between the cells of a map, with their costs.
 
-    Moves lead from the center of a free cell to 8 or 16 neighbors. A diagonal move also needs both
-    cells at its corner, and a knight's move (two cells along, one across) both cells that it passes
-    between; these must be known and below `lethal`.
+    Moves lead from the center of a free cell to 8 or 16 neighbors. Diagonal moves and knight's
+    moves (two cells along, one across) pass between two other cells. Both of these cells must be
+    known and below `lethal`.
 
-    The cost of a move is its length in 3-D [m] times `1 + cost_weight * cost / 252`, where 252 is
-    Nav2's highest cost without a collision, and `cost` is the mean along the move: over both cells,
-    or over all four cells of a knight's move. Without a `cost` layer, it is the length.
+    The cost of a move is its length in 3-D [m] times `1 + cost_weight * cost / 252`. Here, `cost`
+    is the mean cost of the two cells, or of all four cells of a knight's move, and 252 is Nav2's
+    highest cost without a collision. Without a `cost` layer, the cost of a move is its length.
 
-    The graph is a snapshot: later changes of the map have no effect. With 16 neighbors, it needs
-    about 250 bytes per cell, and 400 while it is created.
+    The graph is a snapshot: later changes of the map have no effect. With 16 neighbors, the graph
+    needs about 250 bytes of memory per cell, and about 400 during its creation.
 
     Args:
         grid_map: the map.
         cost: layer of costs, not negative; None for a cost of 0 everywhere.
         cost_weight: extra cost per meter at a cost of 252; 0 finds the shortest path.
-        lethal: cells with at least this cost are blocked, 253 for costs of Nav2. None blocks
-            infinite costs only.
+        lethal: lowest cost at which a cell is blocked; 253 for costs of Nav2. None blocks only
+            infinite costs.
         elevation: layer of heights [m]; None for flat ground.
-        limits: steepest slopes; needs `elevation`. The slope along a move is that between its ends.
-            The slope across it is that of the gradient at each end: central differences, or
-            one-sided differences beside an unknown cell.
-        max_step: largest difference of height between two cells that share a side [m], for all
+        limits: steepest slopes; needs `elevation`. The slope along a move is measured between its
+            ends. The slope across a move is measured at each end, with central differences of
+            height, or with one-sided differences beside an unknown cell.
+        max_step: largest height difference between two cells that share a side [m], among the
             cells that a move passes; needs `elevation`.
-        footprint: outline of the robot. It must be free in the direction of a move at both ends.
-            None if the robot fits into a cell.
-        neighbors: number of moves from each cell, 8 or 16. On flat ground, costs are at most 8.3 %
-            or 2.8 % above the straight distance.
-        unknown: `"blocked"` or `"free"`, for cells whose cost is NaN; if free, they cost 0. Cells
+        footprint: outline of the robot. At both ends of a move, it must be free in the direction of
+            the move. None if the robot fits into a cell.
+        neighbors: number of moves from each cell, 8 or 16. On open, flat ground, costs exceed the
+            straight distance by at most 8.3 % with 8 moves, and by at most 2.8 % with 16.
+        unknown: whether cells whose cost is NaN are `"blocked"`, or `"free"` at a cost of 0. Cells
             whose elevation is NaN are always blocked.
 
     Raises:
         LayerNotFoundError: the map has no such layer.
         GeometryError: a number or a cost is out of range.
-        ConfigError: `neighbors` or `unknown` has another value, or an argument needs a layer that
-            is not given.
+        ConfigError: an argument is invalid, or needs a layer that is not given.
 
     Example:
         >>> grid_map = GridMap((3.0, 3.0), 1.0, layers={"cost": 0.0})
@@ -139,7 +138,7 @@ class TravelGraph:
         check(elevation is not None or not needs_heights, "elevation", expected, elevation)
 
         def padded(layer: str | None) -> Floats:
-            """Return a layer in map order with a border of NaN; 0 without a layer."""
+            """Return a layer, or zeros for None, in map order with a border of NaN."""
             values = np.zeros(grid_map.size) if layer is None else grid_map.unwrapped(layer)
             return np.pad(values.astype(np.float64), BORDER, constant_values=np.nan).ravel()
 
@@ -183,8 +182,8 @@ class TravelGraph:
         """Return the least cost from every cell to the nearest of the goals.
 
         Args:
-            goals: (M, 2) x, y [m], or (M, 3) with yaws [rad], in which the footprint must be free;
-                one goal may be (2,) or (3,).
+            goals: (M, 2) x, y [m], or (M, 3) with yaws [rad]; (2,) or (3,) for one goal. If a goal
+                has a yaw, the footprint must be free there in this direction.
 
         Raises:
             NoPathError: a goal is outside the map, blocked or unknown.
@@ -211,10 +210,10 @@ class TravelGraph:
         `CostField.path` returns further paths to the same goal much faster.
 
         Args:
-            start, goal: (2,) x, y [m], or (3,) with the yaw [rad]. A footprint must be free at the
-                goal in its yaw.
-            tolerance: distance from a goal that is blocked, unknown or out of reach to the end of
-                the path [m]. The path leads to the center of the nearest cell within reach.
+            start, goal: (2,) x, y [m], or (3,) with the yaw [rad]. If the goal has a yaw, the
+                footprint must be free there in this direction.
+            tolerance: largest distance from the goal to the end of the path [m]. If the goal is
+                not free or out of reach, the path ends at the center of the nearest cell in reach.
 
         Raises:
             NoPathError: the start or goal is outside the map, blocked or unknown, or no path
@@ -240,18 +239,18 @@ class TravelGraph:
         return self.cost_to([*nearest, *pose[2:]]).path(start)
 
     def _free_in(self, pose: Floats) -> Mask:
-        """Return the free cells where the footprint is also free in the yaw of a pose, if any."""
+        """Return the free cells; for a pose with a yaw, only those that are free in this yaw."""
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
-        """Return the center (2,) of the nearest of cells, and the distance [m]; inf without one."""
+        """Return the center (2,) of the cell nearest to a pose, and the distance [m], or inf."""
         centers = self._ground.to_positions(self._ground.cells(cells))
         centers = np.append(centers, [[np.inf, np.inf]], axis=0)
         distances = np.hypot(*(centers - pose[:2]).T)
         return centers[distances.argmin()], float(distances.min())
 
     def _cell(self, values: ArrayLike, name: str) -> int:
-        """Return the flat index of the free cell of a start or goal; raise `NoPathError`."""
+        """Return the flat index of the cell of a start or goal; raise `NoPathError` if not free."""
         pose, ground = _as_pose(values, name), self._ground
         place, cell = as_text(pose[:2]), ground.geometry.cell_at((pose[0], pose[1]))
         if cell is None:
@@ -275,8 +274,8 @@ class CostField:
     """Least cost from every cell to the nearest goal; `TravelGraph.cost_to` returns one.
 
     Attributes:
-        costs: (rows, cols) float64 in buffer order; inf where no path leads to a goal.
-            `grid_map["cost_to_go"] = field.costs` also holds on a moved map.
+        costs: (rows, cols) float64, inf where no path leads to a goal. The cells are in buffer
+            order, so `grid_map["cost_to_go"] = field.costs` adds them as a layer.
     """
 
     costs: Floats
@@ -288,8 +287,8 @@ class CostField:
     def path(self, start: ArrayLike) -> Path:
         """Return the path from a start to the nearest goal.
 
-        The path follows the least-cost moves between cells. It is then shortened where a straight
-        line is allowed and costs no more.
+        The path follows the least-cost moves between cells. Parts of the path are then replaced
+        with straight lines that are allowed and cost no more.
 
         Args:
             start: (2,) x, y [m], or (3,) with the yaw [rad].

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The ground that paths cross: free cells, costs, heights, and straight lines over them."""
+"""The ground under paths: free cells, costs and heights of a map, and straight lines across it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _AROUND = ROUNDING * np.array([[-1, -1, 1, 1], [-1, 1, 1, -1]])[..., np.newaxis,
 
 @dataclass(frozen=True)
 class SlopeLimits:
-    """Steepest slopes that a robot can travel [rad], from 0 to pi / 2, which means no limit.
+    """Steepest slopes that a robot can travel [rad], from 0 to pi / 2 (no limit).
 
     Attributes:
         up: slope along the path, upwards.
@@ -49,7 +49,7 @@ class SlopeLimits:
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
     def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
-        """Return whether lines (L,) with slopes `across` (N, L) [tangents] are allowed."""
+        """Return a mask of the allowed lines (L,); `across` (N, L) are tangents of cross slopes."""
         up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
         is_level = np.abs(across).max(axis=0) <= cross
         return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
@@ -57,19 +57,20 @@ class SlopeLimits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """Flat arrays (S,) of a map in map order with a border of blocked cells.
+    """The cells of a map and a border around them, as flat arrays (S,) in map order.
 
     Points are in cells: (2.0, 3.0) is the center of row 2, column 3 of the map.
 
     Attributes:
-        geometry: that of the map, without the border.
-        passable: known, finite cells below the lethal cost.
-        open: cells that the footprint may touch: the passable ones, and perhaps the border.
+        geometry: geometry of the map, without the border.
+        passable: mask of the cells with a finite height and a cost below the lethal cost.
+        open: mask of the cells that the footprint may touch: the passable cells, and the border if
+            the robot may leave the map.
         factor: cost per meter, at least 1.
         is_flat: whether all heights are 0.
-        heights: [m]; NaN where unknown.
+        heights: heights [m]; NaN where unknown.
         limits, max_step: steepest slopes (None for any), and largest step [m].
-        footprint: None for a robot that fits into a cell.
+        footprint: outline of the robot; None if the robot fits into a cell.
     """
 
     geometry: GridGeometry
@@ -84,7 +85,7 @@ class Ground:
 
     @property
     def stride(self) -> int:
-        """Flat offset from a row to the next one."""
+        """Distance between successive rows in the flat arrays."""
         return self.geometry.size[1] + 2 * BORDER
 
     def flat(self, row: Any, column: Any) -> Any:
@@ -142,12 +143,12 @@ class Ground:
     def move_costs(self, move: tuple[int, int], free: Mask) -> Floats:
         """Return the costs (S,) of a move by (rows, columns) from each cell; 0 if not allowed.
 
-        The move leads from one of the `free` cells (S,) to another one.
+        A move is allowed only between two cells of the mask `free` (S,).
         """
         (i, j), margin = move, self.flat(0, 0)
 
         def at(values: Any, cell: tuple[int, int]) -> Any:
-            """Return the values of a cell, given relative to the start of the move."""
+            """Return the values that are `cell` (rows, columns) away from each start of a move."""
             offset = margin + self.stride * cell[0] + cell[1]
             return values[offset : values.size - 2 * margin + offset]
 
@@ -178,7 +179,7 @@ class Ground:
 
         Args:
             begin, end: (2, M) end points of the lines [cells].
-            most: (M,) or scalar.
+            most: largest cost of an allowed line, (M,) or scalar.
         """
         pieces = np.maximum(np.ceil(np.abs(end - begin).max(axis=0)), 1.0)
         points, extent, line = divided(begin, end, pieces)
@@ -204,7 +205,7 @@ class Ground:
         return total, pieces
 
     def _over_pieces(self, begin: Floats, extent: Floats) -> tuple[Floats, Mask]:
-        """Return the costs (T,) of pieces at most a cell long, and whether they are allowed."""
+        """Return the costs (T,) of pieces of at most one cell, and a mask of the allowed pieces."""
         end = begin + extent
         before, after = np.floor(begin + 0.5), np.floor(end + 0.5)
         crossing = (np.maximum(before, after) - 0.5 - begin) / extent
@@ -212,7 +213,7 @@ class Ground:
         early, late = np.sort(np.where(before == after, 1.0, crossing), axis=0)
 
         def cells(fractions: list[Floats], offsets: Any = 0.0) -> Any:
-            """Return the flat indices of the cells at fractions of the pieces."""
+            """Return the flat indices of the cells at the given fractions of each piece."""
             points = begin[:, np.newaxis] + extent[:, np.newaxis] * np.stack(fractions)
             return self.flat(*np.floor(points[:, np.newaxis] + (0.5 + offsets)).astype(np.int64))
 
@@ -233,12 +234,12 @@ class Ground:
         return np.hypot(run, rise) * mean, allowed
 
     def shortened(self, points: Floats, lines: Floats, tested: Mask) -> tuple[Floats, Floats]:
-        """Drop every waypoint whose neighbors a straight line connects at no more cost.
+        """Drop each waypoint if a straight line between its two neighbors does not cost more.
 
         Args:
             points: (2, K) waypoints [cells].
             lines: (2, K - 1) cost of each line, and number of equal pieces to divide it into.
-            tested: (K,) waypoints that need no test, unless a neighbor is dropped.
+            tested: (K,) mask of waypoints to keep without a test, unless a neighbor is dropped.
         """
         odd, tested[[0, -1]] = 0, True
         # Waypoints that are not neighbors are independent, so every other one is tested at once.
@@ -260,11 +261,11 @@ class Ground:
 
 
 def divided(begin: Floats, end: Floats, pieces: Floats) -> tuple[Floats, Floats, Integers]:
-    """Divide lines from `begin` to `end` (D, M) into numbers of equal `pieces` (M,).
+    """Divide each line from `begin` to `end` (D, M) into `pieces` (M,) equal pieces.
 
     Returns:
-        begin, extent: (D, N) of the pieces, line by line.
-        line: (N,) number of the line.
+        begin, extent: (D, N) start and extent of each piece, line by line.
+        line: (N,) index of the line that each piece belongs to.
     """
     line = np.arange(len(pieces)).repeat(pieces.astype(np.int64))
     number = np.arange(line.size) - (np.cumsum(pieces) - pieces)[line]

@@ -2,8 +2,8 @@
 """Select the cells of a map in a shape, along a line or in a window.
 
 - Shapes: `circle_cells`, `ellipse_cells`, `polygon_cells`, `spiral_cells`, `submap_cells`,
-  `map_cells`; lines: `line_cells`, `line_cells_between`. Each function returns (rows, cols), which
-  index a layer. `cells_to_mask` converts the cells to a mask. Cells outside the map are omitted.
+  `map_cells`; lines: `line_cells`, `line_cells_between`. Each function returns a tuple (rows, cols)
+  that can index a layer. `cells_to_mask` converts it to a mask. Cells outside the map are omitted.
   The functions raise `GeometryError` for negative sizes and for numbers that are not finite, and
   `OutOfMapError` for indices outside the map.
 - Windows around every cell: `sliding_windows`, `window_array`.

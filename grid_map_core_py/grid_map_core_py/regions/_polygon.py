@@ -209,8 +209,8 @@ class Polygon:
     def to_inequality_constraints(self) -> tuple[Positions, Positions]:
         """Return (A, b) such that `A @ x <= b` holds for the points x of a convex polygon.
 
-        Each edge results in one row. The row is scaled such that A (x - m) is 1 on the edge, where
-        m is the mean of the vertices.
+        Each edge results in one row `a` of A. The row is scaled such that `a @ (x - m)` is 1 on the
+        edge, where m is the mean of the vertices.
 
         Returns:
             A: (E, 2).
@@ -255,7 +255,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Return vertices without consecutive duplicates (C, 2), and each vertex's index there."""
+        """Merge repeated vertices into corners (C, 2); also return each vertex's corner index."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -268,7 +268,7 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x of edges from `start` to `end` (2, ...) at the given `y`, rounded as in C++."""
+    """Return the x at `y` of edges from `start` to `end` (2, ...), rounded as in C++ grid_map."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -284,7 +284,7 @@ def _cross(a: Positions, b: Positions) -> Positions:
 
 
 def _doubled_areas(vertices: Positions) -> Positions:
-    """Return twice the signed areas (V,) of triangles between the first vertex and each edge."""
+    """Return twice the signed area of the triangle between the first vertex and each edge (V,)."""
     # Far from the origin, products of large coordinates would lose precision.
     points = vertices - vertices[0]
     return _cross(points, _following(points))
@@ -295,7 +295,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return `n` points (n, 2) on an arc from `start`, counter-clockwise by `turns` turns."""
+    """Return points (n, 2) from `start` on an arc around the origin, `turns` counter-clockwise."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start
@@ -303,7 +303,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return one half of the convex hull of sorted points: the chain to the right of all points."""
+    """Return the lower half of the convex hull of ascending points; the upper one if descending."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

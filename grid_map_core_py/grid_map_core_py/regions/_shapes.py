@@ -44,7 +44,7 @@ def map_cells(grid_map: GridMap) -> Cells:
 
 
 def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) of a block, row by row in map order; omit cells off the map.
+    """Return the cells (rows, cols) of a block that are on the map, row by row in map order.
 
     Args:
         start_index: buffer index of the block's cell with the largest x and y.
@@ -84,7 +84,7 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
 def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) whose centers are in a disc, row by row.
 
-    The disc is closed: a center within 1e-9 m of the rim is inside.
+    A center within 1e-9 m of the rim counts as inside.
 
     Args:
         center: (2,) center of the disc [m]; it may be outside the map.
@@ -174,12 +174,12 @@ def polygon_cells(
     Args:
         polygon: a `Polygon`, or (V, 2) vertices [m]. `Polygon.is_inside` defines which centers are
             inside. For fewer than three vertices, the function warns and returns no cells.
-        count_outside: if True, continue the grid beyond the map, and also return the number of
-            cells in the polygon but outside the map. A footprint check needs this number, because
-            cells outside the map are unknown, not free.
+        count_outside: whether to also return the number of cells in the polygon that would lie
+            outside the map if the grid continued there. A footprint check needs this number,
+            because cells outside the map are unknown, not free.
 
     Returns:
-        The cells. If `count_outside` is True, a tuple of the cells and the number.
+        The cells. If `count_outside` is True, a tuple of the cells and this number.
 
     Raises:
         LimitError: `count_outside` is True, and the polygon spans more cells than a map may have.
@@ -273,8 +273,8 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
 def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     """Return the buffer cells of Bresenham's line between two cells of the map.
 
-    The cells are computed in closed form. Along the axis with more steps, n, each cell is one step.
-    After k steps, the other axis, with m steps in total, has advanced by (n // 2 + k * m) // n.
+    The longer axis has n steps, and the other axis has m steps. After k steps along the longer
+    axis, the line has advanced by (n // 2 + k * m) // n steps along the other axis.
     """
     steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))
@@ -328,10 +328,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) of integer ranges, and the concatenated ranges (N,).
-
-    The ranges start at `first` (R,) and end before `stop` (R,).
-    """
+    """Return the lengths (R,) of the ranges from `first` to `stop` - 1, and their members (N,)."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)
