@@ -46,7 +46,7 @@ class Settings:
     """Parameters of the node `elevation_mapping`, except those of sources and of the mapper.
 
     Attributes:
-        map_frame_id: map frame, usually the odometry frame; it must not jump.
+        map_frame_id: frame of the map, usually the odometry frame; its poses must not jump.
         robot_base_frame_id: frame of the robot.
         track_point_frame_id: frame of the point that the map follows (tf only); empty means the
             robot frame.

@@ -85,13 +85,13 @@ def serialize(
 def view(data: Buffer, message_type: MessageType) -> Any:
     """Deserialize a CDR message to an object with the attributes of the message.
 
-    Nested messages are converted likewise. Sequences and arrays of numbers become NumPy arrays,
+    Nested messages become such objects too. Sequences and arrays of numbers become NumPy arrays,
     which share the memory of `data` if it is little-endian. Bytes after the message are ignored.
 
     Args:
         data: the serialized message, little- or big-endian.
-        message_type: class of the message, or the name of a type that needs no message package,
-            such as "grid_map_msgs/GridMap" or another type that `grid-map view` shows.
+        message_type: class of the message, or the type name, such as "grid_map_msgs/GridMap". Types
+            that `grid-map view` shows need no message package.
     """
     return _struct(message_type).read(_Reader(data))
 

@@ -29,8 +29,8 @@ def to_occupancy_grid_update(
 ) -> "OccupancyGridUpdate | None":
     """Return the update (`map_msgs`) that turns `before` into `after`; None if no cell differs.
 
-    The update is the bounding rectangle of the changed cells. `MessageError` is raised if the grids
-    differ in frame, size, resolution or origin.
+    The update covers the bounding rectangle of the changed cells. `MessageError` is raised if the
+    grids differ in frame, size, resolution or origin.
     """
     messages = messages_of("map_msgs", "to_occupancy_grid_update")
     return filled(messages.OccupancyGridUpdate(), before, after)
