@@ -70,7 +70,7 @@ ARRIVED = 0.35
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the demo terrain without holes, scaled up, and with obstacles along the path.
+    """Return the demo terrain, scaled up, without holes, and with obstacles along the path.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.

@@ -32,7 +32,7 @@ class PlannerSettings:
         max_step: largest step between neighboring cells [m]; 0 means no limit.
         footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`.
         robot_radius: radius of the robot [m] if `footprint` is empty; 0 means a point.
-        neighbors: number of directions in which a path can leave a cell.
+        neighbors: number of directions in which paths can leave a cell.
         unknown: `blocked`, or `free` (cost 0).
         tolerance: maximum distance from a blocked goal to the end of the plan [m].
         base_frame: tf2 frame of the robot. If empty, or without tf2, plans start at `initial_pose`.

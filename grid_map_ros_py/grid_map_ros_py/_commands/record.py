@@ -154,7 +154,7 @@ class _Recorder:
 
 
 def _definition_of(type_name: str) -> str:
-    """Return the definitions of a message type and of all nested types, as rosbag2 stores them.
+    """Return the definitions of a message type and all nested types, as rosbag2 stores them.
 
     The text is empty if a definition file is missing.
     """
