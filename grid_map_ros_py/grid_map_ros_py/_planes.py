@@ -82,8 +82,8 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
 def to_markers(regions: "PlanarRegions", header: Header) -> MarkerArray:
     """Return markers of the filled regions and their outlines, which replace all earlier markers.
 
-    The namespaces are `regions` and `outlines`. Each marker has the id of
-    its region, which also determines the color.
+    The namespaces are `regions` and `outlines`. Each marker has the id of its region, which also
+    determines the color.
     """
     corners, owners = triangles(regions.labels)
     x, y = regions.geometry.axes_in_map_order()

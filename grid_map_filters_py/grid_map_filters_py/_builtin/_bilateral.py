@@ -20,7 +20,7 @@ _FAR = np.float32(12.0)
 one to a missing value, has the weight 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Mean differences below this [standard deviations] become 0; missing values can cause them."""
+"""Mean differences below this limit [standard deviations] become 0; missing values cause them."""
 
 _PIECE = 2**16
 """Number of cells computed at once, small enough that temporary arrays fit into the cache."""

@@ -22,7 +22,7 @@ from ..parts._layer_filter import LayerFilter
 class Footprint(LayerFilter):
     """Compute the worst value under the robot's footprint at the center of every cell.
 
-    The footprint is turned to several directions, and the values of all directions are combined.
+    The footprint is turned to `yaws` directions, and the values of all directions are combined.
     Non-finite cells and cells beyond the map are unknown. If the footprint touches an unknown cell
     in a direction, the value of this direction is unknown.
 

@@ -24,10 +24,10 @@ _SMALLEST_SPREAD = 1e-8
 """Points define a plane if their variance across the main direction exceeds this value [m^2]."""
 
 _SMALLEST_GAP = 0.03
-"""`_smallest_eigenvectors` is imprecise if the product of relative eigenvalue gaps is smaller."""
+"""Product of relative eigenvalue gaps below which `_smallest_eigenvectors` is imprecise."""
 
 _SMALLEST_Z = 0.01
-"""`_smallest_eigenvectors` is imprecise if the z component of the normal is smaller."""
+"""z component of the normal below which `_smallest_eigenvectors` is imprecise."""
 
 _PIECE = 2**14  # number of cells whose normals are computed at once, to fit the cache
 

@@ -132,7 +132,7 @@ class PathPlannerNode(ConfiguredNode):
         self._log.error(f"no plan: {reason(error)}")
 
     def _follow(self) -> None:
-        """Plan to the goal from the topic; without a path, replace the plan with an empty one."""
+        """Plan to the last received goal; without a path, replace the plan with an empty one."""
         if self._goal is None:
             return
         self._failure = None
@@ -159,7 +159,7 @@ class PathPlannerNode(ConfiguredNode):
         return self._planner
 
     def _robot(self) -> Any:
-        """Return a message with the robot pose; raise `NoPathError` (`TF_ERROR`) if unknown."""
+        """Return the robot pose as a message; raise `NoPathError` (`TF_ERROR`) if it is unknown."""
         if self._tf and (base_frame := self._settings.base_frame):
             return PoseStamped(header=Header(frame_id=base_frame))
         if self._initial_pose is None:

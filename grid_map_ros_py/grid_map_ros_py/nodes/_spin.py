@@ -65,8 +65,8 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
     If `create_node` raises a `GridMapError` or a ROS error (invalid name, missing security keys),
     the error is logged as one message. The same applies to a `NodeFailedError` from a callback. All
-    other exceptions propagate. Parameters that are set but not declared cause
-    a warning. The node reports its state on `/diagnostics`; see `Health`.
+    other exceptions propagate. Parameters that are set but not declared cause a warning. The node
+    reports its state on `/diagnostics`; see `Health`.
 
     Args:
         create_node: class of the node, or a function that returns the node.
