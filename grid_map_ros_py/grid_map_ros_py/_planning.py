@@ -85,7 +85,7 @@ class PlannerSettings:
 
 
 class Planner:
-    """A map and the graph for path planning on it, which is built on first use."""
+    """A map with a graph for path planning; the graph is built on first use."""
 
     def __init__(self, grid_map: GridMap, settings: PlannerSettings) -> None:
         self.grid_map, self._settings = grid_map, settings

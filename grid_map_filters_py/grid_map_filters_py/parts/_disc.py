@@ -52,7 +52,7 @@ def need_neighbors(radius: float, resolution: float) -> None:
 
 @dataclass(frozen=True)
 class Disc:
-    """The cells within `radius` of a cell, and sums over the disc around every cell of a layer.
+    """Disc of the cells within `radius` of a center; computes sums over the disc of every cell.
 
     Args:
         radius: radius of the disc [m].

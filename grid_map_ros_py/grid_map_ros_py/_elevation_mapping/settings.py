@@ -43,7 +43,7 @@ POSITIVE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Parameters of the node `elevation_mapping`, except those of sources and of the mapper.
+    """Parameters of the node `elevation_mapping`, except source and mapper parameters.
 
     Attributes:
         map_frame_id: map frame, usually the odometry frame; poses in it must not jump.

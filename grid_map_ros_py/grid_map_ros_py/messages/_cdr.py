@@ -70,8 +70,8 @@ def serialize(
 
     Args:
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
-        arrays: values of sequence fields by field name, which replace those in the message. The
-            shape is (N,) for N numbers, or (N, k) for N messages that consist of k numbers of one
+        arrays: values by field name that replace sequence fields of the message. The shape
+            is (N,) for N numbers, or (N, k) for N messages that consist of k numbers of one
             type. The dtype must match the numbers in the field.
         message_type: type of the message, as for `view`; None means the class of `message`.
     """

@@ -310,7 +310,7 @@ def check_layout(message: "PointCloud2") -> None:
 def _view(
     message: "PointCloud2", first: "PointField", count: int | None = None
 ) -> npt.NDArray[Any]:
-    """Return `count` numbers per point, from field `first` onwards, as (N,) or (N, count)."""
+    """Return `count` numbers of each point, starting at field `first`, as (N,) or (N, count)."""
     count = first.count if count is None else count
     shape = (count,) if count > 1 else ()
     rows, dtype = (message.height, message.width), TYPES[first.datatype]
