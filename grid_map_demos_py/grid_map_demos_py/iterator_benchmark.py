@@ -3,10 +3,10 @@
 
     iterator_benchmark [SIDE ...]
 
-The program prints a table of times for square maps with SIDE cells per side. The first task
-computes the larger of two layer values in every cell, and the second task the mean of the 3 x 3
-cells around it. Each task is solved in several ways, from a Python loop to a single NumPy or OpenCV
-call. ROS is not required.
+The program prints a table of times for square maps with SIDE cells per side. In every
+cell, the first task computes the larger of two layer values, and the second task computes the mean
+of the surrounding 3 x 3 cells. Each task is solved in several ways, from a Python loop to a single
+NumPy or OpenCV call. ROS is not required.
 """
 
 import argparse

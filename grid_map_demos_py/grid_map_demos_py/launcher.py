@@ -182,7 +182,7 @@ def large_map_demo(arguments: Sequence[str] | None = None) -> int:
 
 
 def viewer() -> str:
-    """Return the first viewer module whose library is installed, or the last module if none is."""
+    """Return the first viewer module whose library is installed, or else the last module."""
     return next((VIEWERS[name] for name in VIEWERS if find_spec(name)), [*VIEWERS.values()][-1])
 
 

@@ -70,7 +70,7 @@ ARRIVED = 0.35
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the demo terrain without holes, scaled up, and with obstacles along the path.
+    """Return the demo terrain, scaled up, without holes, and with obstacles along the path.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.
@@ -113,7 +113,7 @@ class RobotCourse:
     def terrain_at(self, seconds: float) -> GridMap:
         """Return the terrain, including the person if present.
 
-        The layer `person` is the height of the person above the ground [m], and NaN elsewhere.
+        The layer `person` contains the height of the person [m], and NaN where no person is.
         """
         # The person appears once per lap (54.4 s at 0.6 m/s).
         walk, terrain = seconds % 54.4 - 4.5, self.ground
@@ -186,7 +186,7 @@ class Walker:
     Attributes:
         position: (2,) position [m].
         way: (2,) unit vector in the direction of the robot's heading.
-        plan: (N, 2) positions of the plan that are still ahead [m].
+        plan: (N, 2) positions of the plan that the robot has not reached yet [m].
     """
 
     def __init__(self) -> None:

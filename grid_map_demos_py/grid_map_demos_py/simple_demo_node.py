@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_simple_demo`: publishes a map with a moving wave.
-
-The node publishes on `grid_map`, 30 times a second.
-"""
+"""Node `grid_map_simple_demo`: publishes a moving wave on `grid_map`, 30 times a second."""
 
 import numpy as np
 

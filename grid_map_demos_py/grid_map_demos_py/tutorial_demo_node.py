@@ -64,7 +64,7 @@ def cells_to_filter(grid_map: GridMap) -> Cells:
 
 
 def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
-    """Set `elevation_filtered` to weighted means in `cells`, and `error` to its absolute error."""
+    """Store weighted means of `cells` in `elevation_filtered`, and absolute errors in `error`."""
     noisy = grid_map["elevation_noisy"]
     grid_map["elevation_filtered"] = noisy
     # OpenCV processes a layer as an image, so no loop over the cells is needed.

@@ -179,8 +179,8 @@ def in_map_order(call: C) -> C:
     """Decorator for the `__call__` of filters that need maps in map order.
 
     If the start index of the input is not (0, 0), the filter gets a reordered map, and its result
-    gets the original start index. This matters only outside chains, because chains reorder maps
-    themselves. The decorator also lets temporary arrays reuse freed memory.
+    gets the original start index. Reordering matters only outside chains, because chains do
+    the same. The decorator also lets temporary arrays reuse freed memory.
     """
 
     @functools.wraps(call)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs filter chains on many maps from bags, folders or generators, without a node.
 
-`filter_maps` accepts an iterable of maps, or of items, such as bag messages, that the function
-`load` converts to maps. Each result includes its item.
+`filter_maps` accepts an iterable of maps. It also accepts other items, such as bag messages, if the
+function `load` converts them to maps. Each result includes its item.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized

@@ -116,7 +116,7 @@ class FilteredTiles:
 
         Returns:
             The resulting map, and the window that it covers. A window that is only slightly too
-                large is not cropped, as this would copy all layers. Its additional cells may be
+                large is not cropped, as that would copy all layers. Its additional cells may be
                 wrong, because the filters treat the window border as the map border.
         """
         while count and not self.steps[count - 1].writes & names:

@@ -4,7 +4,7 @@
 The package re-exports the public names of `messages` and `bags` and imports them lazily. Bags and
 message decoding work without rclpy and without message packages. `nodes` contains building blocks
 for your own nodes, such as subscriptions, parameters and `run`. `testing` starts nodes for tests.
-Both require rclpy.
+`nodes` and `testing` require rclpy.
 """
 
 from typing import TYPE_CHECKING

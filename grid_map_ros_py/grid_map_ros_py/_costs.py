@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cost layers for the node `costmap`: whole numbers from 0 to 254; NaN means unknown."""
+"""Cost layers for the node `costmap`. Costs are whole numbers from 0 to 254 or NaN (unknown)."""
 
 import itertools
 import math
@@ -83,7 +83,7 @@ def resampled(
     unknown. A map that already has this frame, resolution and alignment is returned unchanged.
 
     Args:
-        grid_map, layer: the costs.
+        grid_map, layer: the map and the name of its cost layer.
         transform: pose of the map's frame in the frame `frame_id`.
         frame_id, resolution: frame and cell size [m] of the result.
         worst_below_unknown: highest cost that ranks below unknown.

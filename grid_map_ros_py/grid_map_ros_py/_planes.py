@@ -28,7 +28,7 @@ CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 
 
 def on_plane(region: "PlanarRegion", points: Positions) -> Positions:
-    """Return points (..., 2) x, y [m] as points (..., 3) on the plane of a region."""
+    """Return the points (..., 3) on the plane of a region at the positions (..., 2) x, y [m]."""
     normal, center = region.normal, region.center
     z = center[2] - (points - center[:2]) @ normal[:2] / normal[2]
     return np.concatenate([points, z[..., None]], axis=-1)
@@ -50,11 +50,11 @@ def plane_frame(region: "PlanarRegion") -> Positions:
 def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Divide the polygons of `PlanarRegions` into triangles between cell centers.
 
-    A block of 2 x 2 cells is filled if all four have one label, and half filled if three have.
-    Filled blocks of one row are merged.
+    A block of 2 x 2 cells is filled if all four cells have the same label, and half filled if
+    three do. Adjacent filled blocks in a row are merged.
 
     Args:
-        labels: (rows, cols) labels in map order; 0 for none.
+        labels: (rows, cols) labels in map order; 0 means no region.
 
     Returns:
         corners: (T, 3, 2) row and column of the corners, counter-clockwise in the map.
@@ -80,9 +80,9 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def to_markers(regions: "PlanarRegions", header: Header) -> MarkerArray:
-    """Return the filled regions and their outlines; all earlier markers of the topic are deleted.
+    """Return markers of the filled regions and their outlines, which replace all earlier markers.
 
-    The namespaces are `regions` and `outlines`. The id of a marker is that of its region, and
+    The namespaces are `regions` and `outlines`. Each marker has the id of its region, which also
     determines the color.
     """
     corners, owners = triangles(regions.labels)
@@ -125,8 +125,8 @@ def to_polygons(regions: "PlanarRegions", header: Header) -> list[PolygonStamped
 def to_terrain(regions: "PlanarRegions", gridmap: Any, package: Any) -> Any:
     """Return a `convex_plane_decomposition_msgs/PlanarTerrain`.
 
-    The polygons are in the frames of their planes. As they are already smaller than the planar
-    ground, the only inset of a region is its boundary.
+    Each polygon is in the frame of its plane. The polygons are already smaller than the planar
+    ground, so the boundary of a region is also its only inset.
 
     Args:
         regions: the regions.

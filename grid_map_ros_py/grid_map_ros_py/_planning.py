@@ -23,16 +23,16 @@ class PlannerSettings:
 
     Attributes:
         cost_layer: layer with costs from 0 to 254; NaN means unknown. Empty means no costs.
-        cost_weight: a path through cost 252 counts as `1 + cost_weight` times its length.
+        cost_weight: weight of costs. A path at cost 252 counts `1 + cost_weight` times its length.
         lethal: smallest cost that blocks a cell.
         elevation_layer: layer with heights [m]; NaN blocks a cell. Empty means flat ground.
-        max_slope_up: largest slope upwards [rad]; 0 means no limit.
-        max_slope_down: largest slope downwards [rad]; 0 means no limit.
+        max_slope_up: largest upward slope [rad]; 0 means no limit.
+        max_slope_down: largest downward slope [rad]; 0 means no limit.
         max_slope_cross: largest slope across the path [rad]; 0 means no limit.
         max_step: largest step between neighboring cells [m]; 0 means no limit.
         footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`.
         robot_radius: radius of the robot [m] if `footprint` is empty; 0 means a point.
-        neighbors: number of directions in which paths leave a cell.
+        neighbors: number of directions in which paths can leave a cell.
         unknown: `blocked`, or `free` (cost 0).
         tolerance: maximum distance from a blocked goal to the end of the plan [m].
         base_frame: tf2 frame of the robot. If empty, or without tf2, plans start at `initial_pose`.
@@ -85,7 +85,7 @@ class PlannerSettings:
 
 
 class Planner:
-    """A map, and its graph with fixed settings, which is built when it is first used."""
+    """A map with a graph for path planning; the graph is built on first use."""
 
     def __init__(self, grid_map: GridMap, settings: PlannerSettings) -> None:
         self.grid_map, self._settings = grid_map, settings
@@ -108,10 +108,10 @@ class Planner:
         )
 
     def blocked(self, positions: Positions) -> Mask:
-        """Return which positions (N, 2) [m] of a plan are not free, or not free to reach.
+        """Return a mask (N,) of the positions (N, 2) [m] of a plan that are blocked or unreachable.
 
-        The way from a position to the next is free if both are in the same cell, if the graph has
-        a move between their cells, or if the straight line obeys all limits.
+        A position is reachable from the previous one if both are in the same cell, if the graph
+        has a move between their cells, or if the straight line between them obeys all limits.
         """
         graph, ground = self.graph, self.graph._ground
         cells, inside = self.grid_map.geometry.cells_at(positions)

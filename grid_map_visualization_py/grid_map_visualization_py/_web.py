@@ -48,8 +48,8 @@ def names_of(host: str, allowed_hosts: Sequence[str]) -> set[str]:
 def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) -> bool:
     """Return True if the page may answer a request with these headers.
 
-    `Host` must be an IP address or one of `names`, which prevents DNS rebinding (foreign names that
-    resolve to this machine). `Origin` must be the page itself, or missing, because only browsers
+    `Host` must be an IP address or one of `names`. This rule prevents DNS rebinding (foreign names
+    that resolve to this machine). If `Origin` exists, it must be the page itself; only browsers
     send it.
     """
     host = headers.get("Host", "").lower()

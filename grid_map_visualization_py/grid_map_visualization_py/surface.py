@@ -6,9 +6,9 @@ triangles if all four heights are finite, one triangle if three are finite, and 
 The square is split along the diagonal with the smaller height difference (the higher diagonal if
 the differences are equal), so that edges and ridges are straight.
 
-If a map has more than `max_drawn_cells` cells, only every n-th row and column and those at the
-border are kept. Values are not averaged. Rows and columns are chosen by position in the map frame,
-so that the surface of a moving map does not flicker.
+If a map has more than `max_drawn_cells` cells, only every n-th row and column, and the rows and
+columns at the border, are kept. Values are not averaged. Rows and columns are chosen by position in
+the map frame, so that the surface of a moving map does not flicker.
 """
 
 from collections.abc import Iterator

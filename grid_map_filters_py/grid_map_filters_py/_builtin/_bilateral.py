@@ -20,7 +20,7 @@ _FAR = np.float32(12.0)
 one to a missing value, has the weight 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Smaller mean differences [standard deviations] become 0: missing values can cause them."""
+"""Mean differences below this limit [standard deviations] become 0; missing values cause them."""
 
 _PIECE = 2**16
 """Number of cells computed at once, small enough that temporary arrays fit into the cache."""
@@ -37,7 +37,7 @@ class Bilateral(LayerFilter):
     Attributes:
         sigma_space: standard deviation of the distance Gaussian [m].
         sigma_range: standard deviation of the value Gaussian, in the unit of the layer; steps
-            much higher than this stay sharp.
+            much higher than `sigma_range` stay sharp.
         radius: radius of the disc [m]; by default 3 times `sigma_space`.
     """
 

@@ -85,7 +85,7 @@ def _blended(
     front: tuple[Value, ...],
     weights: tuple[Value, ...],
 ) -> Value:
-    """Return the color of a cell; `front` holds its channels (0 to 1) at full opacity."""
+    """Return the color of a cell; `front` holds the blended channels (0 to 1) at full opacity."""
     r = FULL * (back[0] * weights[1] + front[0] * weights[0])
     g = FULL * (back[1] * weights[1] + front[1] * weights[0])
     b = FULL * (back[2] * weights[1] + front[2] * weights[0])

@@ -36,8 +36,8 @@ class Cost(CellFilter):
         lethal_value: value that gets cost 254; may be less than `free_value`.
         unknown: cost of unknown cells: `unknown` means NaN, `lethal` 254, `free` 0.
         lethal_layer: layer with a second criterion, such as step height.
-        lethal_above: cells where `lethal_layer` exceeds this value are lethal, even if unknown. NaN
-            in `lethal_layer` has no effect.
+        lethal_above: limit of `lethal_layer`. Cells above it are lethal, even if unknown. NaN in
+            `lethal_layer` has no effect.
     """
 
     input_layer: str

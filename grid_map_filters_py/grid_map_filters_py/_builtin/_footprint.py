@@ -22,8 +22,9 @@ from ..parts._layer_filter import LayerFilter
 class Footprint(LayerFilter):
     """Compute the worst value under the robot's footprint at the center of every cell.
 
-    The values of all directions are combined. Cells that are not finite, and cells beyond the map,
-    are unknown; the value of a direction in which the footprint touches an unknown cell is unknown.
+    The footprint is turned to `yaws` directions, and the values of all directions are combined.
+    Non-finite cells and cells beyond the map are unknown. If the footprint touches an unknown cell
+    in a direction, the value of this direction is unknown.
 
     Attributes:
         input_layer: values, such as traversability.
@@ -32,11 +33,10 @@ class Footprint(LayerFilter):
             or (as in Nav2) a string.
         radius: radius of a round robot [m]; replaces `footprint`.
         yaws: number of directions, evenly spread over a full turn.
-        statistic: value of a direction: `min` and `mean` suit layers in which high values are good,
-            such as traversability; `max` suits layers in which high values are bad, such as costs.
-        directions: `worst` results in the value of the worst direction (all directions are free),
-            NaN if a direction is unknown; `best` in that of the best known direction (some
-            direction is free).
+        statistic: how the cells under the footprint are combined: `min` or `mean` if high values
+            are good, as for traversability; `max` if high values are bad, as for costs.
+        directions: how directions are combined: `worst` gives the value of the worst direction, or
+            NaN if a direction is unknown; `best` gives the value of the best known direction.
     """
 
     footprint: str | tuple[tuple[float, ...], ...] | None = None

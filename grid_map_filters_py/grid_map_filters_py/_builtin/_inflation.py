@@ -38,8 +38,8 @@ class Inflation(LayerFilter):
             replaces `inscribed_radius`.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
-        inflate_unknown: set unknown cells to their inflated cost if this is at least 1; if false,
-            only if it is at least 253.
+        inflate_unknown: if true, inflated costs of 1 or more replace unknown values; if false, only
+            those of 253 or more.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 

@@ -281,8 +281,8 @@ def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     """Yield strips of columns, each with a mask of the holes that are filled together.
 
     The value of a filled cell depends only on the cells within the radius and on their neighbors.
-    Groups of holes that are farther apart are independent, so filling only the columns around a
-    group gives exactly the same values as filling the whole layer.
+    Groups of holes that are more than `near` cells apart are therefore independent. Filling only
+    the columns around a group gives exactly the same values as filling the whole layer.
 
     Args:
         holes: (rows, columns) mask of all holes.

@@ -17,7 +17,7 @@ class PlanarRegions(ContourExtraction, Preprocessing, SlidingWindow):
 
     Attributes:
         input_layer: heights [m].
-        output_layer: layer for the number of the region of each cell; 0 means none. The numbers
+        output_layer: layer for the region number of each cell; 0 means no region. The numbers
             change from map to map.
     """
 

@@ -15,7 +15,7 @@ from ..parts._blocks import blockwise
 
 @dataclass(frozen=True, kw_only=True)
 class Threshold(CellFilter):
-    """Set cells of a layer to a value where this or another layer is below or above a threshold.
+    """Set cells of a layer to a value where a condition layer is below or above a threshold.
 
     Attributes:
         layer: layer used as both `condition_layer` and `output_layer`.

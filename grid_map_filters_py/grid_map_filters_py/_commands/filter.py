@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _YAML = (".yaml", ".yml")
 _ON_TILES = ("layers", "max_hole", "large_holes")
 _IN_MEMORY = ("timing", "keep_going")
-"""Options that are valid only for maps in memory; those in `_ON_TILES`, only for tiled maps."""
+"""Options only for maps in memory; `_ON_TILES` contains the options only for tiled maps."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

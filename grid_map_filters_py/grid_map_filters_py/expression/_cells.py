@@ -25,9 +25,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers, which hide functions and constants of the same name. None means
-            unknown: calls that may index a layer, such as `mean(2, 3)`, are then treated as
-            indexing, but no constant is treated as hidden.
+        layers: names of the layers, which hide functions and constants of the same name. If None,
+            calls that may index a layer, such as `mean(2, 3)`, are treated as indexing, but no
+            constant is treated as hidden.
         reduced: treat reductions as numbers.
     """
 

@@ -191,8 +191,8 @@ class Function:
             argument.
         keeps_nan: True if the function is elementwise, and NaN in any argument gives NaN.
         skips_nan: True if the function has one argument and ignores its NaN elements.
-        reduces: number of arguments with which a call reduces the elements or the shape of the
-            first argument to a number; 0 if there is none.
+        reduces: number of arguments in a call that reduces the first argument, or its shape, to a
+            number; 0 if no call does.
     """
 
     apply: Callable[..., Any]

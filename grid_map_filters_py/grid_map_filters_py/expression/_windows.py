@@ -126,9 +126,9 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
 def skips_missing(root: Node, name: str) -> bool:
     """Return whether cropping the windows of the layer `name` is equivalent to padding with NaN.
 
-    With padding, all windows have the same size, and the border needs no special treatment. Both
-    are equivalent if each use of the window ends in a reduction that skips NaN, after functions
-    that keep NaN. If this simple analysis cannot decide, the result is False.
+    With padding, all windows have the same size, and the border needs no special treatment.
+    Padding gives the same result if only functions that keep NaN are applied to a window before a
+    reduction that skips NaN. If this simple analysis cannot decide, the result is False.
     """
     # If a layer hides a function, parentheses after the name mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)

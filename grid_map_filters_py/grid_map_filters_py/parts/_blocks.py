@@ -38,7 +38,7 @@ def blockwise(function: Callable[..., npt.NDArray[Any]], *layers: Layer, reach: 
             cell of the result must depend only on cells that are at most `reach` rows and columns
             away.
         layers: (rows, cols) arrays of equal shape in map order.
-        reach: whole number of cells. If `WHOLE_MAP`, the function is called once with whole layers.
+        reach: reach of `function` [cells]; if `WHOLE_MAP`, whole layers are passed in one call.
 
     Returns:
         (rows, cols) float32 in Fortran order.

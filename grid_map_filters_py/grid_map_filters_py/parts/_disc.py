@@ -52,7 +52,7 @@ def need_neighbors(radius: float, resolution: float) -> None:
 
 @dataclass(frozen=True)
 class Disc:
-    """The cells within `radius` of a cell, and sums over the disc around every cell of a layer.
+    """Disc of the cells within `radius` of a center; computes sums over the disc of every cell.
 
     Args:
         radius: radius of the disc [m].
@@ -202,7 +202,7 @@ class Disc:
 def typical_value(layer: Layer) -> float:
     """Return the approximate median of the finite values; 0 if there are none.
 
-    Subtracting it preserves the precision of sums, even at heights of 1000 m and with outliers.
+    Subtract this value to preserve the precision of sums at large heights and with outliers.
     """
     flat = layer.ravel("K")
     sample = flat[:: flat.size // 1000 + 1]

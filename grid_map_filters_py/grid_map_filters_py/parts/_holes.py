@@ -118,7 +118,7 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: holes of at most this length [cells] are omitted, unless they touch the tile border.
+        length: maximum length of omitted holes [cells]; holes at the tile border are never omitted.
     """
 
     layer: str

@@ -40,7 +40,7 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
         output: (rows, cols) array in Fortran order, to which the medians are written.
         layer: (rows, cols) array in Fortran order.
         cells: (rows, cols) bool mask of the chosen cells, in Fortran order.
-        half_width: squares have 2 half_width + 1 cells per side and are cropped at the map border.
+        half_width: number of cells on each side of the center; squares are cropped at the border.
     """
     # Wider squares would contain no additional cells.
     half_width, chosen = min(half_width, max(layer.shape) - 1), cells

@@ -24,10 +24,10 @@ _SMALLEST_SPREAD = 1e-8
 """Points define a plane if their variance across the main direction exceeds this value [m^2]."""
 
 _SMALLEST_GAP = 0.03
-"""If the product of relative eigenvalue gaps is smaller, `_smallest_eigenvectors` is imprecise."""
+"""Product of relative eigenvalue gaps below which `_smallest_eigenvectors` is imprecise."""
 
 _SMALLEST_Z = 0.01
-"""If the z component of the normal is smaller, `_smallest_eigenvectors` is imprecise."""
+"""z component of the normal below which `_smallest_eigenvectors` is imprecise."""
 
 _PIECE = 2**14  # number of cells whose normals are computed at once, to fit the cache
 
@@ -76,7 +76,7 @@ def _slope(heights: Field, resolution: float) -> Field:
 def plane_deviations(layer: Layer, offset: float, radius: float, resolution: float) -> Field:
     """Return the standard deviation [m] of the points in each disc from their fitted plane.
 
-    `area_normals` defines the plane. The sample standard deviation is used (n - 1 in the
+    The planes are those of `area_normals`. The sample standard deviation is used (n - 1 in the
     denominator). The result is NaN where the layer is not finite or the disc contains only one
     point.
     """

@@ -46,7 +46,7 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
 
     Args:
         function: called by several threads at once, with one part per call, in no particular order.
-        parts: may be an iterator that is not thread-safe; only one thread at a time advances it.
+        parts: arguments of the calls. An iterator is advanced by only one thread at a time.
 
     Raises:
         Exception: a call failed; no further calls are started.

@@ -30,7 +30,7 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", r
 class Session:
     """Context manager for a ROS node without parameter services.
 
-    SIGINT, SIGTERM and SIGHUP set `ended`.
+    After SIGINT, SIGTERM or SIGHUP, the attribute `ended` is True.
 
     Raises:
         CommandError: ROS rejects the environment settings, or security keys are missing.

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Record until a signal, a limit or a full disk ends the recording; the bag is always valid."""
+    """Record until a signal, a limit or a full disk ends the recording. The bag is always valid."""
     if options.all == bool(options.topics):
         raise UsageError("name the topics to record, or use --all")
     check_positive(options, "duration", "count")
@@ -154,7 +154,7 @@ class _Recorder:
 
 
 def _definition_of(type_name: str) -> str:
-    """Return the definitions of a message type and of all nested types, as rosbag2 stores them.
+    """Return the definitions of a message type and all nested types, as rosbag2 stores them.
 
     The text is empty if a definition file is missing.
     """

@@ -76,7 +76,7 @@ class Camera:
         return np.where(is_seen[:, None], pixels, np.nan)
 
     def rays(self, stride: int = 1) -> npt.NDArray[np.float32]:
-        """Return x and y at depth 1 (rows, cols, 2) of the rays through every `stride`-th pixel.
+        """Return x, y at depth 1 (rows, cols, 2) for the rays through every `stride`-th pixel.
 
         A ray is NaN if the distortion of its pixel cannot be inverted.
         """

@@ -50,7 +50,7 @@ class ElevationFusion:
         clears_before_scan: whether to clear the map before each scan.
         image_fusions: fusion methods of image channels, by channel name or regular expression.
         report: last report of the mapper; None before the first scan.
-        milliseconds: last duration and moving mean of the durations of each stage [ms].
+        milliseconds: last duration and moving mean duration of each stage [ms].
         version: number of changes to the map.
         changed: time of the last change [s], on the steady clock; None before the first change.
         warnings: warnings that the caller must log and then remove from this list.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Publishers of the raw and the filtered map of elevation mapping.
+"""Publishers of the raw and the filtered elevation map.
 
 Another package provides the filter chains through the entry-point group `grid_map_ros_py.chains`.
 """

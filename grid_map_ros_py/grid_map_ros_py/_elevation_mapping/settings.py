@@ -43,10 +43,10 @@ POSITIVE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Parameters of the node `elevation_mapping`, except those of sources and of the mapper.
+    """Parameters of the node `elevation_mapping`, except source and mapper parameters.
 
     Attributes:
-        map_frame_id: map frame, usually the odometry frame; it must not jump.
+        map_frame_id: map frame, usually the odometry frame; poses in it must not jump.
         robot_base_frame_id: frame of the robot.
         track_point_frame_id: frame of the point that the map follows (tf only); empty means the
             robot frame.
@@ -61,7 +61,7 @@ class Settings:
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: coordinate of the initial map center [m].
         resolution: cell size [m].
-        visibility_cleanup_rate: 0 disables visibility cleanup; other values have no effect.
+        visibility_cleanup_rate: 0 disables visibility cleanup; otherwise, the value is ignored.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].

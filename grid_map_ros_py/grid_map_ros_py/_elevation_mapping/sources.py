@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters of input sources and of their sensor models.
+"""Parameters of input sources and their sensor models.
 
 The parameters have the same names as in the ROS 1 package `elevation_mapping` or, for channels, in
 `elevation_mapping_cupy`.

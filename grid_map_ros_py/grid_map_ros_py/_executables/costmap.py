@@ -45,8 +45,8 @@ class CostmapSettings:
         layer: layer with integer costs from 0 to 254; NaN means unknown.
         frame_id: frame of the costmap; empty means the map frame. Other frames require tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
-        origin_grid: send the largest part of the map with borders at multiples of this number of
-            cells.
+        origin_grid: crop the map to borders at multiples of this number of cells from the frame
+            origin.
         unknown: rank of unknown map cells if a costmap cell touches several map cells: `worst`
             (above all costs) or `above_free` (between costs 0 and 1).
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
@@ -69,10 +69,11 @@ class CostmapSettings:
 
 
 class Output:
-    """Publisher of latched full grids of type `kind` and, unless `update` is None, of updates.
+    """Publishes latched full grids of type `kind`, and also updates if `update` is not None.
 
-    An update expires after `period` [s] and is followed by two full grids, one per period. They
-    correct the grid of a late subscriber that applied the update to a newer grid.
+    A late subscriber may receive a latched update after a newer full grid, and apply it to that
+    grid by mistake. Therefore, an update expires after `period` [s], and two full grids follow it,
+    one per period.
     """
 
     def __init__(self, node: Node, topic: str, kind: type, update: Any, period: float) -> None:
@@ -170,7 +171,7 @@ class CostmapNode(ConfiguredNode):
     # --- parameters -------------------------------------------------------------------------------
 
     def _apply(self, settings: CostmapSettings) -> None:
-        """Apply changed settings to the next map; resubscribe to receive a latched map again."""
+        """Use the changed settings for later maps; resubscribe to receive a latched map again."""
         before, self._settings = self._settings, settings
         self._waiting.clear()
         self._subscription.destroy()

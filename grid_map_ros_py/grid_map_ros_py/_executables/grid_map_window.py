@@ -112,7 +112,7 @@ class GridMapWindowNode(ConfiguredNode):
     # --- windows ----------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        """Publish a window if the robot has moved or maps were merged, limited to `rate`."""
+        """Publish a window, at most at `rate`, if the robot has moved or maps were merged."""
         self._note_merged()
         found, now = self._poses.latest(), time.monotonic()
         if found is None:

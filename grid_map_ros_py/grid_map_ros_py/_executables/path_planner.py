@@ -46,7 +46,7 @@ UNKNOWN = 200
 
 
 class PathPlannerNode(ConfiguredNode):
-    """Plans on the latest map, and plans again when a map blocks the plan."""
+    """Plans paths on the latest map, and plans again when a new map blocks the current path."""
 
     def __init__(self) -> None:
         super().__init__("path_planner")
@@ -132,7 +132,7 @@ class PathPlannerNode(ConfiguredNode):
         self._log.error(f"no plan: {reason(error)}")
 
     def _follow(self) -> None:
-        """Plan to the goal of the topic; if there is no path, replace the plan by an empty one."""
+        """Plan to the last received goal; without a path, replace the plan with an empty one."""
         if self._goal is None:
             return
         self._failure = None
@@ -153,13 +153,13 @@ class PathPlannerNode(ConfiguredNode):
         return NoPathError(text, PathFailure.TIMEOUT)
 
     def _fresh(self) -> Planner:
-        """Return the planner on the latest map, or raise `NoPathError` with `TIMEOUT`."""
+        """Return the planner for the latest map; raise `NoPathError` (`TIMEOUT`) without a map."""
         if self._planner is None:
             raise self._no_map()
         return self._planner
 
     def _robot(self) -> Any:
-        """Return a message with the pose of the robot, or raise `NoPathError` with `TF_ERROR`."""
+        """Return the robot pose as a message; raise `NoPathError` (`TF_ERROR`) if it is unknown."""
         if self._tf and (base_frame := self._settings.base_frame):
             return PoseStamped(header=Header(frame_id=base_frame))
         if self._initial_pose is None:
@@ -170,10 +170,10 @@ class PathPlannerNode(ConfiguredNode):
         return self._initial_pose
 
     def _pose(self, message: Any) -> tuple[float, float, float]:
-        """Return x, y and yaw of a pose on the map; an empty frame is that of the map.
+        """Return x, y and yaw of a pose in the map frame; an empty `frame_id` means the map frame.
 
         Raises:
-            NoPathError: with `TF_ERROR`, if the transform to the map has not come.
+            NoPathError: the transform to the map frame is not known yet (`TF_ERROR`).
             MissingPackageError: the transform is needed, but tf2 is not installed.
         """
         pose, source = from_pose(message), message.header.frame_id.removeprefix("/")
@@ -192,13 +192,13 @@ class PathPlannerNode(ConfiguredNode):
         return pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])
 
     def _path(self, start: PoseStamped | None, goal: PoseStamped, tolerance: float) -> FoundPath:
-        """Return a path between poses; a start of None is the pose of the robot."""
+        """Return a path between two poses; if `start` is None, it starts at the robot."""
         graph = self._fresh().graph
         begin, end = self._pose(start or self._robot()), self._pose(goal)
         return graph.path(begin, end, tolerance=tolerance)
 
     def _send(self, path: FoundPath | None) -> Path:
-        """Publish a plan, which later maps can block; return its message."""
+        """Publish a plan, store its positions for checks on later maps, and return its message."""
         self._plan = self._plan[:0] if path is None else path.positions
         message = self._message(path)
         self._publisher.publish(message)
@@ -218,7 +218,7 @@ class PathPlannerNode(ConfiguredNode):
         return message
 
     def _cost_to_go(self) -> bytes | None:
-        """Return the map with the cost to the end of the plan; None if there is no fresh plan."""
+        """Return a map message with the cost to the end of the plan; None without map or plan."""
         planner = self._planner
         if planner is None or not len(self._plan):
             return None

@@ -212,7 +212,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_parent(self) -> None:
-        """Raise `BagError` if the path is inside another bag: that bag could not be replaced."""
+        """Raise `BagError` if the path is inside another bag, which could then not be replaced."""
         parent = self._path.resolve().parent
         if Path(parent, bag_storage.FILE_NAME).is_file() and any(
             file.suffix in _BAG_ENDINGS for file in parent.iterdir()

@@ -70,8 +70,8 @@ def serialize(
 
     Args:
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
-        arrays: values of sequence fields by field name, which replace those in the message. The
-            shape is (N,) for N numbers, or (N, k) for N messages that consist of k numbers of one
+        arrays: values by field name that replace sequence fields of the message. The shape
+            is (N,) for N numbers, or (N, k) for N messages that consist of k numbers of one
             type. The dtype must match the numbers in the field.
         message_type: type of the message, as for `view`; None means the class of `message`.
     """
@@ -85,13 +85,13 @@ def serialize(
 def view(data: Buffer, message_type: MessageType) -> Any:
     """Deserialize a CDR message to an object with the attributes of the message.
 
-    Nested messages are converted likewise. Sequences and arrays of numbers become NumPy arrays,
+    Nested messages become such objects too. Sequences and arrays of numbers become NumPy arrays,
     which share the memory of `data` if it is little-endian. Bytes after the message are ignored.
 
     Args:
         data: the serialized message, little- or big-endian.
-        message_type: class of the message, or the name of a type that needs no message package,
-            such as "grid_map_msgs/GridMap" or another type that `grid-map view` shows.
+        message_type: class of the message, or the type name, such as "grid_map_msgs/GridMap". Types
+            that `grid-map view` shows need no message package.
     """
     return _struct(message_type).read(_Reader(data))
 

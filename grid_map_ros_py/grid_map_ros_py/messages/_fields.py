@@ -207,7 +207,7 @@ def from_pose(message: Any) -> Matrix:
             `PoseWithCovarianceStamped` or `Odometry`.
 
     Raises:
-        MessageError: a coordinate is not finite, or the quaternion norm is off from 1 by over 1 %.
+        MessageError: a coordinate is not finite, or the quaternion norm differs from 1 by over 1 %.
     """
     kind = "geometry_msgs/Pose, or one with a pose"
     return _from(message, "pose", kind, "position", "orientation")

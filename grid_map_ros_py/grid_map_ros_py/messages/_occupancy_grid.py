@@ -49,8 +49,9 @@ def to_occupancy_grid(
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
             Values outside this range are clamped; NaN becomes -1 (unknown). Required if
             `codec` is None.
-        codec: converts values to costs, which become the occupancies that Nav2 publishes; replaces
-            `data_min` and `data_max`. For a layer of costs, pass `CostRange()`.
+        codec: replaces `data_min` and `data_max`. The codec converts values to costs, and the
+            message contains the occupancies that Nav2 publishes for these costs. For a layer of
+            costs, pass `CostRange()`.
     """
     if codec is None:
         stored = occupancies(grid_map[layer], data_min, data_max)

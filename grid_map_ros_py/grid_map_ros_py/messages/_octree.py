@@ -4,10 +4,11 @@
 Nodes are stored in preorder: each node precedes its children. The binary form stores only inner
 nodes, with two bits for each of the eight children: unknown (0), free (1), occupied (2) or inner
 node (3). The full form stores every node: its log-odds (float32), three color bytes if the tree has
-colors, and a byte whose bits mark the existing children. Both forms are little-endian. The root is
-a cube around the origin with 65536 voxels per side, and a voxel is a node of depth 16. Bit 0, 1 or
-2 of a child number is set if the child is in the half of its parent with the larger x, y or z,
-respectively.
+colors, and a byte whose bits mark the existing children. Both forms are little-endian.
+
+The root is a cube around the origin with 65536 voxels per side. A voxel is a node of depth 16. Bit
+0, 1 or 2 of a child number is set if the child is in the half of its parent with the larger x, y or
+z, respectively.
 
 The reader first checks the whole tree, then reads all nodes of one depth at a time.
 """

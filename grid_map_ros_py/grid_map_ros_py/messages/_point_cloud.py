@@ -173,8 +173,8 @@ def from_point_cloud(
         resolution: cell size [m].
         reduction: statistic of the heights in a cell: `max`, `min`, `mean`, `median`, `first`,
             `last`, `variance` or `count`.
-        onto: geometry of the result, or a map in the frame of the cloud, whose geometry and other
-            layers are kept. Use it instead of `resolution`, `length` and `position`.
+        onto: geometry of the result, or a map in the frame of the cloud; the result then keeps the
+            other layers of the map. Replaces `resolution`, `length` and `position`.
         more_layers: statistics of the heights for additional layers, by layer name.
         fields: names of the fields that become layers, besides the heights; None means all fields
             with one number per point. The packed colors `rgb` or `rgba` become the layer `color`
@@ -310,7 +310,7 @@ def check_layout(message: "PointCloud2") -> None:
 def _view(
     message: "PointCloud2", first: "PointField", count: int | None = None
 ) -> npt.NDArray[Any]:
-    """Return `count` numbers per point, from field `first` onwards, as (N,) or (N, count)."""
+    """Return `count` numbers of each point, starting at field `first`, as (N,) or (N, count)."""
     count = first.count if count is None else count
     shape = (count,) if count > 1 else ()
     rows, dtype = (message.height, message.width), TYPES[first.datatype]

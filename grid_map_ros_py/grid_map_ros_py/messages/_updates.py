@@ -29,8 +29,8 @@ def to_occupancy_grid_update(
 ) -> "OccupancyGridUpdate | None":
     """Return the update (`map_msgs`) that turns `before` into `after`; None if no cell differs.
 
-    The update is the bounding rectangle of the changed cells. `MessageError` is raised if the grids
-    differ in frame, size, resolution or origin.
+    The update covers the bounding rectangle of the changed cells. `MessageError` is raised if the
+    grids differ in frame, size, resolution or origin.
     """
     messages = messages_of("map_msgs", "to_occupancy_grid_update")
     return filled(messages.OccupancyGridUpdate(), before, after)
@@ -101,7 +101,7 @@ def filled(update: Any, before: Any, after: Any) -> Any:
 
 
 def _read(grid: Any) -> tuple[npt.NDArray[np.uint8], GridGeometry, tuple[str, str, str, str]]:
-    """Return a uint8 view (height, width) of the cells, the geometry, and `GRID` or `COSTMAP`."""
+    """Return the cells as a uint8 view (height, width), the geometry, and `GRID` or `COSTMAP`."""
     names = COSTMAP if hasattr(grid, COSTMAP[0]) else GRID
     check_fields(grid, "nav_msgs/OccupancyGrid or nav2_msgs/Costmap", "data", names[0])
     geometry = check_grid(names[0], getattr(grid, names[0]), names[1:3], len(grid.data))

@@ -148,8 +148,8 @@ class LogThrottle:
     """Logs similar messages at most once per period, and states how many were suppressed.
 
     Messages are similar if they are equal up to the second colon, as in "get_grid_map: frame_id:
-    expected ...". At most `LIMIT` different messages are logged per period. (The throttling of
-    rclpy would suppress different messages if the same line of code logs them.)
+    expected ...". At most `LIMIT` different messages are logged per period. (The
+    throttling of rclpy would let different messages from one line of code suppress each other.)
 
     Args:
         logger: logger of the node.

@@ -121,7 +121,7 @@ def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> Non
     Args:
         node: the node.
         settings: result of `read_fields` without a prefix and with `read_only=False`.
-        apply: called only if the settings differ.
+        apply: called with the new settings, unless they equal the previous ones.
     """
     current = checked = settings
 

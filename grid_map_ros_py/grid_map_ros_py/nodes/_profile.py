@@ -8,7 +8,7 @@ from pathlib import Path
 
 PROFILE = Path(__file__).parents[1] / "fastdds_large_maps.xml"
 VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Environment variables that name the profile: before Fast DDS 3 (up to ROS 2 Jazzy), and since."""
+"""Environment variables for the profile: up to Fast DDS 2 (ROS 2 Jazzy), and from Fast DDS 3 on."""
 
 CHOICES = (*VARIABLES, "FASTDDS_BUILTIN_TRANSPORTS")
 """Environment variables that select other Fast DDS settings; the profile is then not used."""

@@ -61,12 +61,12 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     Call this in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
     callback. A second signal interrupts the callback. An ignored SIGHUP, as under `nohup`, stays
     ignored. (The signal handlers of rclpy are not used, because they shut ROS down during a
-    callback, which a spinning executor may not notice.)
+    callback, and the executor may not notice the shutdown.)
 
-    An error in the configuration is logged as one message: a `GridMapError` or a ROS error (invalid
-    name, missing security keys) that `create_node` raises. A `NodeFailedError` from a callback is
-    logged likewise. All other exceptions propagate. Parameters that are set but not declared cause
-    a warning. The node reports its state on `/diagnostics`; see `Health`.
+    If `create_node` raises a `GridMapError` or a ROS error (invalid name, missing security keys),
+    the error is logged as one message. The same applies to a `NodeFailedError` from a callback. All
+    other exceptions propagate. Parameters that are set but not declared cause a warning. The node
+    reports its state on `/diagnostics`; see `Health`.
 
     Args:
         create_node: class of the node, or a function that returns the node.

@@ -37,7 +37,7 @@ _STYLES_OF = {
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
     "max_drawn_cells": (("flat", "surface"), "without --relief"),
 }
-"""Options for certain styles only: these styles, and the words for them in error messages."""
+"""Options that only some styles accept: these styles, and their names in error messages."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -22,7 +22,7 @@ PATH_COLOR = (255, 0, 200)
 
 @dataclass(frozen=True)
 class Placed:
-    """Archetypes to log for a message or a part of it, with their entity path, frame and time.
+    """Rerun archetypes of a message or a part of it, with their entity path, frame and time.
 
     Attributes:
         time: time in the message header [ns]; 0 if there is none.
@@ -31,8 +31,8 @@ class Placed:
         archetypes: function that returns the archetypes, with positions relative to a given
             origin (3,) in `frame` [m]. It raises `MessageError` if the message is invalid.
         is_global: True if the path starts at the root, not at the topic.
-        kept: if not None, nothing is logged, and all earlier paths of the topic except these are
-            cleared.
+        kept: earlier paths of the topic to keep. If not None, all other earlier paths are cleared,
+            and nothing is logged.
     """
 
     time: int

@@ -96,7 +96,7 @@ def log_bag(
     Args:
         scene: scene to write to.
         path: path of the bag.
-        topic: the map topic to write; None means all of them. Other messages are always written.
+        topic: the map topic to write; None means all map topics. Other topics are always written.
         recover: read the undamaged part of the bag, and skip maps that cause errors.
         goes_on: called with the time [ns] of each written message; returns False to stop.
 

@@ -100,7 +100,7 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return `height_layer` or, if it is empty, the default layer; "" without layers."""
+        """Return `height_layer`, or the default layer if it is empty; "" if there are no layers."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 

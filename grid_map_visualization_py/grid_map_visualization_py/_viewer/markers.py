@@ -35,7 +35,7 @@ class Markers:
         """Add, replace and delete markers as specified by a `visualization_msgs/MarkerArray`.
 
         Raises:
-            MessageError: a marker is invalid or has an unsupported shape. No marker changes then.
+            MessageError: a marker is invalid or has an unsupported shape. No marker is changed.
         """
         drawn = dict(self._drawn)
         for index, marker in enumerate(message.markers):
@@ -54,7 +54,7 @@ class Markers:
     def drawing(self, frame_id: str) -> Drawing:
         """Return the lines and triangles of all markers in a frame.
 
-        The opacity is that of the most transparent triangles.
+        The drawing has the opacity of the most transparent triangles.
         """
         parts = [EMPTY, *(part for frame, part in self._drawn.values() if frame == frame_id)]
         *arrays, opacities = zip(*parts, strict=True)

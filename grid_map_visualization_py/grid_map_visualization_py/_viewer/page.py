@@ -522,7 +522,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Replace the options; if the selected one is missing, select `preferred` or the first."""
+    """Replace the options of a list; select `preferred` or the first if the selection is gone."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

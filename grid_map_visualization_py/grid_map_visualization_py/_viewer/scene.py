@@ -30,7 +30,7 @@ class ViewSettings:
         flat: draw the surface at height zero.
         coloring: source of the surface colors.
         shaded: light the surface; if False, surface and legend have exactly the same colors.
-        opacity: from 0 (invisible) to 1 (opaque).
+        opacity: surface opacity, from 0 (invisible) to 1 (opaque).
         grid_lines: draw lines between neighboring cells.
         points: draw a point at each cell.
         vectors: common prefix of the vector layers, which end in x, y and z; empty means none.

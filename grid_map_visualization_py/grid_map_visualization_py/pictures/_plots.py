@@ -67,7 +67,7 @@ def plot(
     first thinned out to at most four cells per pixel; see `TiledMap.thinned`.
 
     Args:
-        grid_map: the map: in memory, tiled, or an xarray dataset or array.
+        grid_map: a `GridMap`, a `TiledMap`, or an xarray dataset or array.
         layer: layer with the colors; empty means `elevation`, or else the first layer.
         ax: Matplotlib axes to draw on; None means the current axes.
         color_mode: "intensity" maps values to colors of `color_map`, "color" reads packed colors.
