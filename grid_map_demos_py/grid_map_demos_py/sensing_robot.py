@@ -90,7 +90,7 @@ class SensingRobot(Demo):
 
 
 def to_cloud(points: Positions, stamp: int, frame_id: str) -> PointCloud2:
-    """Convert the points (N, 3) that are not NaN to a message; `stamp` is their time [ns]."""
+    """Convert points (N, 3) to a message, without NaN points; `stamp` is their time [ns]."""
     returned = points[np.isfinite(points[:, 0])].astype("<f4")
     header = Header(stamp=to_stamp(stamp), frame_id=frame_id)
     return write_points("xyz", array.array("B", returned.tobytes()), header)

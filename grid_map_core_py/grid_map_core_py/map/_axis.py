@@ -62,8 +62,9 @@ class Axis:
     def steps(self, x: Coordinate) -> Coordinate:
         """Return the distances of coordinates from the + border [cells].
 
-        The distances are rounded as in the C++ library, but not as in `contains`: for a coordinate
-        on the map, the result may be slightly below 0, or equal to `size`.
+        The distances are fractional. As in the C++ library, floating-point rounding differs from
+        that of `contains`: even for a coordinate on the map, the result may be slightly below 0, or
+        equal to `size`.
         """
         steps = x - self.half
         steps -= self.center
