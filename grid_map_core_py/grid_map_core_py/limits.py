@@ -105,7 +105,10 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 
 def check_visits(name: str, visits: float) -> None:
-    """Raise `LimitError` if `visits`, the total of cells in overlapping map parts, is too large."""
+    """Raise `LimitError` if `visits`, the total number of visited cells, is too large.
+
+    A cell that belongs to several parts, such as faces or poses, counts once for each part.
+    """
     if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 

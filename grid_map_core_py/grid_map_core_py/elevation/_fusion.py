@@ -171,7 +171,7 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return a mask (k,) of the cells in `lower` in which the lower cluster may be used."""
+        """Return (k,) whether the height of each cell in `lower` may be lowered to its cluster."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
         # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]

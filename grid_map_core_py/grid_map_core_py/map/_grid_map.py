@@ -852,7 +852,7 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`; if it is a map of this size, first reorder it to this start index."""
+        """Return `layers`; reorder a `GridMap` of the same size to the start index of `self`."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers

@@ -37,7 +37,7 @@ class Preprocessing(Section):
 
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
-        numberOfRepeats: number of times the filter is applied.
+        numberOfRepeats: number of times the median filter is applied.
         resolution, increasing: no effect.
     """
 
