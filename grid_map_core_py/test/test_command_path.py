@@ -62,7 +62,8 @@ def test_path_accepts_a_tolerance(command):
     [
         ("9,9 1,1 --cost cost", 1, "start: expected a position on the map"),
         ("1;1 1,0 --cost cost", 2, "expected numbers separated by commas, got '1;1'"),
-        ("1,1 1,0", 2, "expected --cost or --elevation, or both"),
+        ("1,1 1,0", 1, "no layer 'elevation'"),
+        ("1,1 1,0 --elevation height --limits 95 9 9", 2, "--limits: expected 0 to 90 degrees"),
         ("1,1 1,0 --cost cost --footprint 1,2,3", 2, "--footprint: expected one or two numbers"),
         ("1,1 1,0 --cost cost -o path.txt", 2, "path.txt: expected a name that ends in .jpg, "),
         ("1,1 1,0 --cost cost -o site.png", 1, "site.png: already exists; --force replaces it"),

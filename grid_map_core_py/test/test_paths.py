@@ -504,3 +504,17 @@ def test_wrong_arguments_are_named(call, text):
     graph = TravelGraph(a_map(np.zeros((2, 2))), cost="cost")
     with pytest.raises(GeometryError, match=f"^{text}"):
         call(graph)
+
+
+def test_footprint_is_free_at_goal_itself():
+    grid_map = GridMap((4.0, 2.0), 0.1, layers={"cost": 0.0})
+    grid_map["cost"][grid_map.axes()[0] > 1.0] = 254.0
+    robot = Footprint.rectangle(0.7, 0.3)
+    graph = TravelGraph(grid_map, cost="cost", lethal=253.0, footprint=robot)
+    goal = (0.699, 0.05, 0.0)  # in a cell whose center is far enough from the wall
+    with pytest.raises(NoPathError, match="where the footprint touches a blocked cell"):
+        graph.path((-1.0, 0.05), goal)
+    assert graph.path((-1.0, 0.05), goal, tolerance=0.1).positions[-1] == pytest.approx(
+        (0.65, 0.05)
+    )
+    assert graph.path((-1.0, 0.05), (0.649, 0.05, 0.0)).positions[-1, 0] == 0.649

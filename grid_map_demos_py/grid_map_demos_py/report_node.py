@@ -550,14 +550,16 @@ def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
 
 
 def draw_regions(regions: GridMap) -> Figure:
-    """Draw the heights of a map, and its regions in ten different colors."""
+    """Draw the heights of a map, and its regions in twenty different colors."""
     ids = regions["plane_id"]
-    colored = regions.with_layers({"color": np.where(ids > 0, ids % 10, np.nan)})
+    # Ranks of the ids, so that fewer than twenty regions have a color each.
+    ranks = np.searchsorted(np.unique(ids[ids > 0]), ids)
+    colored = regions.with_layers({"color": np.where(ids > 0, ranks % 20, np.nan)})
     figure = Figure((6.4, 5.0), layout="constrained")
     upper, lower = figure.subplots(2, 1)
     options: dict[str, Any] = {"color_bar": False, "scale_bar": False}
     plot(colored, "elevation", upper, color_map="gray", title="mapped heights", **options)
-    plot(colored, "color", lower, color_map="tab10", title="planar regions", **options)
+    plot(colored, "color", lower, color_map="tab20", title="planar regions", **options)
     for ax in (upper, lower):
         ax.set(xlim=(0.4, 8.2), ylim=(-1.6, 1.6))
     return figure

@@ -16,6 +16,7 @@ from ._output import UsageError, message, number, print_json, print_table
 if TYPE_CHECKING:
     from ..map import GridMap
 
+DEFAULT = "elevation"
 _ENDINGS = (".jpg", ".pdf", ".png", ".svg")
 
 
@@ -28,9 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     completed(add("--cost", metavar="LAYER", help="layer of costs"), complete_layers)
     about = "extra cost per meter at a cost of 252 (1)"
     add("--cost-weight", type=float, default=1.0, metavar="NUMBER", help=about)
-    about = "cost from which cells are blocked, 253 for costs of Nav2 (infinity)"
+    about = "cost from which cells are blocked, 253 for costs of Nav2"
     add("--lethal", type=float, metavar="COST", help=about)
-    completed(add("--elevation", metavar="LAYER", help="layer of heights"), complete_layers)
+    about = f"layer of heights ({DEFAULT}, if there is no --cost)"
+    completed(add("--elevation", metavar="LAYER", help=about), complete_layers)
     about = "steepest slopes upwards, downwards and across the path [degrees]"
     add("--limits", type=float, nargs=3, metavar=("UP", "DOWN", "CROSS"), help=about)
     add("--max-step", type=float, metavar="HEIGHT", help="highest step between cells [m]")
@@ -60,7 +62,8 @@ def run(options: argparse.Namespace) -> int:
 
     layers, output = [*filter(None, (options.cost, options.elevation))], options.output
     if not layers:
-        raise UsageError("expected --cost or --elevation, or both")
+        layers = [DEFAULT]
+        options.elevation = DEFAULT
     if output is not None and output.suffix.lower() not in _ENDINGS:
         raise UsageError(f"{output}: expected a name that ends in {', '.join(_ENDINGS)}")
     if output is not None:
@@ -72,6 +75,8 @@ def run(options: argparse.Namespace) -> int:
     names = "cost", "cost_weight", "lethal", "elevation", "max_step", "unknown"
     arguments = {name: getattr(options, name) for name in names}
     if options.limits is not None:
+        if not all(0.0 <= angle <= 90.0 for angle in options.limits):
+            raise UsageError(f"--limits: expected 0 to 90 degrees, got {options.limits}")
         arguments["limits"] = SlopeLimits(*map(math.radians, options.limits))
     grid_map = read_map(options, layers)
     graph = TravelGraph(grid_map, footprint=shapes[len(size)](*size), **arguments)

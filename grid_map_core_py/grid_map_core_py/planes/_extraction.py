@@ -170,6 +170,7 @@ def _identify(
         is_kept: (N,) whether the cells of a label become a region.
     """
     ids, next_id = np.zeros(1 + is_kept.size, np.int64), 1
+    check(isinstance(previous, PlanarRegions | None), "previous", "PlanarRegions", previous)
     if previous is not None:
         if not previous.fits(grid_map):
             expected = f"regions in {grid_map.frame_id!r} with cells of {grid_map.resolution:g} m"

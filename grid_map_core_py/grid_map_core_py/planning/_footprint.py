@@ -111,6 +111,7 @@ def touched_cells(
         pose: (N,) index within the batch of the pose that touches each cell, ascending.
         cells: (2, N) rows and columns in map order; cells may be outside the map.
     """
+    check(isinstance(footprint, Footprint), "footprint", "a Footprint", footprint)
     side = 2.0 * (footprint.radius / geometry.resolution + 1.0)
     check_cells("footprint", (side, side))
     tolerance = BORDER_TOLERANCE / geometry.resolution

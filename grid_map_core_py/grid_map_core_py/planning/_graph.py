@@ -257,7 +257,8 @@ class TravelGraph:
             expected = f"a position on the map ({ground.geometry.place})"
             raise _wrong_end(name, expected, place, "OUTSIDE_MAP")
         free, index = self._free if name == "start" else self._free_in(pose), ground.flat(*cell)
-        if not free[index]:
+        has_yaw = name != "start" and len(pose) == 3
+        if not free[index] or (has_yaw and ground.blocked_at(pose[np.newaxis])[0]):
             state = "which is blocked" if self._known[index] else "which is unknown"
             if ground.passable[index]:
                 state = "where the footprint touches a blocked cell"

@@ -116,6 +116,15 @@ class Ground:
         )
         return self.passable & free.view(np.bool_).ravel()
 
+    def blocked_at(self, poses: Positions) -> Mask:
+        """Return whether the footprint, if any, touches a blocked cell at poses (P, 3)."""
+        blocked, size = np.zeros(len(poses), np.bool_), np.array(self.geometry.size)
+        if self.footprint is not None:
+            for batch, pose, cells in touched_cells(self.footprint, self.geometry, poses):
+                row, column = cells.clip(-1, size[:, np.newaxis])
+                blocked[batch][pose[~self.open[self.flat(row, column)]]] = True
+        return blocked
+
     def heights_at(self, points: Floats) -> Floats:
         """Interpolate the heights (P,) [m] at points (2, P) between the passable cells."""
         if self.is_flat:
@@ -197,11 +206,8 @@ class Ground:
             points, _, line = divided(begin, end, steps)
             points, line = np.append(points, end, axis=1), np.append(line, np.arange(tested.size))
             yaws = np.arctan2(*(begin - end)[::-1])[line]
-            poses, size = np.column_stack([self.to_positions(points), yaws]), self.geometry.size
-            for batch, pose, cells in touched_cells(self.footprint, self.geometry, poses):
-                row, column = cells.clip(-1, np.array(size)[:, np.newaxis])
-                blocked = ~self.open[self.flat(row, column)]
-                total[tested[line[batch][pose[blocked]]]] = np.inf
+            poses = np.column_stack([self.to_positions(points), yaws])
+            total[tested[line[self.blocked_at(poses)]]] = np.inf
         return total, pieces
 
     def _over_pieces(self, begin: Floats, extent: Floats) -> tuple[Floats, Mask]:
