@@ -102,7 +102,7 @@ setup(
     package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}", ["package.xml", "NOTICE"]),
         (f"share/{PACKAGE}/config", glob("config/*")),
         (f"share/{PACKAGE}/data", glob("data/*")),
         (f"share/{PACKAGE}/foxglove", glob("foxglove/*")),

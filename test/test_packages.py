@@ -207,8 +207,9 @@ def test_changelog_has_the_form_that_release_tools_read(package):
     assert first == last == "^" * len(title)
     sections = re.split(r"^(.+)\n(-+)\n", "\n".join(lines), flags=re.MULTILINE)[1:]
     headings, underlines, items = sections[0::3], sections[1::3], sections[2::3]
-    assert headings[0] == "Forthcoming"
-    assert all(re.fullmatch(r"\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)", each) for each in headings[1:])
+    # After a release, the first section is that of the release.
+    released = headings[headings[0] == "Forthcoming" :]
+    assert all(re.fullmatch(r"\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)", each) for each in released)
     assert [len(each) for each in headings] == [len(each) for each in underlines]
     assert all(re.fullmatch(r"\* .+\n((\* |  ).+\n?)*", each.rstrip() + "\n") for each in items)
 

@@ -58,7 +58,7 @@ def remedy_for(module: str) -> str:
     _, apt, pip = PACKAGES.get(module) or PACKAGES.get(top) or Package("")
     if rest in ("msg", "srv", "action"):
         apt = f"ros-*-{top.replace('_', '-')}"
-    if top.startswith("grid_map_"):
+    if top.startswith("grid_map_") and not apt:
         return _WORKSPACE
     if apt.startswith("ros-"):
         return f"apt install {apt.replace('*', _DISTRIBUTION)}, then source ROS 2 and the workspace"
