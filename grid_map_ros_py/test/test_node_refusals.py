@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Invalid parameters end every node with one message."""
 
+import re
+import subprocess
+import sys
+
 import pytest
 from bags import DATA
 from sites import make_site
@@ -121,3 +125,12 @@ def test_invalid_parameters_end_the_node_with_one_message(
     messages = refusals([start_of(name, parameters) for name, parameters, _ in cases])
     for (name, parameters, text), message in zip(cases, messages, strict=True):
         assert text in message, (name, parameters)
+
+
+def test_executable_without_ros_names_the_remedy():
+    text = "import runpy, sys; sys.modules['rclpy'] = None; sys.argv = ['-m']; runpy.run_module"
+    module = "grid_map_ros_py._executables.grid_map_loader"
+    command = [sys.executable, "-c", f"{text}({module!r}, run_name='__main__')"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert re.fullmatch(r".*'?rclpy.*\. Source ROS 2, then the workspace\n", done.stderr)

@@ -29,6 +29,9 @@ slow to import.
 
 import signal
 import sys
+from importlib.util import find_spec
+from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING
 
 from grid_map_core_py._lazy import lazy_names
@@ -65,7 +68,8 @@ def quiet_start() -> None:
     """Let Ctrl-C end an executable at once and without a traceback, until `run` handles signals.
 
     Call this in the `__init__.py` of a package of executables, before any import of rclpy, which
-    takes most of the startup time. The call has no effect if another program imports the package.
+    takes most of the startup time. If ROS 2 is not sourced, the executable ends with one line. The
+    call has no effect if another program imports the package.
     """
     # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
@@ -74,3 +78,15 @@ def quiet_start() -> None:
     if is_executable:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        sys.excepthook = _report
+
+
+def _report(
+    kind: type[BaseException], error: BaseException, traceback: TracebackType | None
+) -> None:
+    """Print one line if ROS 2 is missing, and a traceback for other errors."""
+    if isinstance(error, ModuleNotFoundError) and find_spec("rclpy") is None:
+        text = f"{error}. Source ROS 2, then the workspace"
+        print(f"{Path(sys.argv[0]).name}: {text}", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, traceback)
