@@ -411,11 +411,11 @@ class Soak:
         with ExitStack() as stack:
             for subject in self.subjects:
                 subject.start(self._folder)
-                stack.callback(subject.process.kill)
+                stack.callback(subject.process.stop)
                 self._count(subject)
             node = self._observer.node
             node.create_subscription(DiagnosticArray, "/diagnostics", self._note_counts, 100)
-            stack.callback(lambda: [source.kill() for source in self._sources])
+            stack.callback(lambda: [source.stop() for source in self._sources])
             self._restart_source()
             spin = partial(self._observer.spin, 0.1)
             wait_until(self._has_begun, "all nodes", step=spin, timeout=120)

@@ -312,7 +312,7 @@ def disturbed() -> Iterator[str]:
             yield data
             assert process.is_running, process.text
         finally:
-            process.kill()
+            process.stop()
 
 
 def outcomes(wanted: Iterable[Trial], jobs: int) -> Iterator[tuple[Trial, str, str]]:

@@ -157,7 +157,7 @@ def warm(tmp_path_factory) -> Iterator[Path]:
         yield folder
         assert process.lines == ["serves\n"]
     finally:
-        process.kill()
+        process.stop()
 
 
 @pytest.mark.parametrize("any_page", PAGES_THAT_RUN, ids=str)
@@ -191,7 +191,7 @@ def test_a_python_program_works(block, tmp_path):
             else:
                 listener.wait_until(lambda: {*listener.node.get_node_names()} - known, "its node")
         finally:
-            process.kill()
+            process.stop()
 
 
 @pytest.mark.parametrize("block", blocks("yaml"), ids=str)

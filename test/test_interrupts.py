@@ -37,7 +37,7 @@ def test_nodes_take_messages_while_they_are_interrupted(tmp_path):
             counts = [int(pair.value) for pair in status.values if pair.key.endswith(" out")]
             name = status.name.partition(":")[0]
             if any(counts) and name in processes:
-                processes.pop(name).kill()
+                processes.pop(name).stop()
 
     with interrupts.disturbed() as data, peer() as other:
         other.node.create_subscription(DiagnosticArray, "/diagnostics", note, 10)
@@ -53,4 +53,4 @@ def test_nodes_take_messages_while_they_are_interrupted(tmp_path):
             )
         finally:
             for process in processes.values():
-                process.kill()
+                process.stop()

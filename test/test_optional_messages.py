@@ -227,7 +227,7 @@ def octomap_server(environ: dict[str, str], durability: str) -> Iterator[Process
         assert server.is_running, server.text
         yield server
     finally:
-        server.kill()
+        server.stop()
 
 
 def node(environ: dict[str, str], module: str = NODE, **parameters: object) -> Process:

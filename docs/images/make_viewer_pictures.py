@@ -87,7 +87,7 @@ def rerun(tab: Any, terrain: GridMap, folder: Path) -> None:
         try:
             seen(tab, process, "/?renderer=webgl&theme=light", folder / "rerun.png")
         finally:
-            process.kill()
+            process.stop()
 
 
 def web_viewer(tab: Any, terrain: GridMap, folder: Path) -> None:
@@ -104,7 +104,7 @@ def web_viewer(tab: Any, terrain: GridMap, folder: Path) -> None:
             publisher.publish("/filtered_map", to_message(terrain))
             seen(tab, process, "", folder / "web_viewer.png", CELL)
     finally:
-        process.kill()
+        process.stop()
 
 
 def main(folder: Path) -> None:

@@ -216,7 +216,7 @@ def test_demo_waits_for_a_valid_map_and_requires_the_layer(tmp_path):
             other.publish("/grid_map", to_message(GridMap((1.0, 1.0), 0.5, layers=["slope"])))
             assert demo.wait() == 1
         finally:
-            demo.kill()
+            demo.stop()
     assert "no layer 'elevation'; available: slope" in demo.lines[-1]
     assert "Traceback" not in demo.text
     assert not list(tmp_path.iterdir())

@@ -69,7 +69,7 @@ def test_report_measures_windows_of_the_node(site, tmp_path):
         try:
             assert report.wait(100) == 0, report.text
         finally:
-            report.kill()
+            report.stop()
     assert {path.stem for path in tmp_path.iterdir()} == {"way", "window"}
     values = dict(re.findall(r"^ +(.+?) {2,}(-?[\d.]+)(?: ms| MB| Hz)$", report.text, re.MULTILINE))
     for name in ("rate", "median", "worst", "at the start", "at the end"):

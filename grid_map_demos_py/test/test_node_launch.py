@@ -73,7 +73,8 @@ def launched(demo: str, domain: int) -> Iterator[None]:
             assert "Traceback" not in process.text, process.text
     finally:
         for process in processes:
-            process.kill()
+            process.stop()
+            print(process.text)  # shown if the test fails
 
 
 @contextmanager

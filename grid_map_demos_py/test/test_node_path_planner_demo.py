@@ -123,7 +123,7 @@ def test_robot_sees_the_cliff_late_and_walks_around_it(tmp_path):
         try:
             other.wait_until(lambda: not demo.is_running, "the end of the demo")
         finally:
-            demo.kill()
+            demo.stop()
         walk = np.array([from_pose(message)[:2, 3] for message in other.received["/odom"]])
         plans = [path for path in other.received["/plan"] if path.poses]
     assert demo.returncode == 0, demo.text

@@ -59,7 +59,7 @@ def test_demo_finds_all_treads_stones_and_the_ramp(tmp_path):
     try:
         wait_until(lambda: not demo.is_running, "the end of the demo")
     finally:
-        demo.kill()
+        demo.stop()
     assert demo.returncode == 0, demo.text
     assert "Traceback" not in demo.text, demo.text
     found = re.findall(

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cache
 from typing import Any
 from unittest.mock import patch
@@ -159,10 +159,17 @@ class Process(subprocess.Popen[str]):
         self._reader.join(timeout)
         return code
 
-    def kill(self) -> None:
-        """Kill the process group if the process is still running."""
-        if self.is_running:
-            os.killpg(self.pid, signal.SIGKILL)
+    def stop(self) -> None:
+        """End the process group with SIGTERM, or with SIGKILL if it is still running after 10 s.
+
+        A process that is killed during startup can leave an empty file in shared memory. New ROS
+        processes in all domains then hang (Fast DDS 2.14).
+        """
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            if self.is_running:
+                os.killpg(self.pid, number)
+                with suppress(subprocess.TimeoutExpired):
+                    super().wait(10.0)
         self.wait()
 
     def _read(self) -> None:
@@ -197,7 +204,7 @@ def running(process: Process) -> Iterator[Process]:
         assert process.wait() == 0, process.text
         assert "Traceback" not in process.text, process.text
     finally:
-        process.kill()
+        process.stop()
 
 
 def refusals(
@@ -217,7 +224,7 @@ def refusals(
     try:
         assert process.wait(2 * TIMEOUT) == 0, process.text
     finally:
-        process.kill()
+        process.stop()
     # The first process after a build also prints that loops are being compiled.
     lines = [line for line in process.lines if "numba compiles loops" not in line]
     assert lines[1::2] == ["exit code 1\n"] * len(starts), process.text

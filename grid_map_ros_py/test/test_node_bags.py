@@ -68,7 +68,7 @@ def test_saver_saves_one_map_and_ends(tmp_path, storage, ending):
             publisher.publish(TOPIC, to_message(numbered_map(5)))
             assert saver.wait() == 0, saver.text
         finally:
-            saver.kill()
+            saver.stop()
     assert "saved GridMap(4 x 5 cells" in saver.text
     assert_maps_equal(load_from_bag(tmp_path / "bag" / f"bag_0{ending}", "/saved"), numbered_map(5))
 
@@ -98,7 +98,7 @@ def test_saver_without_mcap_refuses_mcap_at_startup(tmp_path):
     try:
         assert saver.wait() != 0
     finally:
-        saver.kill()
+        saver.stop()
     assert f"the bag {tmp_path}/bag needs the package 'mcap'" in saver.text
     assert "/proc/" not in saver.text
 

@@ -503,7 +503,7 @@ def test_node_says_that_it_compiles_if_it_does(
     try:
         wait_until(lambda: text in process.text, "the news")
     finally:
-        process.kill()
+        process.stop()
 
 
 def test_file_of_ros_1_works_below_another_heading(robot: Robot, tmp_path: Path) -> None:

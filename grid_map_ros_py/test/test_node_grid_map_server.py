@@ -133,7 +133,7 @@ def test_killed_server_starts_again_with_its_bag(client: Client, tmp_path: Path)
                 Client(newcomer).call("set_grid_map", map=to_message(map_of(2)))
             assert_maps_equal(from_message(client.peer.expect("/kept", 2)), map_of(2))
         finally:
-            node.kill()
+            node.stop()
 
 
 @pytest.mark.needs("xarray", "zarr", "dask")

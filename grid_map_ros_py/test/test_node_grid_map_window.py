@@ -191,4 +191,4 @@ def test_merged_maps_are_in_windows_and_kept_at_the_end(other_side: Peer, tmp_pa
         stored = open_map(path).to_map()
         np.testing.assert_array_equal(stored["elevation"], whole.unwrapped("elevation"))
     finally:
-        node.kill()
+        node.stop()

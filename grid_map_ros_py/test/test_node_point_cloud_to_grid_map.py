@@ -2,7 +2,6 @@
 """The node `point_cloud_to_grid_map` as a process, over DDS."""
 
 import math
-import signal
 
 import numpy as np
 from clouds import xyz_cloud
@@ -117,15 +116,14 @@ def test_mapping_survives_a_killed_node_and_broken_clouds(other_side: Peer) -> N
         return [m for m in map(from_message, maps) if m.timestamp > step]
 
     def drive() -> None:
-        """Run a node for a part of the way, then kill it."""
+        """Run a node for a part of the way."""
         begin = robot.steps
         node = start_node(MODULE, *options)
         try:
             other_side.wait_until(lambda: len(maps_after(begin)) >= 8, "maps of a moving robot")
             other_side.wait_until(lambda: "dropped a cloud" in node.text, "a report")
         finally:
-            node.send_signal(signal.SIGKILL)
-            node.wait()
+            node.stop()
         assert "poses: odometry" in node.text
         assert "dropped a cloud: data: expected" in node.text
         assert "Traceback" not in node.text

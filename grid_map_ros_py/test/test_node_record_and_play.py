@@ -47,7 +47,7 @@ def command(*words: object, largest_file: int | None = None) -> Iterator[Process
     try:
         yield process
     finally:
-        process.kill()
+        process.stop()
 
 
 def publish_map_and_texts(node: Peer) -> None:

@@ -149,7 +149,7 @@ def test_parameter_files_without_section_for_the_node_are_reported(tmp_path: Pat
     try:
         assert process.wait() == 0, process.text
     finally:
-        process.kill()
+        process.stop()
     texts = process.text.split("alive\n")
     for text, file, section in zip(texts, files, OTHERS, strict=False):
         name = "/" + section.strip("/").replace(": {", "/")

@@ -262,7 +262,7 @@ def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
         assert "Traceback" not in process.text
         wait_until(lambda: not Path(f"/proc/{program}").exists(), "the end of Rerun")
     finally:
-        process.kill()
+        process.stop()
 
 
 @contextmanager

@@ -29,7 +29,7 @@ def test_next_map_of_a_topic_is_drawn_or_refused(peer, tmp_path, layer, code, te
         peer.publish("/terrain", to_message(grid_map))
         assert process.wait() == code
     finally:
-        process.kill()
+        process.stop()
     assert process.text.endswith(text)
     assert len(process.lines) == 1
     assert path.exists() == (code == 0)

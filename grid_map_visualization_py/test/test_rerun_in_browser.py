@@ -118,7 +118,7 @@ def page(tmp_path, monkeypatch) -> Iterator[Page]:
         process.send_signal(signal.SIGINT)
         assert process.wait() == 0, process.text
     finally:
-        process.kill()
+        process.stop()
 
 
 def test_page_shows_surface_legend_value_and_both_times(page):
