@@ -55,7 +55,7 @@ class ImagePublisherNode(Demo):
     def __init__(self) -> None:
         super().__init__("image_publisher")
         self._log = LogThrottle(self.get_logger())
-        about = "image file; if empty, the terrain in this package"
+        about = "image file; if empty, the demo terrain"
         self._path = self.read_path("image_path", "", about, data="terrain.png")
         topic = self.read_topic("topic", "image", "topic of the image")
         self._frame_id = self.read("frame_id", "map", "coordinate frame of the image")

@@ -32,7 +32,7 @@ class SensingRobot(Demo):
 
     def __init__(self, name: str, *, speed: float, rate: float, max_range: float) -> None:
         super().__init__(name)
-        about = "elevation model (.npz file); if empty, the model in this package"
+        about = "elevation model (.npz file); if empty, the model of the Jacksboro fault"
         self.model = self.read_path("file", "", about, data="jacksboro_fault_dem.npz")
         self.speed = self.read_positive("speed", speed, "speed of the robot [m/s]")
         self.period = 1.0 / self.read_positive("rate", rate, "scan rate of each sensor [Hz]")

@@ -13,7 +13,7 @@ class TerrainPublisherNode(Demo):
     def __init__(self) -> None:
         super().__init__("grid_map_terrain")
         topic = self.read_topic("topic", "/grid_map", "topic of the map")
-        about = "elevation model (.npz file); if empty, the model in this package"
+        about = "elevation model (.npz file); if empty, the model of the Jacksboro fault"
         path = self.read_path("file", "", about, data="jacksboro_fault_dem.npz")
         resolution = self.read_positive("resolution", 0.03, "side of a cell [m]")
         frame_id = self.read("frame_id", "map", "coordinate frame of the map")
