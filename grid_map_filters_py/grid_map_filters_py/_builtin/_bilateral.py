@@ -31,13 +31,13 @@ class Bilateral(LayerFilter):
     """Smooth a layer while preserving edges.
 
     Each finite cell becomes the mean of the finite values in the surrounding disc, weighted with a
-    Gaussian of the distance and a Gaussian of the value difference (C. Tomasi and R. Manduchi,
+    Gaussian of distance and a Gaussian of value differences (C. Tomasi and R. Manduchi,
     "Bilateral filtering for gray and color images", ICCV 1998). Non-finite cells become NaN.
 
     Attributes:
-        sigma_space: standard deviation of the distance Gaussian [m].
-        sigma_range: standard deviation of the value Gaussian, in the unit of the layer; steps
-            much higher than `sigma_range` stay sharp.
+        sigma_space: standard deviation of the Gaussian of distance [m].
+        sigma_range: standard deviation of the Gaussian of value differences, in the unit of the
+            layer; steps much higher than `sigma_range` stay sharp.
         radius: radius of the disc [m]; by default 3 times `sigma_space`.
     """
 

@@ -32,14 +32,14 @@ class Inflation(LayerFilter):
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
-            the footprint. To match Nav2 without `footprint_padding`, use `robot_radius` times
-            cos(pi / 16) = 0.9808.
+            the footprint. Nav2 treats a round robot as a polygon with 16 corners. To match Nav2
+            without `footprint_padding`, use cos(pi / 16) = 0.9808 times `robot_radius`.
         footprint: corners [x, y] of the padded footprint [m], as a list or, as in Nav2, a string;
             replaces `inscribed_radius`.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
-        inflate_unknown: if true, inflated costs of 1 or more replace unknown values; if false, only
-            those of 253 or more.
+        inflate_unknown: smallest inflated cost that replaces unknown values: 1 if true, 253 if
+            false.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 

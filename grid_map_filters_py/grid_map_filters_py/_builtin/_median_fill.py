@@ -38,8 +38,8 @@ class MedianFill:
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
         fill_mask_layer: mask layer of cells that may change; computed if the map lacks it.
-        num_erode_dilation_iterations: number of one-cell dilations that close gaps in the computed
-            mask; as many erosions follow.
+        num_erode_dilation_iterations: half the width of the largest gap that is closed in the
+            computed mask [cells].
         debug: also store the computed mask before its gaps are closed.
         debug_infill_mask_layer: layer for that mask; required with `debug`.
     """

@@ -13,7 +13,7 @@ from .._filter import WHOLE_MAP, in_map_order
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarRegions(ContourExtraction, Preprocessing, SlidingWindow):
-    """Number the planar regions of a map; see `grid_map_core_py.planes.extract_planes`.
+    """Find and number the planar regions of a map; see `grid_map_core_py.planes.extract_planes`.
 
     Attributes:
         input_layer: heights [m].

@@ -20,9 +20,9 @@ class SlidingWindowMathExpression(LayerFilter):
         input_layer: layer to filter; its name denotes the window in the expression.
         expression: expression to evaluate, for example `meanOfFinites(elevation)`.
         compute_empty_cells: also compute cells that are NaN in the input.
-        edge_handling: treatment of windows across the border: "inside" sets the cell to NaN, "crop"
-            uses only the part on the map, "empty" pads with NaN, "mean" pads with the mean of the
-            finite values.
+        edge_handling: treatment of windows that extend beyond the map: "inside" sets the cell to
+            NaN, "crop" uses only the part on the map, "empty" pads with NaN, "mean" pads with the
+            mean of the finite values.
         window_size: side of the window [cells]; an odd number.
         window_length: side of the window [m], rounded to an odd number of cells; overrides
             `window_size`.

@@ -45,8 +45,8 @@ class CostmapSettings:
         layer: layer with integer costs from 0 to 254; NaN means unknown.
         frame_id: frame of the costmap; empty means the map frame. Other frames require tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
-        origin_grid: crop the map to borders at multiples of this number of cells from the frame
-            origin.
+        origin_grid: step [cells] in which the origin of the costmap changes as the map moves. Cells
+            at the border that do not fill a step are cropped.
         unknown: rank of unknown map cells if a costmap cell touches several map cells: `worst`
             (above all costs) or `above_free` (between costs 0 and 1).
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
