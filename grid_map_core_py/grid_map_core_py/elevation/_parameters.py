@@ -30,7 +30,7 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: largest difference between a point and a height that agree
+        mahalanobis_distance_threshold: largest difference at which a point agrees with a height
             [standard deviations].
         multi_height_noise: variance added to a cell whose height a scan contradicts [m^2].
         time_variance: growth rate of the variance of every cell [m^2/s].
