@@ -55,8 +55,8 @@ class Parameters:
         ignore_points_below: smallest height of points relative to the sensor [m].
         min_range: smallest distance of points from the sensor [m].
         max_range: largest distance of points from the sensor [m].
-        horizontal_variances: keep the layer `horizontal_variance`, which
-            `ElevationMapper.fused_map` needs.
+        horizontal_variances: add the layer `horizontal_variance`, with which
+            `ElevationMapper.fused_map` accounts for horizontal uncertainty.
         exponential_alpha: weight of the last scan in `exponential` fusion, 0 to 1.
     """
 
