@@ -23,7 +23,7 @@ class PlannerSettings:
 
     Attributes:
         cost_layer: layer with costs from 0 to 254; NaN means unknown. Empty means no costs.
-        cost_weight: weight of costs. A path at cost 252 counts `1 + cost_weight` times its length.
+        cost_weight: weight of costs. Each meter at cost 252 counts as `1 + cost_weight` meters.
         lethal: smallest cost that blocks a cell.
         elevation_layer: layer with heights [m]; NaN blocks a cell. Empty means flat ground.
         max_slope_up: largest upward slope [rad]; 0 means no limit.

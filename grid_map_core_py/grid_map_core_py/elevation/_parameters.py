@@ -30,7 +30,7 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: largest difference between a point and a height that agree
+        mahalanobis_distance_threshold: largest difference at which a point agrees with a height
             [standard deviations].
         multi_height_noise: variance added to a cell whose height a scan contradicts [m^2].
         time_variance: growth rate of the variance of every cell [m^2/s].
@@ -55,8 +55,8 @@ class Parameters:
         ignore_points_below: smallest height of points relative to the sensor [m].
         min_range: smallest distance of points from the sensor [m].
         max_range: largest distance of points from the sensor [m].
-        horizontal_variances: keep the layer `horizontal_variance`, which
-            `ElevationMapper.fused_map` needs.
+        horizontal_variances: add the layer `horizontal_variance`, with which
+            `ElevationMapper.fused_map` accounts for horizontal uncertainty.
         exponential_alpha: weight of the last scan in `exponential` fusion, 0 to 1.
     """
 

@@ -31,7 +31,7 @@ class GridMapSaverNode(ConfiguredNode):
         self._topic = bag_topic or self.resolve_topic_name(topic)
         about = "keep running and save every map, each replacing the previous one"
         self._continuous = self.read("continuous", False, about)
-        about = "file format: `mcap`, `sqlite3`, which C++ `loadFromBag` can read, or `auto`"
+        about = "file format: `auto`, `mcap` or `sqlite3`; C++ `loadFromBag` reads only `sqlite3`"
         storage = self.read("storage", "auto", about)
         self._storage = chosen_storage(storage, self.get_logger().warning)
         about = "compression of the bag: `none`; for `mcap` also `lz4` or `zstd`"

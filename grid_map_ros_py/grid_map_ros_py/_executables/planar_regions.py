@@ -37,7 +37,7 @@ class PlanarRegionsNode(ConfiguredNode):
         self._log, self._health = LogThrottle(self.get_logger()), health_of(self)
         self._health.drop_level = DiagnosticStatus.ERROR
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
-        about = "layer of heights [m]; the layer `variance`, if present, weights them"
+        about = "layer of heights [m]; a layer `variance`, if present, sets their weights"
         self._layer = self.read("height_layer", "elevation", about)
         sections: dict[str, Any] = {
             name: read_fields(self, cls, f"{name}.") for name, cls in SECTIONS.items()
