@@ -125,7 +125,7 @@ def as_finite(
     least: float = -math.inf,
     above: float = -math.inf,
 ) -> float:
-    """Return `value` as a finite float; it must be at least `least` and greater than `above`."""
+    """Return `value` as a float, which must be finite, at least `least`, and above `above`."""
     number = as_number(value, name)
     if not (math.isfinite(number) and number >= least and number > above):
         limit = f" >= {least:g}" if math.isfinite(least) else ""
