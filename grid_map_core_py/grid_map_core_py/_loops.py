@@ -50,9 +50,9 @@ class Loop:
     def compiled(self) -> Compiled | None:
         """Return the compiled function, which releases the GIL.
 
-        The function is loaded from numba's cache if possible. Otherwise, it is compiled within a
-        few seconds, and the first compilation in a process is logged. Array arguments may have any
-        shape, but must be contiguous.
+        The function is loaded from numba's cache if possible. Otherwise, it is compiled, which
+        takes a few seconds. The first compilation in a process is logged. Array arguments may have
+        any shape, but must be contiguous.
 
         Returns:
             The function, or None if numba is not installed, if NUMBA_DISABLE_JIT is set, or (with a

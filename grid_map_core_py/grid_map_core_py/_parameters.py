@@ -90,7 +90,10 @@ def descriptions(cls: type) -> dict[str, str]:
 
 
 def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield each node name in a ROS parameter file, such as `/robot/viewer`, and its parameters."""
+    """Yield the full name and the parameters of each node in a ROS parameter file.
+
+    A full name contains the namespace, as in `/robot/viewer`.
+    """
     for key, value in content.items():
         if key == "ros__parameters" and isinstance(value, Mapping):
             yield path or "/", value

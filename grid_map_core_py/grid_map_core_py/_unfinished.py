@@ -28,7 +28,10 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Yield a temporary folder, removed on exit; first remove folders left by killed processes."""
+    """Yield a temporary folder that is removed on exit.
+
+    Temporary folders that killed processes left behind are removed first.
+    """
     for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
         with suppress(OSError), _locked(left):
             remove(left)
@@ -40,7 +43,11 @@ def scratch_folder() -> Iterator[Path]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder; raise `OSError` if another process has locked it or it cannot be opened."""
+    """Lock a folder until the context exits.
+
+    Raises:
+        OSError: another process has locked the folder, or the folder cannot be opened.
+    """
     number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -65,7 +65,11 @@ def as_pair(values: ArrayLike, name: str) -> Pair:
 
 
 def as_crs(crs: Any) -> str:
-    """Convert a CRS to text; `crs` is text, an EPSG number, an object with `to_wkt`, or None."""
+    """Convert a coordinate reference system to text.
+
+    Args:
+        crs: text, an EPSG number, or an object with the method `to_wkt`; None becomes "".
+    """
     if isinstance(crs, int | np.integer):
         return f"EPSG:{crs}"
     text = crs.to_wkt() if hasattr(crs, "to_wkt") else crs or ""
@@ -121,7 +125,7 @@ def as_finite(
     least: float = -math.inf,
     above: float = -math.inf,
 ) -> float:
-    """Return `value` as a finite float; it must be at least `least` and greater than `above`."""
+    """Return `value` as a float, which must be finite, at least `least`, and above `above`."""
     number = as_number(value, name)
     if not (math.isfinite(number) and number >= least and number > above):
         limit = f" >= {least:g}" if math.isfinite(least) else ""
@@ -244,7 +248,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or (rows, cols) array to a new layer; warn if it overflows or is rounded."""
+    """Copy a scalar or (rows, cols) array to a new layer; warn about overflow and lost digits."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Internals of the `grid-map` command line, shared by the suite; `commands` is the public API."""
+"""Internals of the `grid-map` command line; other packages use `grid_map_core_py.commands`."""
 
 from ._arguments import (
     add_destination as add_destination,

@@ -109,7 +109,7 @@ def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 
 def _topics(parsed_args: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return a description of each map topic in a bag, or of the single map in another file."""
+    """Describe each map topic of a bag, or the single map of a file in another format."""
     with suppress(Exception):
         from ._maps import describe
 

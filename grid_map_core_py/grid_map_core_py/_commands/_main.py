@@ -68,7 +68,10 @@ class Parser(argparse.ArgumentParser):
 
 
 def make_parser(words: Sequence[str]) -> Parser:
-    """Create the command-line parser; only the command in `words` is imported, for speed."""
+    """Create the parser for the command line `words`.
+
+    To save time, only the module of the command in `words` is imported.
+    """
     parser = Parser(
         prog=PROGRAM, description="Look at grid maps in files, convert, filter and draw them."
     )
@@ -94,7 +97,7 @@ def make_parser(words: Sequence[str]) -> Parser:
 
 
 def _commands() -> dict[str, EntryPoint]:
-    """Return the commands of all packages by name; those of this package come first."""
+    """Return the commands of all packages by name; other packages cannot replace built-in ones."""
     known = {name: EntryPoint(name, f"{__package__}.{name}", GROUP) for name in BUILT_IN}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         known.setdefault(entry.name, entry)

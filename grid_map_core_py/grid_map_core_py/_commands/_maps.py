@@ -46,12 +46,12 @@ _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 def _choose(
     options: argparse.Namespace, of_source: Iterable[str] | None = None
 ) -> "tuple[Format, dict[str, Any]]":
-    """Return the format of the source or of the destination, and the options given for it.
+    """Return the format of the source or destination, and the options given for this format.
 
     Args:
         options: the arguments.
-        of_source: names of the options that the source uses, to choose the destination format; None
-            to choose the source format.
+        of_source: None for the source. For the destination, names of the options that the source
+            uses, and that are therefore accepted even if the destination does not use them.
     """
     from ..files._formats import find_format, formats, options_of
 
@@ -252,7 +252,7 @@ class Destination:
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Raise `CommandError` if `path` exists; if `force`, only if it is not a file or folder."""
+    """Raise `CommandError` if `path` exists, unless it is a file or folder and `force` is set."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)

@@ -73,15 +73,15 @@ class ProgressBar:
     """Shows progress: `[#####.....] 12/24 maps, 3.1 maps/s, 0:04 left`.
 
     Leaving the context ends the line. If the stream is not a terminal, only the last state is
-    written. With `cells`, the first call begins the measurement of the rate, so its units do not
-    count towards the rate.
+    written. With `cells`, the rate counts only units that finish after the first call.
 
     Args:
         stream: stream to write to; None means standard error, or standard output for `as_json`.
         clock: function that returns the time [s].
         quiet: whether to hide the progress; ignored for `as_json`.
         unit: plural name of the counted items.
-        cells: number of cells per unit, to show the rate in cells per second; 0 shows units.
+        cells: number of cells per unit, to show the rate in cells per second. If 0, the rate is
+            shown in units per second.
         as_json: whether to print a JSON line every second and at the end.
     """
 

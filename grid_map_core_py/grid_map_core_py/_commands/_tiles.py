@@ -105,9 +105,9 @@ def tiled_source(
 ) -> "TiledMap | None":
     """Return the source as a `TiledMap` if it should be read window by window, else None.
 
-    Windows can be read only if the source and the destination, if any, are Zarr stores or GeoTIFF
-    files. If there is no destination, or if both are GeoTIFF files, a map of at most `max_cells`
-    cells is read as a whole, unless `also_small` or an option in `_OPTIONS` is set.
+    Only Zarr stores and GeoTIFF files can be read and written in windows. A map of at most
+    `max_cells` cells is read as a whole if there is no destination, or if source and destination
+    are GeoTIFF files. With `also_small` or an option in `_OPTIONS`, such a map is read in windows.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name

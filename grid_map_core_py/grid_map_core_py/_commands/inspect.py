@@ -64,7 +64,12 @@ def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[
     """Return statistics and a histogram of the finite values of a layer as JSON values.
 
     For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
-    `each(function, layers)` calls `function` with the map or with each tile, and lists the results.
+
+    Args:
+        name: name of the layer.
+        each: `each(function, layers)` calls `function` with the map, or with each tile if the map
+            is tiled, and returns a list of the results.
+        bins: number of bins of the histogram.
     """
     import numpy as np
 

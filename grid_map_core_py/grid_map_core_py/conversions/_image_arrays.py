@@ -205,7 +205,7 @@ def from_image(
 
     Args:
         image: (rows, cols), or (rows, cols, channels) with 1, 3 or 4 channels; uint8, uint16,
-            float32 or float64. Colors become luma (ITU-R BT.601, with OpenCV's `cvtColor`).
+            float32 or float64. OpenCV's `cvtColor` converts colors to gray values (ITU-R BT.601).
         resolution: side of a pixel [m].
         lower, upper: layer values of black (0) and white (255, 65535 or 1.0) pixels. With 0 and 1,
             the values of a float image are copied unchanged.

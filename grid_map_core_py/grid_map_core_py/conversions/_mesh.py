@@ -191,7 +191,7 @@ def _prepared(
 
 
 def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield column-major indices (n,) of covered cells, and triangle heights (n,) at the cells."""
+    """Yield the column-major indices (n,) of covered cells, and the triangle heights (n,) there."""
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides
@@ -210,7 +210,7 @@ def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integ
 
 
 def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Do the same as `_hits_of_small` for one large triangle, but do not copy its data per cell."""
+    """Yield the results of `_hits_of_small` for one triangle, whose data is not copied per cell."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column
@@ -253,7 +253,7 @@ def _heights(
 
 
 def _range(corners: Positions, cells: int, tolerance: float) -> tuple[Integers, Integers]:
-    """Return, along one axis, the first cell under each triangle and the number of cells."""
+    """Return the first cell and the number of cells under each triangle, along one axis."""
     first = np.ceil(np.clip(corners.min(axis=0) - tolerance, 0, cells))
     last = np.floor(np.clip(corners.max(axis=0) + tolerance, -1, cells - 1))
     return first.astype(np.int64), np.maximum(last - first + 1, 0).astype(np.int64)

@@ -100,8 +100,8 @@ class _Grid:
         resolution: side of a cell [m].
         height_type: 0 uses the smallest mean height of all clusters; 1 uses the mean height of the
             cluster with the most points (the lowest one if several are equally large).
-        height_thresh: with height type 1, largest difference to the smallest mean height [m];
-            clusters with a larger difference are ignored.
+        height_thresh: with height type 1, largest height of a cluster above the lowest cluster of
+            the cell [m]; higher clusters are ignored.
     """
 
     min_num_points_per_cell: int = 2
@@ -224,7 +224,10 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks of whole cells, without cells outside the limits."""
+        """Yield point indices (n,) in chunks that contain all points of their cells.
+
+        Cells with too few or too many points are skipped.
+        """
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -240,7 +243,7 @@ class PointCloudPipeline:
     def _heights(
         self, cells: Integers, points: Positions
     ) -> tuple[Integers, npt.NDArray[np.float64]]:
-        """Cluster points (n, 3), and return the cells (m,) with clusters and their heights (m,)."""
+        """Cluster points (n, 3); return the cells (m,) with clusters, and the cell heights (m,)."""
         extraction = self.cluster_extraction
         groups = np.unique(cells, return_inverse=True)[1]
         clusters = euclidean_clusters(
@@ -360,8 +363,8 @@ def euclidean_clusters(
 ) -> Integers:
     """Return the cluster number (n,) of each point; clusters are numbered in arbitrary order.
 
-    Two points are in the same cluster if a chain of points of their group connects them, with no
-    step longer than the tolerance.
+    Two points are in the same cluster if a chain of points connects them. All points of the chain
+    must be in the same group, and no step may be longer than the tolerance.
 
     Args:
         points: (n, 3) finite x, y, z [m].
@@ -404,10 +407,17 @@ def _missing_links(
 ) -> _Edges:
     """Return links between points of different clusters in the same group.
 
-    A crowded point already has the maximum number of links; only such points can lack a link.
-    `crowded` contains their indices. For each pair of clusters, the cluster with fewer crowded
-    points is chosen. Each of its crowded points is linked to the nearest crowded point of the other
-    cluster, if the distance is less than `reach`.
+    For each pair of clusters, one cluster is chosen: the one with fewer crowded points. Each of
+    these points is linked to the nearest crowded point of the other cluster, if the distance is
+    less than `reach`.
+
+    Args:
+        points: (n, 3) x, y, z [m].
+        groups, clusters: (n,) group and cluster of each point.
+        crowded: indices of the points that already have the maximum number of links. Only such
+            points can lack a link.
+        reach: largest length of a link [m].
+        workers: number of threads that search for neighbors.
     """
     from scipy.spatial import cKDTree  # slow to import
 

@@ -143,8 +143,8 @@ def from_points(
         length: (2,) side lengths of the map [m]; None means just large enough for all points.
         position: (2,) center of the map [m]. If None and `length` is given, the map is centered on
             the rectangle that encloses the points.
-        tight: if True, center the map on this rectangle instead of aligning its borders; ignored
-            if `length` or `position` is given.
+        tight: if True, the map is centered on the rectangle that encloses the points, and its
+            borders are not aligned; ignored if `length` or `position` is given.
         timestamp: timestamp of the map [ns].
 
     Raises:
@@ -275,7 +275,7 @@ def _located(
 ) -> tuple[Integers, Mask]:
     """Find the points on the map and within the height limits.
 
-    Return the flat cell indices (n,) of these points, and a mask (N,) of them.
+    Return the flat cell indices (n,) of these points, and a mask (N,) that selects the points.
     """
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compiled loops over points; a process uses these loops only after it has handled many points."""
+"""Compiled loops over points, loaded only after a process has handled many points."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ def count(points: int) -> None:
 
 
 def ready(wanted: Loop) -> Compiled | None:
-    """Return the compiled loop; None if fewer than `_MANY` points were handled, or numba fails."""
+    """Return the compiled loop, or None if numba is missing or few points were handled so far."""
     return wanted.compiled() if _handled > _MANY else None
 
 
@@ -33,8 +33,8 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 
     Args:
         xyz: (3, n) coordinates of points [m], float32 or float64.
-        frame: lower and upper z limit, half side lengths of the map along x and y, x and y of its
-            center, and the negated resolution [m].
+        frame: lower and upper z limit, half the side lengths of the map (x, y), center of the map
+            (x, y), and the negative resolution, all in meters.
         size: number of rows and columns.
         cells: (n,) output: flat cell indices of the counted points, stored without gaps.
         counted: (n,) output: 1 for points on the map and within the z limits, else 0.

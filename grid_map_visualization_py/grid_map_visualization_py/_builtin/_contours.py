@@ -30,7 +30,7 @@ class ContoursVisualization(LineMarker):
 
     Attributes:
         layer: layer to draw, usually heights [m].
-        interval: spacing of the contour values; lines are drawn at its multiples.
+        interval: spacing of the contour values, which are multiples of `interval`.
         levels: contour values in any order; replaces `interval`.
         flat: draw all lines at height zero; useful for layers without heights.
 

@@ -32,7 +32,7 @@ class SurfaceVisualization:
         lower: value at the lower end of the color map (default: the smallest value).
         upper: value at the upper end of the color map (default: the largest value).
         invert: swap the ends of the color map.
-        color: color as 0xRRGGBB.
+        color: surface color as 0xRRGGBB, used by the color mode "flat".
         opacity: surface opacity, from 0 (invisible) to 1 (opaque).
         max_drawn_cells: maximum number of drawn cells, at least 9, or 0 for no limit; larger maps
             are thinned out.
