@@ -110,7 +110,7 @@ class State:
         self.times[cells], self.memory.age[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
-        """Return all layers as flat arrays; set cells whose variance exceeds the limit to NaN."""
+        """Return all layers as flat arrays. Cells whose variance exceeds the limit become NaN."""
         with np.errstate(over="ignore", invalid="ignore"):
             heights = self.heights.astype(np.float32)
             least = np.float32(parameters.min_variance)
