@@ -89,7 +89,7 @@ def _share(step: int, deviations: Cells) -> Cells:
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the weighted quantile: all larger values together weigh at most `_TAIL`."""
+    """Return the quantile (k,) above which the values of a cell together weigh at most `_TAIL`."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.argmax(above > _TAIL, axis=0)

@@ -333,7 +333,7 @@ class ElevationMapper:
     # Stages
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
-        """Update the age of all cells; return the clock's start time and the scan time [ns]."""
+        """Let all cells age, and return the start of the clock and the time of the scan [ns]."""
         start = stamp if self._start is None else self._start
         first = stamp if self._late is None else self._late
         self._late = first if stamp < last else None

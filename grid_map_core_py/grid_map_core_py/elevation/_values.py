@@ -56,8 +56,8 @@ class ValueFusion:
 
     Args:
         fusions: fusion methods by value name, or by regular expression that matches the whole name.
-            Exact names take precedence; then the first matching expression is used. The default
-            is `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
+            An exact name takes precedence. Otherwise, the first matching expression is used. The
+            default is `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
         exponential_alpha: weight of the last scan in `exponential`.
     """
 

@@ -218,7 +218,7 @@ def ring_width(frame: Any, size: Any) -> Any:
 
 @loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
 def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
-    """Set each bin of the polar grid `table` to the maximum of `lowest` over overlapping cells."""
+    """Set each bin of the polar grid `table` to the largest `lowest` of cells that overlap it."""
     width = ring_width(frame, size)
     for i in range(count):
         x = cells[i] % size[0] + 0.5 - frame[0]
@@ -340,7 +340,7 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
     """Return the first row (or column) of a beam, and the beam parameters of its borders.
 
-    The parameters are the value at which the beam leaves the row, and the step from row to row.
+    The parameters are the value where the beam leaves the row, and the increase per row.
     """
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
