@@ -33,7 +33,7 @@ _HEIGHT_AND_TILT, _LEVEL = np.array([2, 3, 4]), np.array([0, 1, 5])
 
 @dataclass(frozen=True)
 class Covariance:
-    """Sensor pose covariance; rotations are about the map axes.
+    """Covariance of the sensor pose, with rotations about the map axes.
 
     Attributes:
         matrix: (3, 3) covariance of z [m], roll and pitch [rad].

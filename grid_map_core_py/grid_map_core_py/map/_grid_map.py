@@ -663,7 +663,8 @@ class GridMap(MutableMapping[str, Layer]):
             length: (2,) side lengths along x and y [m].
 
         Returns:
-            A map with the same layers, basic layers, frame, time and `crs`, and start index (0, 0).
+            A map with the same layers, basic layers, frame, time and `crs`. Its start index is
+            (0, 0).
         """
         return self._block(*self._geometry.overlapped(position, length))
 
@@ -753,8 +754,8 @@ class GridMap(MutableMapping[str, Layer]):
                 height of the cell, in the directions +x, -x, +y and -y.
 
         Returns:
-            A map with the same resolution, layers, basic layers and time, start index (0, 0) and no
-            `crs`. The new map covers the transformed corners of this map at z = 0.
+            A map with the same resolution, layers, basic layers and time, but no `crs`. Its start
+            index is (0, 0). It covers the transformed corners of this map at z = 0.
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
