@@ -37,7 +37,9 @@ VISITS = 4
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits on maps and files; each is a finite number of at least 1.
+    """Limits on maps and files.
+
+    Each limit is a finite number of at least 1.
 
     Attributes:
         max_cells: largest number of cells (rows times columns) in a map, or of pixels in an image.
@@ -93,7 +95,7 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
     Args:
         name: subject of the error message.
-        size: rows and columns; they may be infinite.
+        size: numbers of rows and columns, which may be infinite.
         layers: number of layers to allocate; 0 if the input already contains the layer data.
     """
     cells = size[0] * size[1]
@@ -105,9 +107,9 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 
 def check_visits(name: str, visits: float) -> None:
-    """Raise `LimitError` if `visits`, the total number of visited cells, is too large.
+    """Raise `LimitError` if `visits`, the number of visited cells, exceeds `VISITS * max_cells`.
 
-    A cell that belongs to several parts, such as faces or poses, counts once for each part.
+    A cell that lies under several parts, such as faces of a mesh, is visited once for each part.
     """
     if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")

@@ -2,8 +2,10 @@
 """Elevation maps that move with a robot.
 
 `ElevationMapper` fuses range sensor scans into heights with variances, and clears cells that beams
-pass through. `UpdateReport` summarizes one update. A `SensorModel` describes the sensor noise:
-`LaserModel`, `StructuredLightModel`, `StereoModel`, `ConstantModel`, or `PerfectModel` (no noise).
+pass through. `UpdateReport` summarizes one update.
+
+Each of these models describes the noise of a sensor: `LaserModel`, `StructuredLightModel`,
+`StereoModel`, `ConstantModel`, and `PerfectModel` (no noise). Other models implement `SensorModel`.
 
 `RollingMap` keeps the largest, smallest, mean or last height in each cell.
 """

@@ -53,7 +53,7 @@ class Sorted:
 
 
 def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: int) -> Sorted:
-    """Sort points (n,) by cell, height and variance; `size` is the number of cells."""
+    """Sort points (n,) as in `Sorted`. `size` is the number of cells of the map."""
     if compiled := deal.compiled():
         count = len(cells)
         order, dealt = np.empty(count, np.int64), np.empty((2, count))
@@ -92,11 +92,12 @@ def deal(
     """Sort points by cell, then by descending height, then by variance, as in `Sorted`.
 
     Args:
-        cells: (count,) cells of the points.
+        cells: (count,) cell index of each point.
         points: (count,) heights and variances of the points.
-        size: number of cells.
-        borders: (size + 1,) zeros; afterwards, the end of each cell's points (exclusive).
-        order, dealt: (count,) output: the sorted indices, and the sorted heights and variances.
+        size: number of cells of the map.
+        borders: (size + 1,) zeros. On return, `borders[i]` is the end (exclusive) of cell i.
+        order: (count,) output, the sorted indices of the points.
+        dealt: (count,) output, the sorted heights and variances.
     """
     heights, variances = points
     sorted_heights, sorted_variances = dealt
@@ -147,7 +148,8 @@ class Clusters:
 
     Attributes:
         points: the points on the map.
-        threshold, relief: height differences that `agree` accepts [standard deviations] and [m].
+        threshold: height difference that `agree` accepts [standard deviations].
+        relief: height difference that `agree` always accepts [m].
         groups: (q,) index of each cluster's cell in `points.cells`.
         firsts: (q,) index in `points` of each cluster's highest point.
         counts: (q,) number of points in each cluster.
@@ -198,7 +200,7 @@ class Clusters:
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the concatenated point indices of k clusters, and each cluster's start (k,)."""
+        """Return the joined point indices of k clusters, and where each cluster starts in them."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -207,8 +209,8 @@ class Clusters:
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
     """Group the points of each cell into clusters of consistent heights.
 
-    `common` (m,) is the height variance [m^2] due to the pose, one value per cell in
-    `points.cells`. All points of a cell share it.
+    `common` (m,) is the height variance [m^2] that the pose causes in each cell of `points.cells`.
+    All points of a cell share this variance.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances
@@ -268,8 +270,8 @@ def _grow_arrays(
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
     """Form clusters, and store the results of each cluster at the index of its first point.
 
-    `counts` receives the number of points. `sums` receives three sums over the points: w, w h and
-    w h^2, where w is a point's weight and h its height above the first point.
+    `counts` receives the number of points. `sums` receives the sums of w, w h and w h^2 over the
+    points, where w is the inverse variance of a point, and h its height above the first point.
     """
     begins, ends = borders
     z, r = points

@@ -3,28 +3,31 @@
 
 The points in a cell form clusters of similar heights. A cluster has support if it contains at least
 `conflict_points` points, and at least `min_support` times as many points as the cell's densest
-cluster. The highest cluster with support is the surface of the cell. `Clusters.agree` defines when
-a cluster agrees with the height of the map. Each cell with points has one of these outcomes:
+cluster. The highest cluster with support is the surface of the cell.
+
+The clusters are compared with the height that the cell has from earlier scans. `Clusters.agree`
+defines when a cluster agrees with this height. Each cell with points has one of these outcomes:
 
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
-- `STARTED`: the cell was unknown. The height of the surface becomes the height of the cell.
-- `RAISED`: the surface is above the height and replaces it. A candidate, which is a smaller cluster
-  above the surface, can also replace the height: three scans within half a second must contain it
+- `STARTED`: the height was unknown. The cell gets the height of the surface.
+- `RAISED`: the surface is above the height and replaces it. A smaller cluster above the surface is
+  a candidate. A candidate replaces the height after three scans within half a second contained it
   at the same height, with at least `conflict_points` points each.
-- `LOWERED`: the surface is below the height and replaces it. There are two cases. (a) The height
-  was not confirmed for `scanning_duration`, and the beams of at least `conflict_points` points of
-  the surface entered the cell above the height. (b) At most `conflict_points` points ever supported
-  the height, and no neighbor is more than one resolution higher than the surface.
+- `LOWERED`: the surface is below the height and replaces it, in one of two cases:
+  - (a) The height was not confirmed for `scanning_duration`, and the beams of at least
+    `conflict_points` points of the surface entered the cell above the height.
+  - (b) At most `conflict_points` points ever supported the height, and no neighbor is more than one
+    resolution higher than the surface.
 - `CONTRADICTED`: none of the above applies. The height does not change.
 
 If no cluster has support, any cluster can confirm the height. In `STARTED` and case (b), the
-highest cluster is then used instead of the surface. `RAISED`, `LOWERED` and `CONTRADICTED` are
-conflicts, and add `multi_height_noise` to the variance of the cell.
+highest cluster then serves as the surface. `RAISED`, `LOWERED` and `CONTRADICTED` are conflicts:
+the variance of the cell grows by `multi_height_noise`.
 
-Drift compensation first shifts the whole map by a share of the offset between scan and map. Then it
-shifts the scan by the rest of the offset, so that scan and map match. With a steady drift, the map
-therefore lags behind the odometry by `drift per scan / drift_compensation_alpha`.
+Drift compensation corrects the vertical offset between scan and map. The share
+`drift_compensation_alpha` of the offset shifts the whole map. The rest shifts the scan. With a
+steady drift, the map lags behind the odometry by `drift per scan / drift_compensation_alpha`.
 """
 
 from __future__ import annotations
@@ -60,11 +63,13 @@ def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> fl
 
     Near steps and edges, points and map differ even without drift. Therefore, a cell votes only if
     its variance is small, and its eight neighbors are known and about as high. Each cluster in such
-    a cell has one vote: its offset from the map. The tolerance of a vote is
-    `threshold * sqrt(height variance + cluster variance)`. A vote is ignored if it exceeds
-    `max_drift`, or differs from the median vote, by more than its tolerance. The result is the mean
-    of the remaining votes, weighted by inverse variance. It is 0 if the mean exceeds `max_drift`,
-    or if fewer than `min_drift_cells` votes or fewer than half of the votes remain.
+    a cell has one vote: its offset from the map.
+
+    The tolerance of a vote is `threshold * sqrt(height variance + cluster variance)`. Votes that
+    exceed `max_drift` by more than their tolerance are ignored. Votes agree if they differ from the
+    median of the remaining votes by at most their tolerance. The result is the mean of the votes
+    that agree, weighted by inverse variance. The result is 0 if fewer than `min_drift_cells` votes
+    or fewer than half of the votes agree, or if the mean exceeds `max_drift`.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
@@ -171,7 +176,7 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return (k,) whether the height of each cell in `lower` may be lowered to its cluster."""
+        """Return a mask (k,) of the cells in `lower` whose cluster may replace the height."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
         # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
@@ -228,7 +233,7 @@ class Fusion:
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
         """Return the candidate (m,) of each cell if enough scans contained it, otherwise `NONE`.
 
-        A candidate that too few scans have contained is stored in the state for the next scans.
+        If more scans must contain a candidate, the state keeps it for the next scans.
         """
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means

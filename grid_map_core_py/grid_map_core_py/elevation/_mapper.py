@@ -86,12 +86,12 @@ class ElevationMapper:
     Args:
         geometry: size, resolution and initial position of the map.
         frame_id: frame of the map.
-        sensor: noise model of the sensor. A call of `update` may use another model.
-        value_fusions: fusion method of each point value, by value name or regular expression:
+        sensor: noise model of the sensor. `update` can use another model for one scan.
+        value_fusions: fusion method of each point value, by name or regular expression. A method is
             `average`, `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is
             `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
         parameters: elevation mapping parameters, such as `min_variance`. The property `parameters`
-            lists all of them.
+            contains all of them.
 
     Raises:
         ConfigError: a parameter is unknown or invalid.
@@ -165,10 +165,12 @@ class ElevationMapper:
     ) -> UpdateReport:
         """Fuse the points of a scan into the map; if an error occurs, the map stays unchanged.
 
-        The result does not depend on the order of the points. After a jump of more than
-        `max_time_jump`, or if timestamps are too early for more than a second, the map clock
-        restarts at `timestamp`, and all cells count as just confirmed. If such a jump leads to the
-        timestamp 0, all points are dropped instead. Both cases cause a `RuntimeWarning`.
+        The result does not depend on the order of the points.
+
+        The map clock restarts at `timestamp` if the time jumps by more than `max_time_jump`, or if
+        scans arrive with earlier timestamps for more than a second. All cells then count as just
+        confirmed. After a jump back to the timestamp 0, the clock does not restart, but all points
+        of the scan are dropped. A restart or a dropped scan causes a `RuntimeWarning`.
 
         Args:
             points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite or lie
@@ -181,7 +183,7 @@ class ElevationMapper:
             values: additional point values (N,) by layer name.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             sensor: noise model; None uses the model passed to the constructor.
-            limits: parameters from which this scan takes its range and height limits, such as
+            limits: parameters whose range and height limits apply to this scan, such as
                 `dataclasses.replace(mapper.parameters, max_range=5.0)`; None uses `parameters`.
 
         Raises:
@@ -265,17 +267,17 @@ class ElevationMapper:
         self._noise = math.inf
 
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
-        """Replace the layers of this map with the layers of another map where the maps overlap.
+        """Replace the cells of this map with the cells of another map where the maps overlap.
 
-        Layers that exist in both maps are replaced. Each cell gets the value, even NaN, of the cell
-        in the other map that contains its center. If the new variance is unknown or too small, it
-        becomes `min_variance`. `time` and the bounds are not copied: the bounds are recomputed, and
+        Layers that exist in both maps are replaced. Each cell gets the value of the other map at
+        its center, even if that value is NaN. If the new variance is unknown or too small, it
+        becomes `min_variance`. `time` and the bounds are not copied. The bounds are recomputed, and
         replaced heights count as confirmed by the last scan.
 
         Args:
             grid_map: the other map, in the same frame.
             mask_layer: layer of the other map; cells where this layer is NaN stay unchanged. If the
-                layer does not exist, all cells are replaced.
+                layer does not exist, all overlapping cells are replaced.
 
         Raises:
             GridMapError: `grid_map` is not a map, or has another frame.
@@ -331,7 +333,7 @@ class ElevationMapper:
     # Stages
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
-        """Update the age of all cells; return the clock's start time and the scan time [ns]."""
+        """Let all cells age, and return the start of the clock and the time of the scan [ns]."""
         start = stamp if self._start is None else self._start
         first = stamp if self._late is None else self._late
         self._late = first if stamp < last else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Elevation mapping parameters, and sensor models, which predict the variance of heights.
+"""Parameters of elevation mapping, and sensor models that predict the variance of heights.
 
 Let S (3, 3) be the covariance of a point in the sensor frame. A model returns the variance
 `axis @ S @ axis` along a unit vector `axis` (3,). For heights, `axis` is the vertical axis of the
@@ -37,8 +37,9 @@ class Parameters:
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
         conflict_points: number of points in one scan that must agree to replace a height.
-        min_support: number of points a cluster needs to become the surface at once, as a share of
-            the points in the cell's densest cluster. Smaller clusters must appear in three scans.
+        min_support: smallest number of points in a cluster that becomes the surface at once,
+            relative to the largest cluster in the cell. Smaller clusters must appear in three
+            scans.
         overhang_clearance: vertical gap [m] above which a cluster counts as an overhang. The cell
             then keeps the ground height, and the layer `overhang` holds the underside of the
             overhang. With 0, the cell gets the highest surface.
@@ -113,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Limit of the variance [m^2] added by relief or the pose, so that cells stay known."""
+        """Largest variance [m^2] that relief or the pose may add, so that cells stay known."""
         return 0.25 * self.largest_variance
 
 
@@ -136,12 +137,12 @@ class SensorModel(Protocol):
                 such as the map's x axis for horizontal variances.
 
         Returns:
-            Variances [m^2]. Points that the sensor cannot measure are NaN, and are dropped.
+            Variances [m^2]; NaN for points that the sensor cannot measure, which are then dropped.
         """
 
 
 class _Model:
-    """Base class that checks the values: they are finite and, except in `_signed`, not negative."""
+    """Base class that raises an error if an attribute is not finite or has a forbidden sign."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""
@@ -161,9 +162,10 @@ class _Model:
 
 @dataclass(frozen=True, kw_only=True)
 class LaserModel(_Model):
-    """Lidar with noise along and across each beam; the noise across the beam grows with distance.
+    """Lidar with noise along and across each beam.
 
-    Each point defines the direction of its beam, so the model also fits spinning lidars.
+    The noise across a beam grows with the distance. Each point defines the direction of its beam,
+    so the model also fits spinning lidars.
 
     Attributes:
         min_radius: standard deviation along the beam [m].
@@ -206,15 +208,16 @@ class _Camera(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class StructuredLightModel(_Camera):
-    """Depth camera with structured light; z of the sensor frame is the optical axis.
+    """Depth camera with structured light.
 
-    The standard deviation of the depth z is `normal_factor_a + normal_factor_b *
-    (z - normal_factor_c)^2 + normal_factor_d * z^normal_factor_e` [m] (Nguyen, Izadi and Lovell,
-    "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 2012).
+    The depth z is the coordinate along the optical axis, which is the z axis of the sensor frame.
+    Its standard deviation is `normal_factor_a + normal_factor_b * (z - normal_factor_c)^2 +
+    normal_factor_d * z^normal_factor_e` [m] (Nguyen, Izadi and Lovell, "Modeling Kinect Sensor
+    Noise for Improved 3D Reconstruction and Tracking", 2012).
 
     Attributes:
-        cutoff_min_depth: smallest depth of the points to use [m].
-        cutoff_max_depth: largest depth of the points to use [m].
+        cutoff_min_depth: depth below which points are dropped [m].
+        cutoff_max_depth: depth above which points are dropped [m].
         normal_factor_a: `a` in the standard deviation of the depth z, `a + b (z - c)^2 + d z^e`
             [m].
         normal_factor_b: `b` in the formula of `normal_factor_a`.
@@ -254,9 +257,11 @@ class StructuredLightModel(_Camera):
 
 @dataclass(frozen=True, kw_only=True)
 class StereoModel(_Camera):
-    """Stereo camera; z of the sensor frame is the optical axis, and points behind it are dropped.
+    """Stereo camera.
 
-    The standard deviation of the depth z is `z^2 / (focal_length * baseline) * disparity_std` [m].
+    The depth z is the coordinate along the optical axis, which is the z axis of the sensor frame.
+    Its standard deviation is `z^2 / (focal_length * baseline) * disparity_std` [m]. Points with a
+    depth of 0 or less are dropped.
 
     Attributes:
         focal_length: focal length [pixels].

@@ -33,7 +33,7 @@ _HEIGHT_AND_TILT, _LEVEL = np.array([2, 3, 4]), np.array([0, 1, 5])
 
 @dataclass(frozen=True)
 class Covariance:
-    """Sensor pose covariance; rotations are about the map axes.
+    """Covariance of the sensor pose, with rotations about the map axes.
 
     Attributes:
         matrix: (3, 3) covariance of z [m], roll and pitch [rad].
@@ -117,9 +117,9 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
     """Return the covariance that the motion from one pose to the next adds.
 
-    First, the old covariance is propagated to the new position, where a tilt lifts the sensor by
-    `roll * dy - pitch * dx`. The result is subtracted from the new covariance. Negative eigenvalues
-    become 0.
+    The old covariance is propagated to the new position: there, a tilt error has lifted the sensor
+    by `roll * dy - pitch * dx`, and a yaw error has moved it by `yaw * (-dy, dx)`. The propagated
+    covariance is subtracted from the new covariance. Negative eigenvalues become 0.
 
     Args:
         old, new: covariances of the previous and the new pose.
@@ -150,7 +150,7 @@ class Scan:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
         variances: (n,) variances of z from the sensor noise alone [m^2].
-        cells: (n,) cell index of each point, column-major in map order; OUTSIDE if not on the map.
+        cells: (n,) cell index of each point (column-major, in map order), or OUTSIDE.
         places: (n,) indices of the points in the cloud.
         horizontal: (n,) horizontal variances, averaged over x and y [m^2]; empty if not requested.
         dropped: number of dropped points for each reason.
@@ -208,7 +208,7 @@ def distances_of(points: NDArray[np.float64]) -> Numbers:
 
 
 def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
-    """Return a copy of a map in map order; if `position` is not None, move the copy there."""
+    """Return a copy of a map in map order, moved to `position` unless `position` is None."""
     result = grid_map.copy()
     if position is not None:
         result.move(position)

@@ -30,20 +30,20 @@ _Layers = dict[str, Layer]
 
 
 class RollingMap:
-    """Fuses the heights of successive point clouds in a window that can move.
+    """Height map of a movable window, fused from successive point clouds.
 
     Args:
         geometry: size, resolution and initial position of the window.
         frame_id: frame of the points and of the map.
-        layer: name of the height layer [m]; the only basic layer.
-        fusion: how the heights of successive clouds are fused. `max` keeps the largest height and
-            `min` the smallest. `last` keeps the height from the last cloud with points in the cell.
+        layer: name of the height layer [m], which is the only basic layer of the map.
+        fusion: method that fuses the heights of successive clouds. `max` keeps the largest height,
+            `min` the smallest, and `last` the height from the last cloud with points in the cell.
             `mean` averages all points of all clouds, and adds the layers `variance` (population
             variance [m^2]) and `count` (number of points).
-        reduction: how the points of one cloud in a cell are reduced to one height: `max`, `min`,
-            `mean`, `median`, `first` or `last`. It has no effect with `mean` fusion.
-        max_count: with `mean` fusion, upper limit of the weight of all earlier points in a cell
-            [points]. With a limit, the map follows changes in the ground. 0 means no limit.
+        reduction: method that reduces the points of one cloud in a cell to one height: `max`,
+            `min`, `mean`, `median`, `first` or `last`. With `mean` fusion, it has no effect.
+        max_count: upper limit of the total weight of earlier points in a cell [points], for `mean`
+            fusion. With a limit, the map follows changes in the ground. 0 means no limit.
         min_height, max_height: height range [m], map frame; points outside this range are ignored.
 
     Raises:

@@ -34,7 +34,9 @@ _OLDEST = 2.0**24
 
 @dataclass
 class Memory:
-    """Unpublished state of the cells, as arrays (cells,); values that are not set are NaN.
+    """Unpublished state of the cells.
+
+    Each attribute is an array (cells,). Values that are not set are NaN.
 
     Attributes:
         support: number of points that have ever supported the height.
@@ -77,7 +79,7 @@ class State:
 
     @classmethod
     def of(cls, grid_map: GridMap, hidden: GridMap) -> State:
-        """Create the state from a map in map order; some of its layers share the map's memory."""
+        """Create the state from a map in map order. Some layers share memory with the map."""
         layers, own = (
             {name: flat(data) for name, data in part.items()} for part in (grid_map, hidden)
         )
@@ -108,7 +110,7 @@ class State:
         self.times[cells], self.memory.age[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
-        """Return all layers as flat arrays; set cells whose variance exceeds the limit to NaN."""
+        """Return all layers as flat arrays. Cells whose variance exceeds the limit become NaN."""
         with np.errstate(over="ignore", invalid="ignore"):
             heights = self.heights.astype(np.float32)
             least = np.float32(parameters.min_variance)
@@ -168,12 +170,12 @@ def at_centers(
     geometry: GridGeometry,
     threshold: float,
 ) -> Numbers:
-    """Return the heights (n,) of points after moving them along the slope to the cell centers [m].
+    """Return the heights (n,) [m] of points after a shift along the slope to their cell centers.
 
-    Along each axis, a cell has two slopes: from the previous cell to this cell, and from this cell
-    to the next. The less steep slope is used. If the slopes have opposite signs, or if one height
-    difference is at most `threshold` standard deviations, the cell is level or next to a step. Its
-    slope is then 0. The slope is also 0 next to unknown cells and map borders.
+    Along each axis, the height differences between a cell and its two neighbors define two slopes.
+    The less steep slope is used. The slope is 0 if the two slopes have opposite signs, or if one
+    height difference is at most `threshold` standard deviations: the cell is then level or next to
+    a step. The slope is also 0 next to unknown cells and map borders.
 
     Args:
         points: (3, n) points on the map.

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fusion of additional point values, such as colors and classes; each value has one layer.
+"""Fusion of additional point values, such as colors and classes, into one layer per value.
 
-Only points that were fused into the height of their cell contribute values. If the height of a cell
-is replaced, its earlier values are deleted. Fusion methods:
+Only points that were fused into the height of their cell contribute values. If a scan replaces the
+height of a cell, the earlier values of the cell are deleted. The fusion methods are:
 
 - `average`: mean over all scans, weighted by the inverse variances of the heights.
 - `latest`: mean over the last scan with points in the cell, with the same weights.
-- `exponential`: weighted mean of the result of `latest` (weight `exponential_alpha`) and the old
-  value.
+- `exponential`: `exponential_alpha` times the result of `latest`, plus `1 - exponential_alpha`
+  times the old value.
 - `max`: the largest value.
 - `color`: packed colors. Each channel is the mean over the last scan with points in the cell.
 - `class_bayesian`: class probabilities. All layers that match one pattern form a set of classes.
@@ -56,8 +56,8 @@ class ValueFusion:
 
     Args:
         fusions: fusion methods by value name, or by regular expression that matches the whole name.
-            Exact names take precedence; then the first matching expression is used. The default
-            is `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
+            An exact name takes precedence. Otherwise, the first matching expression is used. The
+            default is `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
         exponential_alpha: weight of the last scan in `exponential`.
     """
 
@@ -164,7 +164,7 @@ class ValueFusion:
 def _forgotten(
     layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
 ) -> NDArray[np.float32]:
-    """Return a copy of a layer; cells that are NaN or in the mask `fresh` become `nothing`."""
+    """Return a copy of a layer, with `nothing` in cells that are NaN or in the mask `fresh`."""
     if layer is None:
         return np.full(len(fresh), nothing, np.float32)
     copy = layer.copy()
@@ -175,7 +175,7 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of the fused points; the order in the scan has no effect."""
+    """Return cells, values and weights of the fused points, independent of the scan's order."""
     points = chosen.points
     # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)

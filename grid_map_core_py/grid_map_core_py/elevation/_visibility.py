@@ -3,24 +3,29 @@
 
 Each beam is traced from the sensor to its point, cell by cell (Amanatides and Woo, "A Fast Voxel
 Traversal Algorithm for Ray Tracing", 1987). The height of a beam in a cell is the largest height of
-the beam within the cell. The foot of a cell with height h and variance v is the height
-`h - max(3 sqrt(v), relief)`, where the relief is the resolution times `RELIEF`. If a cell was not
-confirmed for `scanning_duration`, a beam below its foot clears it, with four exceptions:
+the beam within the cell.
+
+The foot of a cell with height h and variance v is the height `h - max(3 sqrt(v), relief)`, where
+the relief is the resolution times `RELIEF`. If a cell was not confirmed for `scanning_duration`, a
+beam below the foot of the cell clears the cell, with four exceptions:
 
 - The point of the beam is in the cell.
 - This scan has a point in the cell or its 8 neighbors that is higher than the beam, or at most one
   resolution lower. The beam then passed next to an obstacle that still exists, such as a wall that
   covers part of the cell.
-- Another cell, at most two cells away, still contains an obstacle. (Beams along a wall pass between
-  the points of the wall.) An obstacle is assumed if no beam crossed the other cell below its foot,
-  and this foot is higher than the beam or at most one resolution lower. The foot must also be more
-  than one resolution above the lowest height in and next to the cell to be cleared.
+- Another cell, at most two cells away, still contains an obstacle, such as a wall: beams along a
+  wall pass between the points of the wall. The other cell contains an obstacle if
+  - no beam crossed it below its foot,
+  - its foot is higher than the beam, or at most one resolution lower, and
+  - its foot is more than one resolution above the lowest height in the 3 x 3 cells around the cell
+    to be cleared.
 - The beam grazes the surface: the angle between the beam and the plane through the neighbors is
   less than `cleanup_min_angle`.
 
-The end of a beam is raised by three standard deviations of its point. A beam is assumed to end in a
-cell if it leaves the cell below the feet of all cells in the 3 x 3 neighborhood that this scan
-confirmed. The beam then clears no cells farther away.
+Before a beam is traced, its end is raised by three standard deviations of its point. A beam that
+descends into the ground clears no cells behind the place where it enters the ground. The beam
+enters the ground in a cell if it leaves the cell below the feet of all cells in the 3 x 3
+neighborhood that this scan confirmed.
 """
 
 from __future__ import annotations
@@ -181,7 +186,7 @@ def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -
 
 
 def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
-    """Return whether the angle between a beam and a surface is at least the angle with this sine.
+    """Return whether a beam meets a surface at an angle whose sine is at least `sine`.
 
     The sine of the angle is the beam's component along the normal, divided by the beam length.
     """
@@ -205,7 +210,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the ring width [cells]; `RINGS` rings cover all of the map within `max_ray_length`."""
+    """Return the width [cells] at which `RINGS` rings cover the map within `max_ray_length`."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -213,7 +218,7 @@ def ring_width(frame: Any, size: Any) -> Any:
 
 @loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
 def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
-    """Set each bin of the polar grid `table` to the maximum of `lowest` over overlapping cells."""
+    """Set each bin of the polar grid `table` to the largest `lowest` of cells that overlap it."""
     width = ring_width(frame, size)
     for i in range(count):
         x = cells[i] % size[0] + 0.5 - frame[0]
@@ -333,7 +338,10 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return a beam's first row (or column), the beam parameter at its end and the step per row."""
+    """Return the first row (or column) of a beam, and the beam parameters of its borders.
+
+    The parameters are the value where the beam leaves the row, and the increase per row.
+    """
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

@@ -34,8 +34,8 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
         path: the file; its ending selects the format.
 
     Returns:
-        points: (N, 3) x, y, z, float32 or float64 as in the file; may contain NaN. The viewpoint of
-            a PCD file is ignored.
+        points: (N, 3) x, y, z, which may be NaN. The dtype is float32 or float64, as in the file.
+            The viewpoint of a PCD file is ignored.
         fields: other point values in a PCD or PLY file by field name, such as `intensity`. Colors
             are packed into the field `rgb`, which `rasterize` accepts. A PCD field with several
             numbers per point is split into the fields `name__0000`, `name__0001` ...
@@ -120,11 +120,11 @@ def load_cloud(
         resolution: side of a cell [m]; required.
         kind: "points" or "mesh"; None means "mesh" if the file has faces, else "points".
         height_layer: name of the height layer.
-        reduction: how the point heights in a cell become one height, such as "max"; see
-            `rasterize`.
+        reduction: method that reduces the point heights in a cell to one height, such as "max";
+            see `rasterize`.
         min_height, max_height: height range [m]; other points are ignored.
-        tight: for points only. If True, center the map on the points; if False, align its
-            borders with multiples of the resolution.
+        tight: for points only. True centers the map on the points. False aligns the borders of the
+            map with multiples of the resolution.
         frame_id: frame of the map.
     """
     mesh = None if kind == "points" else _mesh(path, required=kind == "mesh")

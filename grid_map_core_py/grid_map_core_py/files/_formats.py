@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Registry of file formats; `load` and `save` choose a format from the file name."""
+"""Registry of file formats, and the functions `load` and `save`, which choose a format."""
 
 import inspect
 import warnings
@@ -44,13 +44,14 @@ class Format:
         name: unique short name, such as "npz".
         description: short description for tables and messages.
         endings: file extensions, in lower case, such as ".npz".
-        reads: function that returns whether a path can be read, for folders and for extensions
-            that several formats share. If None, the extension decides.
-        writes: function that returns whether a path can be written. If None, the extension decides.
+        reads: `reads(path)` returns whether the format can read the path. Folders, and extensions
+            that several formats share, need this function. If None, the extension decides.
+        writes: `writes(path)` returns whether the format can write to the path. If None, the
+            extension decides.
         load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
         save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
-        describe: `describe(path, **options)` quickly returns the file metadata as JSON values;
-            "map" contains the map metadata. If None, the map is loaded instead.
+        describe: `describe(path, **options)` quickly returns the file metadata as JSON values. The
+            key "map" contains the metadata of the map. If None, the map is loaded instead.
         open_maps: for formats with several maps per file. `open_maps(path, **options)` accepts the
             options of `load` except `layers` and `index`. It returns a context manager that yields
             a sequence of `MapRecord` with an attribute `topic`.
@@ -85,11 +86,12 @@ def load(
     format: str | None = None,  # noqa: A002
     **options: Any,
 ) -> GridMap:
-    """Load a map from a file or folder; the name selects the format.
+    """Load a map from a file or folder.
 
-    `formats()` lists the formats. The documentation page "Bags and files" lists their options. If
-    several formats share an ending, the first format that accepts all options is used:
-    `load("a.tif")` reads a GeoTIFF, and `load("a.tif", resolution=0.1)` reads a height image.
+    The file name selects the format. If several formats share an ending, the first format that
+    accepts all options is used: `load("a.tif")` reads a GeoTIFF, but
+    `load("a.tif", resolution=0.1)` reads a height image. `formats()` lists the formats. The
+    documentation page "Bags and files" lists their options.
 
     Args:
         path: the file or folder.
@@ -113,10 +115,11 @@ def save(
     format: str | None = None,  # noqa: A002
     **options: Any,
 ) -> None:
-    """Write a map to a file or folder; the name selects the format.
+    """Write a map to a file or folder.
 
-    The file or folder is written atomically, and replaces an existing one of the same format. If
-    several formats share an ending, the first format that accepts all options is used.
+    The file name selects the format. If several formats share an ending, the first format that
+    accepts all options is used. The file or folder is written atomically. An existing file or
+    folder of the same format is replaced.
 
     Args:
         grid_map: the map.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GeoTIFF files with one float32 band per layer; the band description is the layer name.
+"""GeoTIFF files with one float32 band per layer.
 
-NaN means no data. Raster rows run towards -y and columns towards +x. A tag stores the frame, time
-and basic layers. The geotransform defines the position, so a raster is also loaded correctly after
-another program has cropped it. The first part of this module reads and writes whole maps.
-`grid_map_core_py.tiled` uses the second part to read and write windows.
+The description of a band is the name of its layer. NaN means no data. Raster rows run towards -y
+and columns towards +x. A tag stores the frame, time and basic layers. The geotransform defines the
+position, so a raster that another program has cropped is loaded correctly. The functions for open
+rasters also serve `grid_map_core_py.tiled`, which reads and writes windows.
 """
 
 import json
@@ -87,7 +87,7 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the metadata of a GeoTIFF file; raise the same errors as `load_geotiff`."""
+    """Return {"map": metadata} for a GeoTIFF file. Errors are the same as in `load_geotiff`."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 
@@ -119,13 +119,13 @@ def gdal(path: str | PathLike[str], **options: Any) -> Any:
 
 
 def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
-    """Open a file with rasterio: at full resolution, or one overview (0 is the most detailed)."""
+    """Open a file with rasterio, at full resolution or as an overview (0 is the most detailed)."""
     level = {} if overview is None else {"overview_level": overview}
     return import_module("rasterio").open(os.fspath(path), **level)
 
 
 def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -> StoredMap:
-    """Return the map in an open raster; its layers are read later, on demand."""
+    """Return the map in an open raster, with layers that are read on demand."""
     tags = _tags_of(raster)
     names: list[str] = []
     for number, name in enumerate(raster.descriptions, 1):
@@ -172,7 +172,7 @@ def _tags_of(raster: Any) -> dict[str, Any]:
 
 
 def unit_of(raster: Any) -> str:
-    """Return the coordinate unit of a raster; empty if it is meters or unknown."""
+    """Return the coordinate unit of a raster, or "" for meters and unknown units."""
     if raster.crs and raster.crs.is_geographic:
         return "degrees"
     if raster.crs and raster.crs.is_projected:
@@ -216,7 +216,7 @@ def read_pixels(
         raster: the open dataset.
         bands: band numbers, starting at 1.
         window: line and pixel slices of the raster.
-        images: arrays to fill, one per band: (lines, pixels) float32, with any strides.
+        images: output arrays (lines, pixels) float32, one per band, with any strides.
 
     Raises:
         ValueError: a band contains complex numbers, or its scale or offset is not finite.

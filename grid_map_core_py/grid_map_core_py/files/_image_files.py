@@ -107,7 +107,7 @@ def save_height_image(
         grid_map: the map; it is stored in map order.
         path: the file; its name ends in .png, .tif or .tiff.
         layer: name of the layer; None means `elevation` if it exists, else the only layer.
-        bits: bits per pixel: 8, 16, or 32 (float32, TIFF only); None means 16, or 32 for TIFF.
+        bits: bits per pixel: 8, 16, or 32 (float32, TIFF only); None means 16 for PNG, 32 for TIFF.
         lower, upper: heights of black and white pixels [m]; None means the smallest and the largest
             finite value. They are not allowed for float32 images, which contain heights.
     """
@@ -156,7 +156,7 @@ def from_north_up(image: Image) -> Image:
 
 
 def encode_image(image: Image, ending: str) -> bytes:
-    """Encode an image; `ending` is the file name ending of the format, such as ".png"."""
+    """Encode an image in the format of the file name ending `ending`, such as ".png"."""
     done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")
@@ -174,7 +174,8 @@ def read_image(file: Path) -> Image:
     """Read the pixels of a PNG, TIFF, BMP, PNM or JPEG file.
 
     Returns:
-        (rows, cols) gray, (rows, cols, 3) BGR or (rows, cols, 4) BGRA; uint8, uint16 or floats.
+        Pixels as uint8, uint16 or floats: gray (rows, cols), BGR (rows, cols, 3) or BGRA
+        (rows, cols, 4).
 
     Raises:
         OSError, ValueError: the file cannot be read or is damaged.

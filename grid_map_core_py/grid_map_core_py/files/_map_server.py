@@ -3,13 +3,13 @@
 
 The YAML file selects one of three modes, which convert pixels to occupancies. Let `shade` be the
 mean of the color channels, from 0 (black) to 1 (white). Let `occ` be `1 - shade`, or `shade` if
-`negate` is set. The modes are:
+`negate` is set. In each mode, the occupancy is:
 
 - `trinary`: 100 if `occ` is above `occupied_thresh`, 0 if `occ` is below `free_thresh`, otherwise
   unknown. An alpha channel counts as a fourth color channel.
 - `scale`: as `trinary`, but between the two thresholds, the occupancy rises linearly from 0 to 100.
-  It is computed in float32 and rounded (ties up), as in Nav2. Pixels that are not opaque are
-  unknown.
+  The result is computed in float32 and rounded (ties up), as in Nav2. Pixels that are not opaque
+  are unknown.
 - `raw`: the 8-bit pixel value if it is at most 100, otherwise unknown. `negate` has no effect.
 
 In the map, occupancies range from 0 to 100. Unknown cells are NaN.
@@ -105,8 +105,9 @@ def save_map_server(
 ) -> None:
     """Write a layer as an occupancy map of nav2's `map_server`.
 
-    The image is written to the folder of the YAML file, as PNG with alpha in `scale` mode, or else
-    as PGM. The YAML file is replaced last, so an existing map stays intact until the end.
+    The image is written to the folder of the YAML file. The image format is PNG with alpha in
+    `scale` mode, and PGM in the other modes. The YAML file is replaced last, so an existing map
+    stays intact until the end.
 
     Args:
         grid_map: the map; it is stored in map order.

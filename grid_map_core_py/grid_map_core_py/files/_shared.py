@@ -40,7 +40,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Replace errors from reading or writing a file with a `GridMapError` that names its path.
+    """Replace errors from reading or writing a file with a `GridMapError` that names the file.
 
     Args:
         file: path of the file.
@@ -65,7 +65,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 
 def similar(file: Path) -> str:
-    """If `file` does not exist, return a hint with a similar name in its folder, otherwise ""."""
+    """Return a hint with a similar name in the folder of a missing file, or "" without a match."""
     known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
     # Names that have only the ending in common are not similar.
     names = (one.name for one in known if errors.hint(one.stem, [file.stem]))
@@ -83,7 +83,7 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Import a package that a kind of file needs; if missing, the error says how to install it."""
+    """Import a package that a kind of file needs, or raise an error that says how to install it."""
     return errors.required(name, f"{path}: {kind}")
 
 

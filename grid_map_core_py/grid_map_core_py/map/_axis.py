@@ -141,7 +141,8 @@ class Axis:
     def shift_to(self, center: float) -> float:
         """Return the distance to another center, positive towards smaller coordinates [cells].
 
-        It is rounded to whole cells, halves away from zero. An infinite distance results in NaN.
+        The distance is rounded to whole cells, with halves rounded away from zero. An infinite
+        distance results in NaN.
         """
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)

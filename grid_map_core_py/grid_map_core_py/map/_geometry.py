@@ -155,8 +155,8 @@ class GridGeometry:
             start_index: buffer index of cell (0, 0); if (0, 0), the result is in map order.
 
         Returns:
-            cells: (rows, cols), each (...) int64. A position outside the map gets the border cell
-                that is nearest along each axis.
+            cells: rows and columns, two arrays (...) int64. A position outside the map gets the
+                border cell that is nearest along each axis.
             inside: (...) bool, True for positions on the map.
         """
         positions = as_positions(positions)
@@ -282,7 +282,7 @@ class GridGeometry:
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point on the map nearest to each position (..., 2) [m]; reject NaN."""
+        """Return the point on the map nearest to each position (..., 2) [m]; NaN is an error."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
@@ -302,7 +302,7 @@ class GridGeometry:
         return int(rows), int(columns)
 
     def shifted(self, shift: Size) -> GridGeometry:
-        """Return the grid moved by rows and columns, positive towards -x and -y."""
+        """Return the grid moved by `shift` (rows, columns), positive towards -x and -y."""
         return self._of(self._x.shifted(shift[0]), self._y.shifted(shift[1]))
 
     def __reduce__(self) -> tuple[object, ...]:

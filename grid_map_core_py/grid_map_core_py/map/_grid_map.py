@@ -281,8 +281,8 @@ class GridMap(MutableMapping[str, Layer]):
     def crs(self) -> str:
         """Coordinate reference system of the frame: WKT, a code or a PROJ string; "" if unknown.
 
-        Copies, submaps, and GeoTIFF, Zarr and .npz files keep the `crs`; ROS messages and images do
-        not. Setting `crs` resets `origin` to (0, 0).
+        Copies and submaps of a map have the same `crs`. GeoTIFF, Zarr and .npz files store it, but
+        ROS messages and images do not. Setting `crs` resets `origin` to (0, 0).
         """
         return self._reference[0]
 
@@ -403,7 +403,8 @@ class GridMap(MutableMapping[str, Layer]):
         """Return a new map with these layers added or replaced.
 
         The new map shares all other layers with this map. A shared layer is copied on first access
-        as `new[layer]`. The arrays in `layers` are copied, except float32 arrays in Fortran order.
+        as `new[layer]`. Float32 arrays in Fortran order are used without a copy. Other arrays in
+        `layers` are copied.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
@@ -413,7 +414,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._sharing({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
-        """Return a new map without the named layers; it shares the others, as in `with_layers`."""
+        """Return a new map without the named layers. It shares the others, as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
         return self._sharing({n: data for n, data in self._layers.items() if n not in dropped})
 
@@ -573,13 +574,16 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return x, y and value of a cell, (3,) [m]; all NaN if the value is not finite."""
+        """Return x, y and value of a cell, (3,) [m], or three NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
 
     def get_vector(self, prefix: str, index: ArrayLike) -> Positions:
-        """Return the vector (3,) in the layers `prefix` + x, y, z; all NaN if one is not finite."""
+        """Return the vector (3,) in the layers `prefix` + x, y, z.
+
+        If a component is not finite, all components are NaN.
+        """
         cell = self._checked(index)
         return _finite_or_nan(*(self[f"{prefix}{axis}"].item(cell) for axis in "xyz"))
 
@@ -659,12 +663,13 @@ class GridMap(MutableMapping[str, Layer]):
             length: (2,) side lengths along x and y [m].
 
         Returns:
-            A map with the same layers, basic layers, frame, time and `crs`, and start index (0, 0).
+            A map with the same layers, basic layers, frame, time and `crs`. Its start index is
+            (0, 0).
         """
         return self._block(*self._geometry.overlapped(position, length))
 
     def get_block(self, rows: slice, columns: slice) -> GridMap:
-        """Return a copy of a block of cells, as a map like the one from `get_submap`.
+        """Return a copy of a block of cells, with the same attributes as in `get_submap`.
 
         Args:
             rows, columns: nonempty slices in map order, without a step.
@@ -744,13 +749,13 @@ class GridMap(MutableMapping[str, Layer]):
                 one. Scaling, shear and reflection are rejected.
             height_layer: name of the layer that holds z [m].
             frame_id: the new frame.
-            sample_ratio: distance from a cell center to four additional points that close gaps, as
-                a fraction of the resolution; 0 for none. The points lie at the same height, in the
-                directions +x, -x, +y and -y.
+            sample_ratio: distance from a cell center to four additional points, as a fraction of
+                the resolution; 0 for none. The points close gaps in the new map. They lie at the
+                height of the cell, in the directions +x, -x, +y and -y.
 
         Returns:
-            A map with the same resolution, layers, basic layers and time, start index (0, 0) and no
-            `crs`. The new map covers the transformed corners of this map at z = 0.
+            A map with the same resolution, layers, basic layers and time, but no `crs`. Its start
+            index is (0, 0). It covers the transformed corners of this map at z = 0.
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
@@ -852,13 +857,13 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`; reorder a `GridMap` of the same size to the start index of `self`."""
+        """Return `layers`; a `GridMap` is first reordered to the start index of this map."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
 
     def _aligned(self, name: str, value: Any) -> ArrayLike:
-        """Return `value`; an xarray array is first aligned with the buffer by its coordinates."""
+        """Return `value`, after aligning an xarray array with the buffer by its coordinates."""
         if not getattr(value, "dims", ()):
             return value  # type: ignore[no-any-return]
         x, y = (axis + start for axis, start in zip(self.axes(), self.origin, strict=True))
@@ -883,7 +888,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers; those shared with this map are copied on first access."""
+        """Return a map with these layers. Layers of this map are copied on first access."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}

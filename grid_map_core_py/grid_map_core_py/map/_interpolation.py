@@ -216,10 +216,10 @@ class Surface:
 
 
 def _shape(method: Interpolation) -> tuple[int, bool]:
-    """Return the number of cells that a method uses along an axis, and whether it is `CUBIC`.
+    """Return the number of cells that a method uses along an axis, and its `closed_above`.
 
-    If a coordinate is exactly at a cell center, `CUBIC` interpolates in the interval below it, as
-    in C++. The other methods use the interval above it.
+    If a coordinate is exactly at a cell center, `CUBIC` interpolates in the interval below the
+    center, as in C++. The other methods use the interval above it. See `Axis.between`.
     """
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 

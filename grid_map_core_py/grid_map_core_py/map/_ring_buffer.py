@@ -81,7 +81,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Split a block where the buffer wraps; return (buffer, block) slices of the 1 to 4 pieces."""
+    """Return (buffer, block) slices of the 1 to 4 pieces of a block, cut where the buffer wraps."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
@@ -111,7 +111,7 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
 
 
 def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
-    """Split map rows or columns where they wrap; return (buffer slice, block slice) of each run."""
+    """Return (buffer, block) slices of each run of map rows or columns, cut where they wrap."""
     count, done, pieces = cells.stop - cells.start, 0, []
     for first, length in _runs(cells.start + start, count, size):
         pieces.append((slice(first, first + length), slice(done, done + length)))

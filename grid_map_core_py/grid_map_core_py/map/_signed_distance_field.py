@@ -32,11 +32,12 @@ class SignedDistanceField:
     Each cell is modeled as a vertical line through its center: ground up to the height of the cell,
     and air above. In the air, the value is the distance to the nearest ground. In the ground, it is
     the negative distance to the nearest air. On the surface, it is 0. Outside the map, there is
-    neither ground nor air. Distances are exact at nodes, which lie at the cell centers on
-    horizontal levels spaced by the resolution.
+    neither ground nor air.
 
-    Between nodes, distances are interpolated trilinearly. Beyond the outermost nodes, they are
-    extrapolated linearly and only approximate. Along an axis with a single cell, they are constant.
+    Exact distances are stored at the nodes of a grid in space. The nodes have the x and y of the
+    cell centers, and lie on horizontal levels, which are one resolution apart. Between nodes,
+    distances are interpolated trilinearly. Beyond the outermost nodes, distances are extrapolated
+    linearly and only approximate. Along an axis with a single cell, they are constant.
 
     A height of +inf means ground at any z. A height of -inf means air at any z. Without any ground,
     all distances are +inf. Without any air, they are -inf. In both cases, gradients are 0.
@@ -227,7 +228,8 @@ class SignedDistanceField:
 
         Returns:
             places: node coordinates, in units of the node spacing; NaN where a point is not finite.
-            cells: first node of each point: the rounded place, clamped so that all nodes exist.
+            cells: first node of each point, which is the rounded place, clamped so that all nodes
+                exist.
         """
         places, cells = [], []
         for axis, size in enumerate(self._counts):

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Planar regions: the flat parts of a map as planes with outlines, for footholds.
+"""Planar regions, which describe the flat parts of a map as planes with outlines, for footholds.
 
 - `extract_planes` returns the `PlanarRegions` of a map. Regions keep their ids from map to map.
 - `PlanarRegion`: a plane with covariance, an outer polygon and holes.
 - `convex_inside`: a large convex polygon inside a region.
-- `PlaneParameters`: thresholds; reads `parameters.yaml` of convex_plane_decomposition.
+- `PlaneParameters`: thresholds, which can be read from `parameters.yaml` of
+  convex_plane_decomposition.
 """
 
 from .. import _lazy

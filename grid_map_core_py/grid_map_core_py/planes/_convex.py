@@ -22,11 +22,11 @@ _SHRUNK = 1.0 - 1e-9  # keeps rounded corners inside the region
 def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16) -> Positions:
     """Return a large convex polygon that lies inside a region and contains a position.
 
-    As in IRIS (Deits and Tedrake, "Computing large convex regions of obstacle-free space through
-    semidefinite programming", 2015), straight lines cut off the edges of the region, the nearest
-    edge first. IRIS measures distances from an ellipse. Here, they are measured from a segment that
-    leads from the position half-way to the outline. Several segments are tried, and the largest
-    polygon is returned.
+    The sides of the polygon are straight lines that separate it from the edges of the region. As in
+    IRIS (Deits and Tedrake, "Computing large convex regions of obstacle-free space through
+    semidefinite programming", 2015), the nearest edge is separated first. IRIS measures distances
+    from an ellipse. Here, distances are measured from a segment that leads from the position
+    half-way to the outline. Several segments are tried, and the largest polygon is returned.
 
     Args:
         region: the region; its holes are avoided.
