@@ -61,7 +61,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
     Attributes:
         labels: (rows, cols) int32 in map order: id of the region that each cell belongs to, or 0.
             Read-only.
-        planarity: (rows, cols) float32 in map order: 1 for cells whose window is planar, 0 for
+        planarity: (rows, cols) float32 in map order: 1 for cells with planar surroundings, 0 for
             other cells, NaN for cells without a height. Read-only.
         geometry: geometry of the map.
         frame: frame of the map.
@@ -112,7 +112,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return f"PlanarRegions({len(self)} regions in {self.frame!r}, {self.geometry})"
 
     def fits(self, grid_map: GridMap) -> bool:
-        """Return whether a map has the same frame and resolution, so that ids can be kept."""
+        """Return whether a map has the same frame and resolution as these regions."""
         resolutions = self.geometry.resolution, grid_map.resolution
         return self.frame == grid_map.frame_id and math.isclose(*resolutions, rel_tol=1e-6)
 
@@ -199,16 +199,18 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return np.where(inside, 0.0, ahead).transpose(1, 2, 0)
 
     def _heights(self, numbers: Any, positions: Positions) -> Positions:
-        """Return the heights at positions (..., 2) of the planes with the indices `numbers` [m]."""
+        """Return the heights [m] of the planes with indices `numbers` at positions (..., 2)."""
         normals, centers = self._planes["normal"][numbers], self._planes["center"][numbers]
         ahead = ((positions - centers[..., :2]) * normals[..., :2]).sum(axis=-1)
         return np.asarray(centers[..., 2] - ahead / normals[..., 2])
 
 
 def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """Return the edges (4, E) of C outlines (V, 2): x, y of each start, then x, y of each end.
+    """Return the edges of C closed outlines, each given as an array (V, 2) of vertices.
 
-    Also return an array (C + 1,): the index of each outline's first edge, followed by E.
+    Returns:
+        edges: (4, E) x and y of the start and x and y of the end of each edge.
+        starts: (C + 1,) index of each outline's first edge, followed by E.
     """
     vertices = np.concatenate([np.empty((0, 2), np.int32), *outlines]).T
     starts = np.cumsum([0] + [len(outline) for outline in outlines])
