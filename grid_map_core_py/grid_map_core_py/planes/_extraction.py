@@ -36,10 +36,10 @@ def extract_planes(
     The start index has no influence.
 
     Args:
-        grid_map: the map. If all values of an optional layer `variance` [m^2] in a region are
-            positive and finite, 1 / variance weights its cells in the plane fit, and the variances
-            determine the covariance of the plane. Otherwise, all cells have the same weight, and
-            the residuals of the fit determine the covariance.
+        grid_map: the map. A layer `variance` [m^2] is optional. If its values are positive and
+            finite in a whole region, the plane fit weights each cell with 1 / variance, and the
+            covariance of the plane follows from the variances. Otherwise, all cells have the same
+            weight, and the covariance follows from the residuals.
         layer: name of the layer of heights [m].
         parameters: thresholds; None means the defaults.
         previous: regions of an earlier map with the same frame and resolution, whose ids are kept.

@@ -207,13 +207,14 @@ class TravelGraph:
     def path(self, start: ArrayLike, goal: ArrayLike, *, tolerance: float = 0.0) -> Path:
         """Return the least-cost path from a start to a goal.
 
-        `CostField.path` returns further paths to the same goal much faster.
+        For several paths to the same goal, `cost_to` with `CostField.path` is much faster.
 
         Args:
             start, goal: (2,) x, y [m], or (3,) with the yaw [rad]. If the goal has a yaw, the
                 footprint must be free there in this direction.
             tolerance: largest distance from the goal to the end of the path [m]. If the goal is
-                not free or out of reach, the path ends at the center of the nearest cell in reach.
+                blocked or cannot be reached, the path ends at the center of the nearest cell that
+                can be reached.
 
         Raises:
             NoPathError: the start or goal is outside the map, blocked or unknown, or no path
@@ -239,11 +240,11 @@ class TravelGraph:
         return self.cost_to([*nearest, *pose[2:]]).path(start)
 
     def _free_in(self, pose: Floats) -> Mask:
-        """Return the free cells; for a pose with a yaw, only those that are free in this yaw."""
+        """Return the free cells; for a pose with a yaw, only the cells free at this yaw."""
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
-        """Return the center (2,) of the cell nearest to a pose, and the distance [m], or inf."""
+        """Return the center (2,) and distance [m] of the cell nearest to a pose; inf if none."""
         centers = self._ground.to_positions(self._ground.cells(cells))
         centers = np.append(centers, [[np.inf, np.inf]], axis=0)
         distances = np.hypot(*(centers - pose[:2]).T)
