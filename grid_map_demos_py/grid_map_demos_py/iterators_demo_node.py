@@ -74,7 +74,7 @@ def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
     grid_map["type"] = 0.0
     grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
-    # Windows contain the means of earlier cells, because the loop modifies the layer.
+    # Windows contain the original values, because the iterator copies the layer.
     for cell, window in gm.sliding_windows(grid_map, "type", "crop", WINDOW):
         grid_map["type"][cell] = gm.mean_of_finites(window)
         yield Step(CELL_PAUSE, polygon=square(grid_map, grid_map.get_position(cell)))

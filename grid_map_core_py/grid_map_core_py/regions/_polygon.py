@@ -295,7 +295,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return points (n, 2) from `start` on an arc around the origin, `turns` counter-clockwise."""
+    """Return `n` points on a counter-clockwise arc of `turns` full turns around the origin."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start
@@ -303,7 +303,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return the lower half of the convex hull of ascending points; the upper one if descending."""
+    """Return the lower half of the hull of ascending points, or the upper half if they descend."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

@@ -174,12 +174,13 @@ def polygon_cells(
     Args:
         polygon: a `Polygon`, or (V, 2) vertices [m]. `Polygon.is_inside` defines which centers are
             inside. For fewer than three vertices, the function warns and returns no cells.
-        count_outside: whether to also return the number of cells in the polygon that would lie
-            outside the map if the grid continued there. A footprint check needs this number,
-            because cells outside the map are unknown, not free.
+        count_outside: whether to also count the cells in the polygon beyond the map, as if the grid
+            continued there. A footprint check needs this number, because cells beyond the map are
+            unknown, not free.
 
     Returns:
-        The cells. If `count_outside` is True, a tuple of the cells and this number.
+        The cells. If `count_outside` is True, a tuple of the cells and the number of cells beyond
+        the map.
 
     Raises:
         LimitError: `count_outside` is True, and the polygon spans more cells than a map may have.
