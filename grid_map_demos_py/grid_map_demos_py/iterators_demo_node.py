@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_iterators_demo`: fills regions of a map cell by cell, in iteration order.
 
-The node publishes the map on `grid_map`; its layer `type` is 1 in the cells filled so far. It
-publishes the polygon or the sliding window on `polygon`. The demo shows all regions in turn, and
-starts again only if the parameter `repeat` is true.
+The node publishes the map on `grid_map`; its layer `type` is 1 in the cells filled so far. The node
+publishes the outline of the polygon region or of the sliding window on `polygon`. The demo shows
+all regions in turn, and starts again only if the parameter `repeat` is true.
 """
 
 import math
@@ -43,7 +43,13 @@ CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
 
 
 class Step(NamedTuple):
-    """Demo step: the pause after it [s], the title of a new region, and a polygon to publish."""
+    """Step of the demo, after which the map is published.
+
+    Attributes:
+        pause: pause after the step [s].
+        title: title of the region that begins; otherwise empty.
+        polygon: polygon to publish; None for no polygon.
+    """
 
     pause: float
     title: str = ""

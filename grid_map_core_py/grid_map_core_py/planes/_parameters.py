@@ -33,7 +33,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Preprocessing(Section):
-    """Median filter that removes outliers before planes are searched.
+    """Median filter that removes outliers before the search for planes.
 
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
@@ -49,7 +49,7 @@ class Preprocessing(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingWindow(Section):
-    """Thresholds for the plane around each cell and for whole regions.
+    """Thresholds for the plane fitted around each cell, and for whole regions.
 
     Attributes:
         kernel_size: width of the window around each cell [cells], odd.

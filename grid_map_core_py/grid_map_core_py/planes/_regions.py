@@ -143,7 +143,8 @@ class PlanarRegions(Sequence[PlanarRegion]):
 
         Args:
             position: (2,) x, y [m].
-            max_distance: largest horizontal distance from the polygon [m]; may be infinite.
+            max_distance: largest horizontal distance from the polygon [m]; may be infinite. If all
+                polygons are farther away, the result is None.
         """
         limit = as_number(max_distance, "max_distance")
         if not limit >= 0:
@@ -185,7 +186,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return result
 
     def _to_polygons(self, positions: Positions) -> Positions:
-        """Return vectors (N, R, 2) from positions (N, 2) to the nearest points of the polygons."""
+        """Return vectors (N, R, 2) from positions (N, 2) to the nearest points of R polygons."""
         firsts = self._first_edges[:-1]
         ahead_x, ahead_y, crossed = to_edges(self._edges, *positions.T[:, :, None])
         squares = ahead_x**2 + ahead_y**2

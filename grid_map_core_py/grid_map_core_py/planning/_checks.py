@@ -25,8 +25,8 @@ class PathCheck:
 
     Attributes:
         is_free: whether the robot may move along the whole path.
-        index: index of the first blocked pose, or of the last pose before the path is blocked
-            between two poses. None if the path is free.
+        index: index of the first blocked pose. If the path is blocked between two poses, index of
+            the first of them. None if the path is free.
         pose: (3,) x, y, yaw where the path is first blocked; None if the path is free.
         blocked: (N, 2) buffer indices of the blocked cells under the footprint.
         worst: lowest known value under the footprint; NaN if no value is known.

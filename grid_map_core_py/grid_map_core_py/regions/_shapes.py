@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Selects cells in blocks, discs, ellipses and polygons or on lines; converts them to masks."""
+"""Selects the cells in a block, disc, ellipse or polygon or on a line, and creates masks."""
 
 from __future__ import annotations
 
@@ -329,7 +329,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) of the ranges from `first` to `stop` - 1, and their members (N,)."""
+    """Return the lengths (R,) and all numbers (N,) of ranges from `first` to `stop` - 1."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Places objects on a terrain; the new map shares all layers except the height layer."""
+"""Places objects on a terrain, in a new map that shares all layers except the height layer."""
 
 from __future__ import annotations
 

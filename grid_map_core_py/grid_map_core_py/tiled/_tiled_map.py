@@ -299,9 +299,9 @@ class TiledMap(TiledData):
             progress: called after each tile with the number of finished tiles and the total.
 
         Raises:
-            GridMapError: a tile cannot be read, computed or written; the store exists; another
-                process is writing the store; or an unfinished run exists, and `resume` is False or
-                the inputs differ.
+            GridMapError: the store exists, or another process is writing it. An unfinished run
+                exists, and `resume` is False or the inputs differ. A tile cannot be read, computed
+                or written.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -401,7 +401,7 @@ class TiledMap(TiledData):
         return _pairs(latitude, longitude)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
-        """Return the map in a frame whose origin has this latitude and longitude.
+        """Return the map in a frame whose origin has a given latitude and longitude.
 
         Coordinates in a reference system can reach millions of meters. In a frame whose origin is
         near the robot, coordinates are small. The axes keep their directions. Datasets, stores and
