@@ -3,8 +3,8 @@
 
 The field extends from just below the lowest cell of a map to just above the highest cell. Cells
 without a height get the lowest height of the map. The `intensity` of each point is the signed
-distance to the surface [m]. The node publishes three topics, with the parameter `pointcloud_topic`
-as a prefix:
+distance to the surface [m]. The node publishes three topics, whose prefix is the parameter
+`pointcloud_topic`:
 
     full_sdf: all points.
     free_space: the points above the surface.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`extract_planes`, which finds the planar regions in a height layer and tracks their ids.
+"""`extract_planes`, which finds planar regions in a height layer and keeps ids across maps.
 
 Images in this module are transposed layers (cols, rows) in C order.
 """

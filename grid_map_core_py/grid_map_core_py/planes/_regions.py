@@ -30,7 +30,8 @@ class PlanarRegion:
     Attributes:
         id: number of the region, 1 or more.
         normal: (3,) unit normal of the plane, with z > 0.
-        offset: distance of the plane from the origin along `normal`: normal . point = offset [m].
+        offset: distance of the plane from the origin along `normal` [m]; normal . point = offset
+            for each point on the plane.
         center: (3,) point on the plane at the mean x, y of the fitted cells.
         covariance: (3, 3) covariance of the height at `center` [m] and the slopes dz/dx and dz/dy.
         rms: root-mean-square distance of the fitted cells from the plane, along z [m].
@@ -120,8 +121,8 @@ class PlanarRegions(Sequence[PlanarRegion]):
         """Return the layers `plane_id`, `plane_elevation` and `planarity`, in map order.
 
         `plane_elevation` is the height of the plane at the cell center [m]. Outside the regions,
-        `plane_elevation` is NaN and `plane_id` is 0. Ids above 2**24 lose digits in float32. Add
-        the layers to a moved map with `GridMap.set_unwrapped`.
+        `plane_elevation` is NaN and `plane_id` is 0. Ids above 2**24 lose digits in float32. Use
+        `GridMap.set_unwrapped` to add the layers to a map with any start index.
         """
         x, y = self.geometry.axes_in_map_order()
         heights = np.full(self.labels.shape, np.nan, np.float32, order="F")

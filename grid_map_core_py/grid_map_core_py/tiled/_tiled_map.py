@@ -236,7 +236,7 @@ class TiledMap(TiledData):
         return thinned_map(self, step, select_layers(self.layers, layers))
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
-        """Plot the map at the resolution of the plot, and return the axes; see `GridMap.plot`."""
+        """Plot the map, thinned to the resolution of the plot; see `GridMap.plot`."""
         from ..map._plots import plot
 
         return plot(self, layer, ax, style, options)
@@ -299,9 +299,9 @@ class TiledMap(TiledData):
             progress: called after each tile with the number of finished tiles and the total.
 
         Raises:
-            GridMapError: the store exists, or another process is writing it. An unfinished run
-                exists, and `resume` is False or the inputs differ. A tile cannot be read, computed
-                or written.
+            GridMapError: the store exists, another process is writing it, or a tile cannot be read,
+                computed or written. The error is also raised for an unfinished run if `resume` is
+                False or the inputs differ.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -345,10 +345,10 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write it to a GeoTIFF file, window by window.
 
-        The data is first written to a temporary file next to `path`. Each layer is a float32 band
-        named after the layer. The nodata value is NaN. A tag stores frame, time and basic layers,
-        so that `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
-        temporarily needs disk space for the uncompressed layers.
+        A temporary file next to `path` is renamed to `path` once it is complete. Each layer is a
+        float32 band named after the layer. The nodata value is NaN. A tag stores frame, time and
+        basic layers, so that `open_map` and `load_geotiff` restore the same map. Writing a
+        cloud-optimized file temporarily needs disk space for the uncompressed layers.
 
         Args:
             path: path of the file.
