@@ -190,8 +190,8 @@ def viewer() -> str:
 class ProcessGroup:
     """Starts Python modules as processes and stops all processes on exit.
 
-    SIGINT (Ctrl-C), SIGTERM and SIGHUP only set `stopped`. Each process runs in its own session, so
-    that Ctrl-C in the terminal does not reach it.
+    SIGINT (Ctrl-C), SIGTERM and SIGHUP set `stopped`, which ends `wait`. Each process runs in its
+    own session, so that Ctrl-C in the terminal does not reach it directly.
     """
 
     def __init__(self) -> None:

@@ -34,7 +34,7 @@ class Cells(NamedTuple):
     Attributes:
         places: (N,) indices into the flat image.
         points: (3, N) positions x, y, z; the heights of outliers are median-filtered.
-        slopes: (2, N) dz/dx and dz/dy of the plane of the window.
+        slopes: (2, N) dz/dx and dz/dy of the plane in the window around each cell.
         is_exact: (N,) mask of cells that are not outliers; planes are fitted to these cells only.
     """
 

@@ -75,8 +75,8 @@ class TravelGraph:
     known and below `lethal`.
 
     The cost of a move is its length in 3-D [m] times `1 + cost_weight * cost / 252`. Here, `cost`
-    is the mean cost of the two cells, or of all four cells of a knight's move, and 252 is Nav2's
-    highest cost without a collision. Without a `cost` layer, the cost of a move is its length.
+    is the mean cost of the two cells, or of all four cells of a knight's move. The number 252 is
+    the highest cost in Nav2 without a collision. Without a `cost` layer, only the length counts.
 
     The graph is a snapshot: later changes of the map have no effect. With 16 neighbors, the graph
     needs about 250 bytes of memory per cell, and about 400 during its creation.
@@ -93,8 +93,8 @@ class TravelGraph:
             height, or with one-sided differences beside an unknown cell.
         max_step: largest height difference between two cells that share a side [m], among the
             cells that a move passes; needs `elevation`.
-        footprint: outline of the robot. At both ends of a move, it must be free in the direction of
-            the move. None if the robot fits into a cell.
+        footprint: outline of the robot, None if the robot fits into a cell. A move is allowed only
+            if the footprint is free at both of its ends, with the robot facing along the move.
         neighbors: number of moves from each cell, 8 or 16. On open, flat ground, costs exceed the
             straight distance by at most 8.3 % with 8 moves, and by at most 2.8 % with 16.
         unknown: whether cells whose cost is NaN are `"blocked"`, or `"free"` at a cost of 0. Cells

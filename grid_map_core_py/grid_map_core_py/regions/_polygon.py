@@ -31,7 +31,7 @@ class BoundingBox(NamedTuple):
 
 
 class Polygon:
-    """Immutable polygon; operations return a new polygon.
+    """Immutable polygon; operations such as `offset_inward` return a new polygon.
 
     The last vertex is connected to the first. Edges may cross. The even-odd rule defines which
     points are inside. Two polygons are equal if they have the same vertices in the same order.
@@ -149,7 +149,7 @@ class Polygon:
         return BoundingBox(0.5 * (lower + upper), upper - lower)
 
     def is_inside(self, points: ArrayLike) -> bool | Mask:
-        """Return a mask of the points inside, by the even-odd rule.
+        """Return a mask of the points inside the polygon, by the even-odd rule.
 
         A point on an edge is inside if the outward normal of the edge points towards -x, or exactly
         along -y. Points on other edges are outside.

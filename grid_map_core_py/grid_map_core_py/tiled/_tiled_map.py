@@ -209,9 +209,9 @@ class TiledMap(TiledData):
     def to_xarray(self, layers: Iterable[str] | None = None) -> xarray.Dataset:
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
-        Each tile is one chunk. A tile is computed only once, even if several layers are used
-        together. In all other respects, the dataset equals the result of `GridMap.to_xarray`.
-        Values that a filter needs from the whole map are computed immediately.
+        Each tile becomes one chunk, which is computed only once, even if several layers are used
+        together. If a filter needs statistics of the whole map, the call computes them immediately.
+        In all other respects, the dataset equals the result of `GridMap.to_xarray`.
 
         Args:
             layers: names of the layers; None means all.
