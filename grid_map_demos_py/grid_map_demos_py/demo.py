@@ -17,7 +17,7 @@ class Demo(ConfiguredNode):
     """Node with helper methods for file paths and for publishing maps."""
 
     def read_path(self, name: str, default: str, description: str, *, data: str = "") -> Path:
-        """Read a path parameter; an empty value means the file `data` in the data folder.
+        """Read a path parameter; if it is empty, return the file `data` in the data folder.
 
         A leading `~` is expanded.
         """

@@ -34,7 +34,7 @@ ENCODING_OF = {(ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name 
 
 
 def read_message(path: Path) -> Image:
-    """Read an image file into a message without conversion or header.
+    """Read an image file into a message with an empty header, without converting the pixels.
 
     Raises:
         GridMapError: the file cannot be read, or messages do not support its pixel type.

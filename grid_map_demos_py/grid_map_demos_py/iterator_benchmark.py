@@ -3,9 +3,9 @@
 
     iterator_benchmark [SIDE ...]
 
-The program prints a table of times for square maps with SIDE cells per side. In every
-cell, the first task computes the larger of two layer values, and the second task computes the mean
-of the surrounding 3 x 3 cells. Each task is solved in several ways, from a Python loop to a single
+The program prints the times of two tasks on square maps with SIDE cells per side. The first task
+computes the larger of two layer values in every cell. The second task computes the mean of the
+3 x 3 cells around every cell. Each task is solved in several ways, from a Python loop to a single
 NumPy or OpenCV call. ROS is not required.
 """
 
@@ -32,7 +32,7 @@ Way = Callable[[GridMap], None]
 
 
 def by_index_and_name(grid_map: GridMap) -> None:
-    """Look up the layer for each cell; this is readable, but suitable only for a few cells."""
+    """Look up the layer for each cell; readable, but suitable only for a few cells."""
     for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 

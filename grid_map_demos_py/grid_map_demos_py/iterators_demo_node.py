@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_iterators_demo`: fills regions of a map cell by cell, in iteration order.
 
-The node publishes the map on `grid_map`; its layer `type` is 1 in the cells filled so far. It
-publishes the polygon or the sliding window on `polygon`. The demo shows all regions in turn, and
-starts again only if the parameter `repeat` is true.
+The node publishes the map on `grid_map`; its layer `type` is 1 in the cells filled so far. The node
+publishes the outline of the polygon region or of the sliding window on `polygon`. The demo shows
+all regions in turn, and starts again only if the parameter `repeat` is true.
 """
 
 import math
@@ -43,7 +43,13 @@ CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
 
 
 class Step(NamedTuple):
-    """Demo step: the pause after it [s], the title of a new region, and a polygon to publish."""
+    """Step of the demo, after which the map is published.
+
+    Attributes:
+        pause: pause after the step [s].
+        title: title of the region that begins; otherwise empty.
+        polygon: polygon to publish; None for no polygon.
+    """
 
     pause: float
     title: str = ""
@@ -74,7 +80,7 @@ def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
     grid_map["type"] = 0.0
     grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
-    # Windows contain the means of earlier cells, because the loop modifies the layer.
+    # Windows contain the original values, because the iterator copies the layer.
     for cell, window in gm.sliding_windows(grid_map, "type", "crop", WINDOW):
         grid_map["type"][cell] = gm.mean_of_finites(window)
         yield Step(CELL_PAUSE, polygon=square(grid_map, grid_map.get_position(cell)))

@@ -4,10 +4,11 @@
     filters_demo, elevation_mapping_demo, large_map_demo, path_planner_demo, planar_regions_demo
         [--report DIRECTORY] [--view [PORT]]
 
-Each node runs in its own process. A demo runs until it is interrupted or a node ends. With
-`--report`, a further process collects the messages of the nodes, writes pictures, prints a table
-and ends the demo. The exit code is 0 only if messages arrive on all topics. With `--view`, a
-further process shows the demo in the browser and logs the address.
+Each node runs in its own process. A demo runs until it is interrupted or a node ends.
+
+- `--report`: a further process collects the messages of the nodes, writes pictures, prints a table
+  and ends the demo. The exit code is 0 only if messages arrive on all topics.
+- `--view`: a further process shows the demo in the browser and logs the address.
 """
 
 import argparse
@@ -189,8 +190,8 @@ def viewer() -> str:
 class ProcessGroup:
     """Starts Python modules as processes and stops all processes on exit.
 
-    SIGINT (Ctrl-C), SIGTERM and SIGHUP only set `stopped`. Each process runs in its own session, so
-    that Ctrl-C in the terminal does not reach it.
+    SIGINT (Ctrl-C), SIGTERM and SIGHUP set `stopped`, which ends `wait`. Each process runs in its
+    own session, so that Ctrl-C in the terminal does not reach it directly.
     """
 
     def __init__(self) -> None:

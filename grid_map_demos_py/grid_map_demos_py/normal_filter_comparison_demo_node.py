@@ -6,10 +6,13 @@ to the heights, smooths them, and runs a filter chain that computes the normals 
 `area` and `raster`. The error of a normal is 1 minus the cosine of its angle to the true normal.
 
 At startup, the node prints a table of angular errors for all shapes. It then publishes `grid_map`
-10 times a second, with the layers `elevation`, `noise`, `elevation_noisy`, `elevation_filtered`,
-the normals `normal_analytic_*`, `normal_area_*` and `normal_raster_*`, and the errors
-`directionalErrorArea` and `directionalErrorRaster`. It logs the sum of each error layer, as a
-running mean over about 20 maps.
+10 times a second, with these layers:
+
+- heights: `elevation`, `noise`, `elevation_noisy`, `elevation_filtered`
+- normals: `normal_analytic_*` (true), `normal_area_*`, `normal_raster_*`
+- errors: `directionalErrorArea`, `directionalErrorRaster`
+
+The node logs the sum of each error layer, as a running mean over about 20 maps.
 """
 
 from collections.abc import Callable, Iterator

@@ -2,9 +2,9 @@
 """Node `path_planner_robot`: a simulated robot that walks along the plans of `path_planner`.
 
 The robot has the sensors of `elevation_mapping_robot`, with a shorter range, and odometry without
-drift. Until it starts to walk, it publishes the goal after each map. Each map allows it to walk a
-limited distance, so that it never walks on ground that the planner has not checked, even if maps
-are late.
+drift. Until the robot starts to walk, it publishes the goal after each map. After each map, the
+robot walks only a limited distance. Even if maps are late, it therefore never walks on ground that
+the planner has not checked.
 """
 
 import numpy as np

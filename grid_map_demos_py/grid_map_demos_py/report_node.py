@@ -355,7 +355,7 @@ THINNED = 64
 
 
 class LargeMapReportNode(ReportNode):
-    """Node that collects windows of a large map, then reports their rate, delays and memory."""
+    """Node that collects windows of a large map, then reports rate, delays and memory use."""
 
     def __init__(self) -> None:
         super().__init__("large_map_report")
@@ -427,8 +427,8 @@ class CourseReportNode(ReportNode):
     """Base class of reports on a robot that walks over the true terrain.
 
     Attributes:
-        walk: (2,) positions of the robot so far [m].
-        truth: the terrain; None until it has arrived.
+        walk: list of the robot positions (2,) so far [m].
+        truth: the true terrain; None until a map of it is received.
     """
 
     def __init__(self, name: str) -> None:

@@ -70,7 +70,7 @@ ARRIVED = 0.35
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the demo terrain, scaled up, without holes, and with obstacles along the path.
+    """Return the demo terrain, scaled up, without holes, and with obstacles on the robot's path.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.

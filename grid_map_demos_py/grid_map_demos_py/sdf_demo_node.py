@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
-The field extends from just below the lowest cell of a map to just above the highest cell. The
-`intensity` of each point is the signed distance to the surface [m]. The topic `full_sdf` contains
-all points, `free_space` the points above the surface, and `occupied_space` all other points. The
-parameter `pointcloud_topic` is the prefix of these topics. Cells without a height get the lowest
-height of the map.
+The field extends from just below the lowest cell of a map to just above the highest cell. Cells
+without a height get the lowest height of the map. The `intensity` of each point is the signed
+distance to the surface [m]. The node publishes three topics, whose prefix is the parameter
+`pointcloud_topic`:
+
+    full_sdf: all points.
+    free_space: the points above the surface.
+    occupied_space: all other points.
 """
 
 import array

@@ -32,8 +32,8 @@ def load_terrain(
         holes: add round holes, as in sensor data.
 
     Returns:
-        A map of 403 x 344 cells with the layers `elevation`, the height above the lowest point [m],
-        and `color`; both are NaN in the holes.
+        A map of 403 x 344 cells with the layers `elevation` (height above the lowest point [m]) and
+        `color`. Both are NaN in the holes.
 
     Raises:
         GridMapError: the file cannot be read or holds no heights.

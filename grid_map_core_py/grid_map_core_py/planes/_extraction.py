@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`extract_planes`, which finds the planar regions in a layer of heights and keeps their ids.
+"""`extract_planes`, which finds planar regions in a height layer and keeps ids across maps.
 
 Images in this module are transposed layers (cols, rows) in C order.
 """
@@ -32,19 +32,20 @@ def extract_planes(
 ) -> PlanarRegions:
     """Divide the planar parts of a map into regions, each with a plane and an outline.
 
-    Cells whose height is not finite belong to no region. The same input yields the same result, bit
-    for bit; the start index has no influence.
+    Cells whose height is not finite belong to no region. Equal input yields bit-identical results.
+    The start index has no influence.
 
     Args:
-        grid_map: the map; a layer `variance` [m^2] is optional. If all variances in a region are
-            positive and finite, its plane is fitted with the weights 1 / variance, and the
-            covariance follows from the variances. Otherwise, it follows from the residuals.
+        grid_map: the map. A layer `variance` [m^2] is optional. If its values are positive and
+            finite in a whole region, the plane fit weights each cell with 1 / variance, and the
+            covariance of the plane follows from the variances. Otherwise, all cells have the same
+            weight, and the covariance follows from the residuals.
         layer: name of the layer of heights [m].
         parameters: thresholds; None means the defaults.
-        previous: regions of an earlier map in the same frame with the same resolution; the map may
-            have moved. Each old region passes its id to the region that shares the most cells with
-            it. If several old regions pass their ids to one region, that region gets the id of the
-            one with the most shared cells. All other regions get ids that were never used.
+        previous: regions of an earlier map with the same frame and resolution, whose ids are kept.
+            The map may have moved. Each old id goes to the new region that shares the most cells
+            with the old region. If several old ids would go to one region, it gets the id of the
+            old region with the most shared cells. All other regions get new ids.
 
     Raises:
         LayerNotFoundError: the map has no layer `layer`.
@@ -84,14 +85,14 @@ def extract_planes(
 
 
 def _cleaned(rounds: Image, margin: int) -> Image:
-    """Remove cells until the outline through the centers of the border cells is simple.
+    """Remove cells until each outline through the centers of border cells is simple.
 
     Every remaining cell belongs to a block of 2 x 2 cells with the same number. If two cells with
     the same number touch at a corner, a third cell with this number shares a side with both.
 
     Args:
-        rounds: image of numbers; 0 for no region.
-        margin: number of border cells that are removed first.
+        rounds: number of each cell, as returned by `Splitter.split`; 0 for no region.
+        margin: width of the border that is removed first [cells].
     """
     image = np.pad(rounds, 1)
     if margin:
@@ -115,8 +116,8 @@ def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
 
     Returns:
         labels: image of labels from 1 on, 0 for none.
-        outlines: for each label, the outer outline, counter-clockwise in the map, then the holes,
-            clockwise. An outline is an array (P, 2) of rows and columns of the map.
+        outlines: list for each label: first the outer outline (counter-clockwise in the map), then
+            the holes (clockwise). An outline is an array (P, 2) of rows and columns of the map.
     """
     labels, outlines = np.zeros(rounds.shape, np.int32), list[list[Image]]()
     for number in np.flatnonzero(np.bincount(rounds.reshape(-1))[1:]) + 1:
@@ -134,7 +135,7 @@ def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
 def _fitted(
     cells: Cells, labels: NDArray[np.int32], count: int, variances: Layer | None
 ) -> tuple[dict[str, NDArray[Any]], Mask]:
-    """Return attributes of the plane of each label, by name, and a mask of the unique planes."""
+    """Return the plane attributes of all labels, by name, and a mask of labels with a plane."""
     groups = labels.reshape(-1)[cells.places].astype(np.int64) - 1
     chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
     points, groups = cells.points.take(chosen, axis=1), groups[chosen]

@@ -33,7 +33,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Preprocessing(Section):
-    """Median filter that removes outliers before planes are searched.
+    """Median filter that removes outliers before the search for planes.
 
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
@@ -49,7 +49,7 @@ class Preprocessing(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingWindow(Section):
-    """Thresholds for the plane around each cell and for whole regions.
+    """Thresholds for the plane fitted around each cell, and for whole regions.
 
     Attributes:
         kernel_size: width of the window around each cell [cells], odd.
@@ -102,10 +102,10 @@ UNUSED = "ransac_plane_refinement", "postprocessing"
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneParameters:
-    """Parameters of `extract_planes`, with the sections of convex_plane_decomposition (upstream).
+    """Parameters of `extract_planes`, grouped as in the C++ package convex_plane_decomposition.
 
-    The defaults are those of upstream, except that `marginSize` is counted in cells and is 0. The
-    upstream sections `ransac_plane_refinement` and `postprocessing` have no effect.
+    The defaults are those of the C++ package, except that `marginSize` is in cells and is 0. The
+    sections `ransac_plane_refinement` and `postprocessing` are accepted without effect.
 
     Example:
         >>> parameters = {"contour_extraction": {"marginSize": 1}}
@@ -119,7 +119,7 @@ class PlaneParameters:
 
     @classmethod
     def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
-        """Create parameters from nested mappings with the sections of convex_plane_decomposition.
+        """Create parameters from a mapping of section names to mappings of parameters.
 
         Raises:
             ConfigError: a section or parameter is unknown, or has a wrong type or value.
@@ -137,10 +137,10 @@ class PlaneParameters:
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> PlaneParameters:
-        """Read parameters from a YAML file with the sections of convex_plane_decomposition.
+        """Read parameters from a file such as `parameters.yaml` of convex_plane_decomposition.
 
         Raises:
-            ConfigError: as `from_mapping`; the message names the file.
+            ConfigError: a section or parameter is unknown, or has a wrong type or value.
         """
         content = load_yaml(path)
         try:

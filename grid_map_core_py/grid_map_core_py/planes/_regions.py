@@ -30,7 +30,8 @@ class PlanarRegion:
     Attributes:
         id: number of the region, 1 or more.
         normal: (3,) unit normal of the plane, with z > 0.
-        offset: distance of the plane from the origin along `normal`: normal . point = offset [m].
+        offset: distance of the plane from the origin along `normal` [m]; normal . point = offset
+            for each point on the plane.
         center: (3,) point on the plane at the mean x, y of the fitted cells.
         covariance: (3, 3) covariance of the height at `center` [m] and the slopes dz/dx and dz/dy.
         rms: root-mean-square distance of the fitted cells from the plane, along z [m].
@@ -61,7 +62,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
     Attributes:
         labels: (rows, cols) int32 in map order: id of the region that each cell belongs to, or 0.
             Read-only.
-        planarity: (rows, cols) float32 in map order: 1 for cells whose window is planar, 0 for
+        planarity: (rows, cols) float32 in map order: 1 for cells with planar surroundings, 0 for
             other cells, NaN for cells without a height. Read-only.
         geometry: geometry of the map.
         frame: frame of the map.
@@ -112,7 +113,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return f"PlanarRegions({len(self)} regions in {self.frame!r}, {self.geometry})"
 
     def fits(self, grid_map: GridMap) -> bool:
-        """Return whether a map has the same frame and resolution, so that ids can be kept."""
+        """Return whether a map has the same frame and resolution as these regions."""
         resolutions = self.geometry.resolution, grid_map.resolution
         return self.frame == grid_map.frame_id and math.isclose(*resolutions, rel_tol=1e-6)
 
@@ -120,8 +121,8 @@ class PlanarRegions(Sequence[PlanarRegion]):
         """Return the layers `plane_id`, `plane_elevation` and `planarity`, in map order.
 
         `plane_elevation` is the height of the plane at the cell center [m]. Outside the regions,
-        `plane_elevation` is NaN and `plane_id` is 0. Ids above 2**24 lose digits in float32. Add
-        the layers to a moved map with `GridMap.set_unwrapped`.
+        `plane_elevation` is NaN and `plane_id` is 0. Ids above 2**24 lose digits in float32. Use
+        `GridMap.set_unwrapped` to add the layers to a map with any start index.
         """
         x, y = self.geometry.axes_in_map_order()
         heights = np.full(self.labels.shape, np.nan, np.float32, order="F")
@@ -143,7 +144,8 @@ class PlanarRegions(Sequence[PlanarRegion]):
 
         Args:
             position: (2,) x, y [m].
-            max_distance: largest horizontal distance from the polygon [m]; may be infinite.
+            max_distance: largest horizontal distance from the polygon [m]; may be infinite. If all
+                polygons are farther away, the result is None.
         """
         limit = as_number(max_distance, "max_distance")
         if not limit >= 0:
@@ -185,7 +187,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return result
 
     def _to_polygons(self, positions: Positions) -> Positions:
-        """Return vectors (N, R, 2) from positions (N, 2) to the nearest points of the polygons."""
+        """Return vectors (N, R, 2) from positions (N, 2) to the nearest points of R polygons."""
         firsts = self._first_edges[:-1]
         ahead_x, ahead_y, crossed = to_edges(self._edges, *positions.T[:, :, None])
         squares = ahead_x**2 + ahead_y**2
@@ -199,16 +201,18 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return np.where(inside, 0.0, ahead).transpose(1, 2, 0)
 
     def _heights(self, numbers: Any, positions: Positions) -> Positions:
-        """Return the heights at positions (..., 2) of the planes with the indices `numbers` [m]."""
+        """Return the heights [m] of the planes with indices `numbers` at positions (..., 2)."""
         normals, centers = self._planes["normal"][numbers], self._planes["center"][numbers]
         ahead = ((positions - centers[..., :2]) * normals[..., :2]).sum(axis=-1)
         return np.asarray(centers[..., 2] - ahead / normals[..., 2])
 
 
 def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """Return the edges (4, E) of C outlines (V, 2): x, y of each start, then x, y of each end.
+    """Return the edges of C closed outlines, each given as an array (V, 2) of vertices.
 
-    Also return an array (C + 1,): the index of each outline's first edge, followed by E.
+    Returns:
+        edges: (4, E) x and y of the start and x and y of the end of each edge.
+        starts: (C + 1,) index of each outline's first edge, followed by E.
     """
     vertices = np.concatenate([np.empty((0, 2), np.int32), *outlines]).T
     starts = np.cumsum([0] + [len(outline) for outline in outlines])

@@ -34,7 +34,7 @@ class Cells(NamedTuple):
     Attributes:
         places: (N,) indices into the flat image.
         points: (3, N) positions x, y, z; the heights of outliers are median-filtered.
-        slopes: (2, N) dz/dx and dz/dy of the plane of the window.
+        slopes: (2, N) dz/dx and dz/dy of the plane in the window around each cell.
         is_exact: (N,) mask of cells that are not outliers; planes are fitted to these cells only.
     """
 
@@ -54,7 +54,7 @@ class Cells(NamedTuple):
 def planar_cells(
     heights: Image, resolution: float, parameters: PlaneParameters
 ) -> tuple[Cells, Mask]:
-    """Return the planar cells of an image of heights [m], and an image with their mask."""
+    """Return the planar cells of an image of heights [m], and the mask of these cells."""
     limits, median = parameters.sliding_window_plane_extractor, parameters.preprocessing
     distance = limits.global_plane_fit_distance_error_threshold
     steepest = math.tan(math.radians(limits.local_plane_inclination_threshold_degrees))
@@ -95,11 +95,11 @@ def planar_cells(
 
 
 def _continuation(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return two images of flat indices, which continue an image beyond its known cells.
+    """Return two images of flat indices for extrapolating values to unknown cells.
 
-    The first is the nearest known cell, the second is twice as far in this direction. The linear
-    continuation is 2 * first value - second value. For known cells, and if the second cell would be
-    unknown, both are the nearest known cell.
+    The first image refers to the nearest known cell. The second image refers to the cell twice as
+    far away in the same direction or, if that cell is unknown, also to the nearest known cell. The
+    extrapolated value is 2 * first value - second value. A known cell refers to itself.
     """
     places, unknown = np.arange(known.size).reshape(known.shape), (~known).view(np.uint8)
     kind: Any = {"distanceType": cv2.DIST_L2, "maskSize": 5, "labelType": cv2.DIST_LABEL_PIXEL}
@@ -256,7 +256,8 @@ class Splitter:
     def _near(self, cells: Cells, groups: Groups, planes: Numbers) -> Mask:
         """Return a mask of the cells near the plane of their group that are inliers or touch one.
 
-        The window of a cell at an edge includes cells beyond the edge, which tilt its plane.
+        Near an edge, windows include cells beyond the edge, so their planes are tilted. Cells there
+        are therefore accepted if only a neighbor is an inlier.
         """
         image = np.zeros(self.shape, np.uint8)
         is_close, image.reshape(-1)[cells.places] = self._judged(cells, groups, planes)

@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Footprints of robots on a map, and least-cost paths.
 
-- `Footprint`: the outline of a robot; `footprint_cells`: the cells that it touches at a pose.
+- `Footprint`: the outline of a robot.
+- `footprint_cells`: the cells that a footprint touches at a pose.
 - `check_pose`, `check_path`: whether the robot may stand at a pose or move along a path. The
   results are a `PoseCheck` and a `PathCheck`.
 - `footprint_layer`: lowest, mean or highest value under the footprint at every cell, for several
   directions.
 - `TravelGraph`: the moves of a robot between the cells of a map. `TravelGraph.path` returns the
-  least-cost `Path` between two positions; `TravelGraph.cost_to` returns a `CostField`, the cost
-  from every cell to the nearest goal. `SlopeLimits` are the steepest slopes up, down and across.
-- `NoPathError`: a start or a goal is not free, or no path exists. Its `reason` is a `PathFailure`,
-  an error code of Nav2.
+  least-cost `Path` between two positions.
+- `CostField`: the cost from every cell to the nearest goal, as returned by `TravelGraph.cost_to`.
+- `SlopeLimits`: the steepest slopes up, down and across.
+- `NoPathError`: raised if a start or a goal is not free, or if no path exists. Its `reason` is a
+  `PathFailure`, an error code of Nav2.
 """
 
 from .. import _lazy

@@ -25,8 +25,8 @@ class PathCheck:
 
     Attributes:
         is_free: whether the robot may move along the whole path.
-        index: index of the first blocked pose, or of the last pose before the path is blocked
-            between two poses. None if the path is free.
+        index: index of the first blocked pose. If the path is blocked between two poses, index of
+            the first of them. None if the path is free.
         pose: (3,) x, y, yaw where the path is first blocked; None if the path is free.
         blocked: (N, 2) buffer indices of the blocked cells under the footprint.
         worst: lowest known value under the footprint; NaN if no value is known.
@@ -46,15 +46,17 @@ class PathCheck:
 
 @dataclass(frozen=True, eq=False)
 class PoseCheck(PathCheck):
-    """Result of `check_pose`: the attributes of `PathCheck`, and how the robot stands on its sole.
+    """Result of `check_pose`, with the attributes of `PathCheck` and the pose of the robot's sole.
 
-    The attributes below are NaN without `surface`, or if no height under the footprint is known.
+    `check_pose` describes the sole. The attributes below are NaN without `surface`, or if no height
+    under the footprint is known.
 
     Attributes:
-        height: height of the sole at the pose [m]; `check_pose` describes the sole.
-        roll, pitch: rotations of the sole about its x and y axes [rad], as in ROS: the roll is
-            positive if the left side is higher, the pitch is positive if the front is lower.
-        clearance: height of the body above the highest cell [m]; also NaN without `body_height`.
+        height: height of the sole at the pose [m].
+        roll, pitch: rotations of the sole about its x and y axes [rad], as in ROS. The roll is
+            positive if the left side is higher. The pitch is positive if the front is lower.
+        clearance: height of the body above the highest cell under the footprint [m]; also NaN
+            without `body_height`.
     """
 
     height: float
@@ -104,10 +106,10 @@ def check_pose(
     hold. A cell is blocked if its value is below `limit`. A cell is unknown if it is outside the
     map, or if its value (or its height in `surface`) is not finite.
 
-    With `surface`, the robot stands on a flat sole of the size of the footprint. The known heights
-    under the footprint have a convex hull, whose upper side consists of flat facets. The sole is in
-    the plane of the facet at the mean position of these cells. If the cells are on a line, the sole
-    is level across the line. The body is level, `body_height` above the sole at the pose.
+    With `surface`, the robot stands on a flat sole with the outline of the footprint. It rests on
+    the convex hull of the known heights under the footprint, in the plane of the hull's upper facet
+    at the mean position of the known cells. If these cells are on a line, the sole is level across
+    the line. The underside of the body is level, `body_height` above the sole at the pose.
 
     Args:
         pose: (3,) x, y [m] and yaw [rad] of the footprint, map frame.
@@ -162,9 +164,9 @@ def check_path(
     """Check whether a robot may move along a path.
 
     Between two poses, the robot moves along a straight line and turns at a constant rate in the
-    shorter direction; half a turn is counter-clockwise. Poses in between are also checked. From one
-    checked pose to the next, each corner of the footprint moves by at most half a cell, so every
-    obstacle that reaches at least a quarter of a cell into the footprint is found.
+    shorter direction; half a turn is counter-clockwise. Poses in between are also checked, so close
+    together that each corner of the footprint moves by at most half a cell. Every obstacle that
+    reaches at least a quarter of a cell into the footprint is therefore found.
 
     Args:
         poses: (N, 3) x, y [m] and yaw [rad] of the footprint along the path, map frame.
@@ -221,9 +223,10 @@ class _Rules:
 def _check(
     grid_map: GridMap, footprint: Footprint, poses: Positions, indices: Integers, rules: _Rules
 ) -> tuple[PathCheck, list[float]]:
-    """Check poses (P, 3); each lies at or after the pose of the path with its index in `indices`.
+    """Return the result for poses (P, 3), and height, roll, pitch and clearance at the last pose.
 
-    Return the result, and height, roll, pitch and clearance at the last pose.
+    Args:
+        indices: (P,) index of the last path pose at or before each pose.
     """
     is_blocked, union = np.zeros(len(poses), np.bool_), []
     rests = np.full((4, len(poses)), np.nan)
@@ -295,10 +298,13 @@ def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, 
 
 
 def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
-    """Return height, roll and pitch of a sole on points (N, 3), N > 0, relative to the robot [m].
+    """Return height [m], roll and pitch [rad] of a sole that lies on points.
 
-    The convex hull of the points is an intersection of half spaces. Therefore, its upper facet at
-    a position belongs to the plane that is lowest there.
+    The convex hull of the points is an intersection of half spaces. The upper facet at a position
+    therefore lies in the plane that is lowest there, among the planes of all upper facets.
+
+    Args:
+        points: (N, 3) points [m], N > 0, with x and y relative to the robot.
     """
     from scipy.spatial import ConvexHull  # slow to import
 

@@ -108,7 +108,7 @@ def touched_cells(
 
     Yields:
         batch: slice of the poses.
-        pose: (N,) index within the batch of the pose that touches each cell, ascending.
+        pose: (N,) indices of the poses that touch the cells, counted within the batch, ascending.
         cells: (2, N) rows and columns in map order; cells may be outside the map.
     """
     check(isinstance(footprint, Footprint), "footprint", "a Footprint", footprint)
@@ -166,8 +166,8 @@ def footprint_layer(
         statistic: lowest value, mean or highest value of the cells that the footprint touches.
 
     Returns:
-        (rows, cols, yaws) float32: the statistic for a footprint at the center of each cell, in the
-        order of the layers. NaN if a cell under the footprint is unknown.
+        (rows, cols, yaws) float32: the statistic for a footprint at the center of each cell, in
+        buffer order. NaN if a cell under the footprint is unknown.
 
     Raises:
         LayerNotFoundError: the layer does not exist.
@@ -200,7 +200,8 @@ def footprint_layer(
 def _means(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Return the means of the values under a kernel.
 
-    The rounding errors of `cv2.filter2D` depend on distant values, so it cannot be used for tiles.
+    The rounding errors of `cv2.filter2D` depend on distant values, so its results for tiles would
+    differ from those for the whole map.
     """
     padded = np.pad(image.astype(np.float64), [(size // 2, size // 2) for size in kernel.shape])
     edges = np.argwhere(np.diff(kernel, axis=1, prepend=0, append=0))

@@ -75,8 +75,8 @@ class TravelGraph:
     known and below `lethal`.
 
     The cost of a move is its length in 3-D [m] times `1 + cost_weight * cost / 252`. Here, `cost`
-    is the mean cost of the two cells, or of all four cells of a knight's move, and 252 is Nav2's
-    highest cost without a collision. Without a `cost` layer, the cost of a move is its length.
+    is the mean cost of the two cells, or of all four cells of a knight's move. The number 252 is
+    the highest cost in Nav2 without a collision. Without a `cost` layer, only the length counts.
 
     The graph is a snapshot: later changes of the map have no effect. With 16 neighbors, the graph
     needs about 250 bytes of memory per cell, and about 400 during its creation.
@@ -93,8 +93,8 @@ class TravelGraph:
             height, or with one-sided differences beside an unknown cell.
         max_step: largest height difference between two cells that share a side [m], among the
             cells that a move passes; needs `elevation`.
-        footprint: outline of the robot. At both ends of a move, it must be free in the direction of
-            the move. None if the robot fits into a cell.
+        footprint: outline of the robot, None if the robot fits into a cell. A move is allowed only
+            if the footprint is free at both of its ends, with the robot facing along the move.
         neighbors: number of moves from each cell, 8 or 16. On open, flat ground, costs exceed the
             straight distance by at most 8.3 % with 8 moves, and by at most 2.8 % with 16.
         unknown: whether cells whose cost is NaN are `"blocked"`, or `"free"` at a cost of 0. Cells
@@ -207,13 +207,14 @@ class TravelGraph:
     def path(self, start: ArrayLike, goal: ArrayLike, *, tolerance: float = 0.0) -> Path:
         """Return the least-cost path from a start to a goal.
 
-        `CostField.path` returns further paths to the same goal much faster.
+        For several paths to the same goal, `cost_to` with `CostField.path` is much faster.
 
         Args:
             start, goal: (2,) x, y [m], or (3,) with the yaw [rad]. If the goal has a yaw, the
                 footprint must be free there in this direction.
             tolerance: largest distance from the goal to the end of the path [m]. If the goal is
-                not free or out of reach, the path ends at the center of the nearest cell in reach.
+                blocked or cannot be reached, the path ends at the center of the nearest cell that
+                can be reached.
 
         Raises:
             NoPathError: the start or goal is outside the map, blocked or unknown, or no path
@@ -239,11 +240,11 @@ class TravelGraph:
         return self.cost_to([*nearest, *pose[2:]]).path(start)
 
     def _free_in(self, pose: Floats) -> Mask:
-        """Return the free cells; for a pose with a yaw, only those that are free in this yaw."""
+        """Return the free cells; for a pose with a yaw, only the cells free at this yaw."""
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
-        """Return the center (2,) of the cell nearest to a pose, and the distance [m], or inf."""
+        """Return the center (2,) and distance [m] of the cell nearest to a pose; inf if none."""
         centers = self._ground.to_positions(self._ground.cells(cells))
         centers = np.append(centers, [[np.inf, np.inf]], axis=0)
         distances = np.hypot(*(centers - pose[:2]).T)

@@ -64,8 +64,8 @@ class Ground:
     Attributes:
         geometry: geometry of the map, without the border.
         passable: mask of the cells with a finite height and a cost below the lethal cost.
-        open: mask of the cells that the footprint may touch: the passable cells, and the border if
-            the robot may leave the map.
+        open: mask of the cells that the footprint may touch. These are the passable cells, and also
+            the border if the robot may leave the map.
         factor: cost per meter, at least 1.
         is_flat: whether all heights are 0.
         heights: heights [m]; NaN where unknown.
@@ -244,7 +244,7 @@ class Ground:
 
         Args:
             points: (2, K) waypoints [cells].
-            lines: (2, K - 1) cost of each line, and number of equal pieces to divide it into.
+            lines: (2, K - 1) cost and number of pieces of each line, as returned by `straight`.
             tested: (K,) mask of waypoints to keep without a test, unless a neighbor is dropped.
         """
         odd, tested[[0, -1]] = 0, True

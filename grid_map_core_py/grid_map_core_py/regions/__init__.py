@@ -2,12 +2,15 @@
 """Select the cells of a map in a shape, along a line or in a window.
 
 - Shapes: `circle_cells`, `ellipse_cells`, `polygon_cells`, `spiral_cells`, `submap_cells`,
-  `map_cells`; lines: `line_cells`, `line_cells_between`. Each function returns a tuple (rows, cols)
-  that can index a layer. `cells_to_mask` converts it to a mask. Cells outside the map are omitted.
-  The functions raise `GeometryError` for negative sizes and for numbers that are not finite, and
-  `OutOfMapError` for indices outside the map.
+  `map_cells`.
+- Lines: `line_cells`, `line_cells_between`.
+- `cells_to_mask`: a mask of the cells that one of these functions returns.
 - Windows around every cell: `sliding_windows`, `window_array`.
 - `Polygon`: a polygon in the plane of the map.
+
+The functions for shapes and lines return a tuple (rows, cols) that can index a layer. Cells outside
+the map are omitted. `GeometryError` is raised for negative sizes and for numbers that are not
+finite, and `OutOfMapError` for indices outside the map.
 """
 
 from .. import _lazy

@@ -31,7 +31,7 @@ class BoundingBox(NamedTuple):
 
 
 class Polygon:
-    """Immutable polygon; operations return a new polygon.
+    """Immutable polygon; operations such as `offset_inward` return a new polygon.
 
     The last vertex is connected to the first. Edges may cross. The even-odd rule defines which
     points are inside. Two polygons are equal if they have the same vertices in the same order.
@@ -149,7 +149,7 @@ class Polygon:
         return BoundingBox(0.5 * (lower + upper), upper - lower)
 
     def is_inside(self, points: ArrayLike) -> bool | Mask:
-        """Return a mask of the points inside, by the even-odd rule.
+        """Return a mask of the points inside the polygon, by the even-odd rule.
 
         A point on an edge is inside if the outward normal of the edge points towards -x, or exactly
         along -y. Points on other edges are outside.
@@ -295,7 +295,13 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return points (n, 2) from `start` on an arc around the origin, `turns` counter-clockwise."""
+    """Return points (n, 2) on a counter-clockwise arc around the origin.
+
+    Args:
+        start: x, y of the first point.
+        n: number of points.
+        turns: angle of the arc [full turns].
+    """
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start
@@ -303,7 +309,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return the lower half of the convex hull of ascending points; the upper one if descending."""
+    """Return the lower half of the hull of ascending points, or the upper half if they descend."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

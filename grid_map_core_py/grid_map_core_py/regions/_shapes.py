@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Selects cells in blocks, discs, ellipses and polygons or on lines; converts them to masks."""
+"""Selects the cells in a block, disc, ellipse or polygon or on a line, and creates masks."""
 
 from __future__ import annotations
 
@@ -174,12 +174,13 @@ def polygon_cells(
     Args:
         polygon: a `Polygon`, or (V, 2) vertices [m]. `Polygon.is_inside` defines which centers are
             inside. For fewer than three vertices, the function warns and returns no cells.
-        count_outside: whether to also return the number of cells in the polygon that would lie
-            outside the map if the grid continued there. A footprint check needs this number,
-            because cells outside the map are unknown, not free.
+        count_outside: whether to also count the cells in the polygon beyond the map, as if the grid
+            continued there. A footprint check needs this number, because cells beyond the map are
+            unknown, not free.
 
     Returns:
-        The cells. If `count_outside` is True, a tuple of the cells and this number.
+        The cells. If `count_outside` is True, a tuple of the cells and the number of cells beyond
+        the map.
 
     Raises:
         LimitError: `count_outside` is True, and the polygon spans more cells than a map may have.
@@ -328,7 +329,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) of the ranges from `first` to `stop` - 1, and their members (N,)."""
+    """Return the lengths (R,) and all numbers (N,) of ranges from `first` to `stop` - 1."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)

@@ -33,9 +33,9 @@ def sliding_windows(
 
     Args:
         layer: name of the layer.
-        edge_handling: handling of windows that extend beyond the map: "inside" skips these windows,
-            "crop" crops them, "empty" pads them with NaN, and "mean" pads them with the mean
-            of their finite values.
+        edge_handling: handling of windows that extend beyond the map. "inside" skips them. "crop"
+            crops them. "empty" pads them with NaN. "mean" pads them with the mean of their finite
+            values.
         window_size: side of the window [cells], odd.
         window_length: side of the window [m], instead of `window_size`. It is rounded to whole
             cells. An even number of cells is increased by 1.
@@ -64,9 +64,9 @@ def window_array(
     windows differ in size.
 
     Returns:
-        (rows, cols, size, size) float32, read-only; with "inside", (rows - size + 1,
+        (rows, cols, size, size) float32, read-only. With "inside", the shape is (rows - size + 1,
         cols - size + 1, size, size). With "inside" and "empty", the windows are views of one copy
-        of the layer; with "mean", every window is stored separately.
+        of the layer. With "mean", every window is stored separately, which needs more memory.
     """
     _check_edge_handling(edge_handling, ("inside", "empty", "mean"))
     size = _window_cells(grid_map.resolution, window_size, window_length)

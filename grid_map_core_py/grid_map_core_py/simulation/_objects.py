@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Places objects on a terrain; the new map shares all layers except the height layer."""
+"""Places objects on a terrain, in a new map that shares all layers except the height layer."""
 
 from __future__ import annotations
 
@@ -28,6 +28,8 @@ def with_box(
 ) -> GridMap:
     """Return a map with a box on the ground.
 
+    The box covers all cells whose centers lie in its outline, even cells without a height.
+
     Args:
         grid_map: the terrain, which stays unchanged.
         center: (2,) center of the object [m], map frame; parts outside the map are cut off.
@@ -35,8 +37,7 @@ def with_box(
         height: height of the object [m] above the mean height of the ground below the object, or
             above 0 if the ground is unknown. Ground higher than the object stays unchanged.
         yaw: rotation of the object relative to the map [rad].
-        layer: name of the height layer. The object covers all cells whose centers lie in its
-            outline, even cells without a height.
+        layer: name of the height layer.
 
     Raises:
         GeometryError: an argument is not finite.

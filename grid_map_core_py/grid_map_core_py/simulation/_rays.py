@@ -88,8 +88,8 @@ def cast_rays(
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
     """Return the nearest and farthest ranges (2, N) at which each beam can hit the surface.
 
-    Between these ranges, the beam is above or below the map, and its z is at most `highest`. If a
-    beam cannot hit the surface, the nearest range is NaN or exceeds the farthest range.
+    Between these ranges, the x and y of the beam are on the map, and its z is at most `highest`. If
+    a beam cannot hit the surface, the nearest range is NaN or exceeds the farthest range.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))

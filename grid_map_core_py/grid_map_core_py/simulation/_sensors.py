@@ -38,7 +38,10 @@ class SpinningLidar:
 
     @property
     def directions(self) -> Positions:
-        """(rings * azimuths, 3) unit vectors, ring by ring from the lowest, turning from x to y."""
+        """(rings * azimuths, 3) unit vectors, sensor frame, ring by ring from the lowest.
+
+        Each ring starts in the direction of x and turns towards y.
+        """
         elevations = np.linspace(self.lowest, self.highest, self.rings)
         azimuths = np.linspace(0.0, 2.0 * np.pi, self.azimuths, endpoint=False)
         elevation, azimuth = np.meshgrid(elevations, azimuths, indexing="ij")

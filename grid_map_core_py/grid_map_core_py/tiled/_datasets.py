@@ -170,7 +170,7 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
 
 
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
-    """Return the geometry of a dataset in the map frame, and two flags: x ascends, y ascends.
+    """Return the geometry of a dataset in the map frame, and two flags: whether x and y ascend.
 
     Raises:
         GeometryError: a coordinate is missing or not evenly spaced, or cells are not square.
@@ -277,7 +277,7 @@ class DatasetSource:
         dataset: dataset whose variables are layers with the dimensions x and y.
         layers: names of the layers.
         name: name of the dataset in error messages.
-        ascends: two flags: x ascends, y ascends. In a map, both coordinates descend.
+        ascends: whether x and y ascend in the dataset; in a map, both descend.
     """
 
     dataset: "xarray.Dataset"

@@ -225,8 +225,8 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
     """Return the coarsest overview whose cells are at most as wide as `step` cells of the raster.
 
     Returns:
-        overview: the overview as a map, with positions accurate to half a cell; `tiled_map` itself
-            if the map is a mosaic, is projected, or has no such overview.
+        overview: the overview as a map, with positions accurate to half a cell. If the map is a
+            mosaic, is projected or has no such overview, this is `tiled_map` itself.
         factor: side of an overview cell [cells of `tiled_map`].
     """
     source = tiled_map.source
@@ -318,7 +318,7 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
     Args:
         header: header of the raster.
         first: header of the first raster of the mosaic. Its north-west corner is (0, 0).
-        exact: if True, the raster must lie on the grid. If False, include all cells it overlaps.
+        exact: whether the raster must lie on the grid. If not, all cells that it overlaps count.
 
     Raises:
         ValueError: the layers, reference systems, pixel sizes or grids of the rasters differ.

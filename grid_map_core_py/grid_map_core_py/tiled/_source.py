@@ -32,8 +32,8 @@ class Source(Protocol):
     """Provider of layers that are read window by window.
 
     Sources are pickled and sent to other processes and machines, so they open files only in `read`.
-    If reading several layers together is not faster than reading each layer separately, a source
-    may set `reads_layers_alone`.
+    If reading several layers together saves no time, a source may set `reads_layers_alone` to True.
+    Dask datasets of the source then read only the layers that are used.
     """
 
     @property
@@ -178,7 +178,7 @@ def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
     """Replace exceptions from reading or writing with a GridMapError that names `path`.
 
     Args:
-        path: name of a store, of a dataset or of a part of either.
+        path: name of a store or dataset, or of a part of it.
         doing: "read" or "written", for the message "cannot be ...".
     """
     try:

@@ -209,9 +209,9 @@ class TiledMap(TiledData):
     def to_xarray(self, layers: Iterable[str] | None = None) -> xarray.Dataset:
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
-        Each tile is one chunk. A tile is computed only once, even if several layers are used
-        together. In all other respects, the dataset equals the result of `GridMap.to_xarray`.
-        Values that a filter needs from the whole map are computed immediately.
+        Each tile becomes one chunk, which is computed only once, even if several layers are used
+        together. If a filter needs statistics of the whole map, the call computes them immediately.
+        In all other respects, the dataset equals the result of `GridMap.to_xarray`.
 
         Args:
             layers: names of the layers; None means all.
@@ -236,7 +236,7 @@ class TiledMap(TiledData):
         return thinned_map(self, step, select_layers(self.layers, layers))
 
     def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
-        """Plot the map at the resolution of the plot, and return the axes; see `GridMap.plot`."""
+        """Plot the map, thinned to the resolution of the plot; see `GridMap.plot`."""
         from ..map._plots import plot
 
         return plot(self, layer, ax, style, options)
@@ -299,9 +299,9 @@ class TiledMap(TiledData):
             progress: called after each tile with the number of finished tiles and the total.
 
         Raises:
-            GridMapError: a tile cannot be read, computed or written; the store exists; another
-                process is writing the store; or an unfinished run exists, and `resume` is False or
-                the inputs differ.
+            GridMapError: the store exists, another process is writing it, or a tile cannot be read,
+                computed or written. The error is also raised for an unfinished run if `resume` is
+                False or the inputs differ.
         """
         names = select_layers(self.layers, layers)
         to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
@@ -345,10 +345,10 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write it to a GeoTIFF file, window by window.
 
-        The data is first written to a temporary file next to `path`. Each layer is a float32 band
-        named after the layer. The nodata value is NaN. A tag stores frame, time and basic layers,
-        so that `open_map` and `load_geotiff` restore the same map. Writing a cloud-optimized file
-        temporarily needs disk space for the uncompressed layers.
+        A temporary file next to `path` is renamed to `path` once it is complete. Each layer is a
+        float32 band named after the layer. The nodata value is NaN. A tag stores frame, time and
+        basic layers, so that `open_map` and `load_geotiff` restore the same map. Writing a
+        cloud-optimized file temporarily needs disk space for the uncompressed layers.
 
         Args:
             path: path of the file.
@@ -401,7 +401,7 @@ class TiledMap(TiledData):
         return _pairs(latitude, longitude)
 
     def with_origin(self, latitude: float, longitude: float) -> TiledMap:
-        """Return the map in a frame whose origin has this latitude and longitude.
+        """Return the map in a frame whose origin has a given latitude and longitude.
 
         Coordinates in a reference system can reach millions of meters. In a frame whose origin is
         near the robot, coordinates are small. The axes keep their directions. Datasets, stores and

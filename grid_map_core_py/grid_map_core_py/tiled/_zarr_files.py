@@ -2,8 +2,8 @@
 """Writes tiled maps to new Zarr stores tile by tile, and manages store files and locks.
 
 Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file contains a block of a
-layer in Fortran order. zarr-python writes a chunk to a temporary file, and then renames the file.
-If a chunk has no file, its cells are NaN.
+layer in Fortran order. Readers never see a partly written chunk, because zarr-python first writes
+the chunk to a temporary file. If a chunk has no file, its cells are NaN.
 
 An unfinished store is a folder whose name ends in `.part`. The folder is renamed when all tiles are
 complete. A tile is complete when its chunks exist in all layers. A resumed run computes only the
@@ -269,7 +269,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
 
 
 def metadata_file(store: Path) -> Path:
-    """Return the path of a store's metadata file, whose content does not depend on the chunks."""
+    """Return the path of a store's metadata file, which does not change when chunks are written."""
     if not store.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(store))
     # Zarr formats 2 and 3.

@@ -158,7 +158,7 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 
     Returns:
         window: rectangle of store cells.
-        lines: row in the map's layer arrays for each window row, and column for each window column.
+        lines: row in the map's layers for each row of `window`, and column for each of its columns.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution

@@ -12,8 +12,9 @@ from .._filter import CellFilter
 class BufferNormalizer(CellFilter):
     """Reorder the data so that the start index is (0, 0).
 
-    A `FilterChain` always passes maps with start index (0, 0) to its filters. The chain then
-    restores the start index of the input, unless it contains this filter or changes the size.
+    A `FilterChain` passes maps with the start index (0, 0) to its filters, and then restores the
+    start index of the input. If a chain contains this filter or changes the size of the map, the
+    result keeps the start index (0, 0).
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
