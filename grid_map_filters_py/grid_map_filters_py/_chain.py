@@ -201,7 +201,7 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return descriptions of the parameters of a chain by name, such as `filter1.params.radius`.
+    """Map the name of each parameter, such as `filter1.params.radius`, to its description.
 
     Parameters without a description are omitted.
     """

@@ -141,7 +141,7 @@ class Inpaint(LayerFilter):
 
 @dataclass(frozen=True)
 class _InpaintTiles:
-    """Filter that fills the holes of tiles.
+    """Version of the filter `Inpaint` for the tiles of a large map.
 
     Args:
         whole: the `Inpaint` filter of the chain.
@@ -211,7 +211,10 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the `wanted` holes; hole i has the label i + 1, all other cells have 0."""
+    """Return a mask of the cells in wanted holes.
+
+    Hole i, wanted if `wanted[i]`, consists of the cells with the label i + 1.
+    """
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 
