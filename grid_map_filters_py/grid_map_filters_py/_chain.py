@@ -129,8 +129,9 @@ class FilterChain:
     ) -> tuple[GridMap, Size]:
         """Return the filtered map in map order, and the start index that `__call__` would restore.
 
-        Unchanged layers share memory with the input if the start index of the input is (0, 0). All
-        layers are read-only. Nodes use this method to write the result directly into a message.
+        In map order, the start index is (0, 0). Nodes use this method to write the result directly
+        into a message. All layers are read-only. If the input is in map order, unchanged layers
+        share memory with it.
 
         See `__call__` for arguments and errors.
         """

@@ -30,9 +30,10 @@ class Filtered(Generic[T]):
 
 @dataclass(frozen=True)
 class Failure:
-    """A map that could not be loaded or filtered; `index` counts from 0.
+    """A map that could not be loaded or filtered.
 
-    The error is stored as text, because the exception would keep the map in memory.
+    `index` is the position of the map in the input, from 0. The error is stored as text, because
+    the exception would keep the map in memory.
     """
 
     index: int

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Error classes of this package.
+"""Error classes of this package; additional base classes are in parentheses.
 
 GridMapError (grid_map_core_py)
 └── FilterError

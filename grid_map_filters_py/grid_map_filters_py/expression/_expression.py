@@ -81,7 +81,7 @@ class Expression:
         return Analysis(self._layers).is_cellwise(self._root)
 
     def why_whole_map(self, layers: Container[str]) -> str:
-        """Return why the expression cannot be computed tile by tile for these layers, or "".
+        """Return why the expression cannot be computed tile by tile for these layers; "" if it can.
 
         Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
         """

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on the windows of many cells with few NumPy calls.
 
-The value of a subexpression is a small matrix *per cell*, stored as one matrix of elements. An
-element is a number, or a field: an array with the values of the element in all cells. Elements are
-computed on demand and freed after use, so any window needs the memory of only a few layers. Fields
-use double precision, because the heights in a window may be large but almost equal. Numbers are
-rounded to float32 as in C++.
+The value of a subexpression is a small matrix *per cell*. All these matrices are stored together,
+as one matrix of elements. An element is a number that all cells share, or a *field*: an array with
+one value per cell.
+
+Elements are computed on demand and freed after use, so even large windows need only the memory of a
+few layers. Fields use double precision, because the heights in a window may be large but almost
+equal. Numbers are rounded to float32 as in C++.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -27,9 +29,9 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: function that returns element (row, column). Writable fields may be overwritten, so a
-            field that is still needed must be read-only. `at` must not refer to the matrix, because
-            reference cycles delay the release of memory.
+        at: function that returns the element at a row and column: a number, or an array with one
+            value per cell. The caller may overwrite the array unless it is read-only. `at` must not
+            refer to the matrix, because a reference cycle would delay the release of memory.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -155,10 +157,10 @@ class SquaredDeviations(WindowMatrix):
 
 
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return the windows of chosen cells, padded with their means beyond the map border.
+    """Return the windows of chosen cells, each padded with the mean of its finite values.
 
-    Cells beyond the map get the mean of the finite values in the same window. Fields are (N,)
-    arrays with one value per chosen cell, in Fortran order.
+    The padding replaces cells beyond the map. Each element of the result is an (N,) array with one
+    value per chosen cell, in Fortran order.
 
     Args:
         layer: (rows, columns) layer of the map.

@@ -97,11 +97,12 @@ class Edge(NamedTuple):
 
 
 class HolesOfTile(NamedTuple):
-    """Holes in a tile that are merged across the whole map.
+    """Holes in one tile, which `merged` joins with the holes in other tiles.
 
     Args:
         lowest, highest: extremes of the finite values; NaN if there are none.
-        holes: long holes and holes that touch the tile border, in cells of the whole map.
+        holes: long holes and holes that touch the tile border; rows and columns refer to the whole
+            map.
         edges: edges of the tile, in the order first row, last row, first column, last column.
     """
 
@@ -118,7 +119,7 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: maximum length of omitted holes [cells]; holes at the tile border are never omitted.
+        length: length up to which holes are omitted [cells], unless they touch the tile border.
     """
 
     layer: str

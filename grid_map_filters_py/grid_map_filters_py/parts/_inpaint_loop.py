@@ -97,7 +97,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
 
 
 def _arrival(times: Any, one: Any, other: Any) -> Any:
-    """Return the arrival time at a cell, given one vertical and one horizontal neighbor."""
+    """Return when the marching front reaches a cell from a vertical and a horizontal neighbor."""
     first, second = np.float64(times[one]), np.float64(times[other])
     difference = first - second
     if abs(difference) < 1.0:

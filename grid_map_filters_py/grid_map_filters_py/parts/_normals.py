@@ -143,9 +143,10 @@ def _sums(
 
 
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
-    """Return unit normals; they are the z axis for ignored cells and for points on a line.
+    """Return unit normals of fitted planes; the z axis where no plane can be fitted.
 
-    Points are on a line if the second eigenvalue of their covariance matrix is at most `spread`.
+    No plane can be fitted to points on a line. Points are on a line if the second eigenvalue of
+    their covariance matrix is at most `spread`. Cells in the mask `ignored` also get the z axis.
     """
     *normals, is_exact = _smallest_eigenvectors(*covariances)
     xx, xy, _, yy, _, _ = covariances
@@ -181,7 +182,8 @@ def _moments(
     Args:
         disc: disc around every cell.
         values: padded values.
-        axis: array axis along which the lines run; distances are measured along the other axis.
+        axis: array axis along which lines of cells run; distances are measured along the other
+            axis.
         orders: exponents of the distance, from 0 to 2.
         along: also multiply each value by its signed distance from the middle of the line.
     """
@@ -206,7 +208,8 @@ def _smallest_eigenvectors(
 
     Eigenvalues are the trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
     The adjugate of (matrix - smallest eigenvalue * identity) is a multiple of the outer product of
-    the eigenvector with itself. The eigenvector is the normalized last column.
+    the eigenvector with itself. Each column of the adjugate is thus a multiple of the eigenvector;
+    the last column is normalized.
 
     Returns:
         x, y and z components, and a mask of the precise eigenvectors. An eigenvector is imprecise
