@@ -125,8 +125,9 @@ def to_polygons(regions: "PlanarRegions", header: Header) -> list[PolygonStamped
 def to_terrain(regions: "PlanarRegions", gridmap: Any, package: Any) -> Any:
     """Return a `convex_plane_decomposition_msgs/PlanarTerrain`.
 
-    Each polygon is in the frame of its plane. The polygons are already smaller than the planar
-    ground, so the boundary of a region is also its only inset.
+    Each polygon is in the frame of its plane. An inset is a polygon with a margin to the boundary
+    of the planar ground. The regions already have such a margin, so the boundary of a region is
+    also its only inset.
 
     Args:
         regions: the regions.

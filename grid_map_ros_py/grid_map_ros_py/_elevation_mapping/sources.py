@@ -186,9 +186,10 @@ class InputSource:
 
 
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fusion methods by name pattern; `default` becomes the last pattern, `.*`.
+    """Map name patterns of channels to fusion methods.
 
-    ROS splits patterns such as `feat_.*` at the dots. This function joins the parts again.
+    The entry `default` becomes the last pattern, `.*`. ROS splits patterns such as `feat_.*` at the
+    dots. This function joins the parts again.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

@@ -53,8 +53,8 @@ class RollingSettings:
         fusion: how clouds are combined: `max`, `min`, `mean` or `last`.
         reduction: how the points of one cloud within a cell are combined: `max`, `min`, `mean`,
             `median`, `first` or `last`; unused with `mean` fusion.
-        max_count: maximum weight of a cell's earlier points in `mean` fusion [points]; 0 means
-            no limit.
+        max_count: maximum weight of a cell's earlier points in `mean` fusion [points]. With a
+            limit, the mean follows changes of the ground. 0 means no limit.
         min_height: ignore points below this height in the map frame [m].
         max_height: ignore points above this height in the map frame [m].
         fields: additional cloud fields that become layers.

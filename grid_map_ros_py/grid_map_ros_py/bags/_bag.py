@@ -66,8 +66,9 @@ def save_to_bag(
         path: folder of the bag.
         layers: names of the layers to write; None means all.
         overwrite: replace an existing bag. Other files and folders are never replaced.
-        storage: "mcap", "sqlite3" (readable by the C++ function `loadFromBag`) or "auto": "mcap" if
-            the package `mcap` or `rosbag2_py` is installed, else "sqlite3" with a warning.
+        storage: format of the bag: "mcap", "sqlite3" or "auto". The C++ function `loadFromBag`
+            reads only "sqlite3". "auto" selects "mcap" if the package `mcap` or `rosbag2_py` is
+            installed. Otherwise, it selects "sqlite3" and issues a warning.
         compression: "none", "lz4" or "zstd" for MCAP; "none" for sqlite3.
     """
     names = _once(layers)
@@ -84,9 +85,9 @@ class BagWriter:
 
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
-        in_place: delete an existing bag first, and write directly to `path`. Use this for long
-            recordings: readers with `recover=True` can read the bag after a crash, and an MCAP bag
-            can be completed even if the disk is full.
+        in_place: delete an existing bag first, and write directly to `path`. Direct writing suits
+            long recordings: after a crash, readers with `recover=True` can read the bag. An MCAP
+            bag can be completed even if the disk is full.
     """
 
     def __init__(
@@ -212,7 +213,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_parent(self) -> None:
-        """Raise `BagError` if the path is inside another bag, which could then not be replaced."""
+        """Raise `BagError` if the path is inside another bag: that bag could not be replaced."""
         parent = self._path.resolve().parent
         if Path(parent, bag_storage.FILE_NAME).is_file() and any(
             file.suffix in _BAG_ENDINGS for file in parent.iterdir()
@@ -314,7 +315,10 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """CDR message with its recording time [ns]; `place` identifies it in error messages."""
+    """A message in the encoding CDR.
+
+    `time` is the recording time [ns]. `place` names the bag and the message in errors.
+    """
 
     topic: str
     type: str
