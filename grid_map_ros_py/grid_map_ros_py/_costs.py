@@ -134,10 +134,14 @@ def _worst(
 ) -> npt.NDArray[np.int16]:
     """For each rotated square, return the highest rank of the unit squares that it touches, or 0.
 
-    Unit square (i, j) has its center at (i, j) and the rank `ranks[i, j]`. The rotated squares have
-    the centers `u`, `v` (n, m) and the side length `side`; `direction` is the cosine and sine of
-    the rotation angle. Two squares touch if their projections on all four side directions overlap
-    (separating axis theorem).
+    Two squares touch if their projections on all four side directions overlap (separating axis
+    theorem).
+
+    Args:
+        ranks: ranks of the unit squares; square (i, j) has its center at (i, j).
+        u, v: (n, m) centers of the rotated squares.
+        direction: cosine and sine of the rotation angle.
+        side: side length of the rotated squares.
     """
     if direction == (1.0, 0.0):
         return _worst_along(_worst_along(ranks, u[:, 0], side).T, v[0], side).T

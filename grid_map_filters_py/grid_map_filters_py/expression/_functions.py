@@ -222,7 +222,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Create a `Function` that folds the finite elements; its result is NaN if there are none."""
+    """Create a `Function` that folds the finite elements, or gives NaN if no element is finite."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)

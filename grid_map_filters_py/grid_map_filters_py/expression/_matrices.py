@@ -105,9 +105,10 @@ class Matrices:
 
 
 class Partial(Matrices):
-    """Primitive operations on a tile; the results of all folds are collected in `parts`.
+    """Primitive operations on one tile, which collect the results of all folds in `parts`.
 
-    A reducing function is applied to each tile with `Partial`, then once with `Combined`.
+    To reduce a tiled map, a function such as `sum` runs with `Partial` on each tile. Afterwards, it
+    runs once with `Combined`, which combines the collected results.
     """
 
     def __init__(self) -> None:
@@ -122,10 +123,10 @@ class Partial(Matrices):
 
 
 class Combined(Matrices):
-    """Primitive operations for a tiled map; each fold combines the stored results of all tiles.
+    """Primitive operations for a tiled map, in which each fold combines the results of all tiles.
 
     Args:
-        parts: results of all tiles for each fold, in order of evaluation.
+        parts: for each fold in order of evaluation, the results of all tiles; see `Partial`.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:

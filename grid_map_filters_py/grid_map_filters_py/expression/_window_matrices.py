@@ -61,7 +61,7 @@ class SlidingWindow(WindowMatrix):
         source.flags.writeable = False
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold along one axis and then along the other, in only rows + columns steps."""
+        """Fold along one axis and then along the other, which needs only rows + columns steps."""
         return [_fold_box(fold, self.source, self.shape) for fold in folds]
 
 
@@ -74,7 +74,7 @@ class WeightedWindow(WindowMatrix):
         self._window = window
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; sums of finite values are computed by correlation with the kernel."""
+        """Fold the elements, with a fast method for sums of finite values."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
@@ -103,7 +103,7 @@ class SquaredDeviations(WindowMatrix):
         self._number = deviations.number.at(0, 0)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; sums of finite squares take only rows + columns steps."""
+        """Fold the elements, with a fast method for sums of finite values."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
             return super().reduce(folds)
         total = self._sum()
@@ -126,7 +126,7 @@ class SquaredDeviations(WindowMatrix):
     def _sum(self) -> Element:
         """Sum the squares, using the mean of each column and the deviations from this mean.
 
-        All terms of this sum are nonnegative, so they cannot cancel out.
+        All terms are nonnegative, so the sum loses no precision by cancellation.
         """
         height, width = self.shape
         count, mean = (
@@ -185,7 +185,10 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
 
 
 class WindowMatrices(Matrices):
-    """Operations on one matrix per cell; values shared by all cells remain numbers or matrices."""
+    """Operations on one matrix per cell.
+
+    Values that all cells share remain numbers or matrices.
+    """
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         if not any(isinstance(value, WindowMatrix) for value in values):

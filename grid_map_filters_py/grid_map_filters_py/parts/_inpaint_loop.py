@@ -111,7 +111,7 @@ def _has_unknown_neighbor(times: Any, cell: Any, width: Any) -> Any:
 
 
 def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) -> Any:
-    """Fill and enqueue the unknown neighbors of a cell; return the next free queue number."""
+    """Fill the unknown neighbors of a cell, enqueue them, and return the next free number."""
     grays, times = images
     width = frame[1] + 2
     for cell in (middle - width, middle - 1, middle + width, middle + 1):

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Computes surface normals of a layer, and deviations from fitted planes.
 
-A layer is a (rows, cols) array of heights [m] in map order; unknown heights are not finite.
-`offset` is a typical height [m], `radius` the radius of the disc [m], and `resolution` the side of
-a cell [m]. Normals are three (rows, cols) arrays: the x, y and z components of unit vectors.
+The functions have these arguments in common:
+
+    layer: (rows, cols) heights [m] in map order; unknown heights are not finite.
+    offset: typical height [m].
+    radius: radius of the disc [m].
+    resolution: side of a cell [m].
+
+Normals are three (rows, cols) arrays: the x, y and z components of unit vectors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -125,7 +130,7 @@ def _sums(
 ) -> tuple[npt.NDArray[np.bool_], tuple[npt.NDArray[Any], ...]]:
     """Return a mask of the finite cells, and sums over the points in the discs.
 
-    The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
+    The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz, with x, y and z in cells.
     """
     known, heights = disc.padded(layer, offset)
     # x and y are index offsets, which increase towards -x and -y. Heights are also negated: with

@@ -162,9 +162,10 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
 def read_mapper_parameters(
     node: ConfiguredNode, sources: Sequence[InputSource] = ()
 ) -> dict[str, Any]:
-    """Read the current parameters of the mapper; the first call declares them on the node.
+    """Read the current parameters of the mapper.
 
-    The default of `max_variance` is the largest `max_variance` of the sensor models.
+    The first call declares the parameters on the node. The default of `max_variance` is the largest
+    `max_variance` of the sensor models.
     """
     limits = [getattr(source.processor.model, "max_variance", 0.0) for source in sources]
     defaults = {"max_variance": max(limits, default=Parameters.max_variance)}
@@ -174,7 +175,10 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine may take several seconds to compile code."""
+    """Create the fusion.
+
+    The first call on a machine may take several seconds, because it compiles code.
+    """
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,

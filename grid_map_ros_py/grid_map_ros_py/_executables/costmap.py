@@ -173,7 +173,10 @@ class CostmapNode(ConfiguredNode):
     # --- parameters -------------------------------------------------------------------------------
 
     def _apply(self, settings: CostmapSettings) -> None:
-        """Use the changed settings for later maps; resubscribe to receive a latched map again."""
+        """Use the changed settings for later maps.
+
+        The node subscribes again, so a latched map arrives once more and gets the new settings.
+        """
         before, self._settings = self._settings, settings
         self._waiting.clear()
         self._subscription.destroy()

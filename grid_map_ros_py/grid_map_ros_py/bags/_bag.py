@@ -255,10 +255,11 @@ def load_from_bag(
         topic: topic to read; None means the only topic with maps.
         layers: names of the layers to read; None means all.
         index: index of the map in time order: 0 is the first, -1 the last.
-        time: load the last map recorded at or before this time [ns] and ignore `index`.
+        time: recording time [ns]. The last map up to this time is loaded, and `index` has no
+            effect.
         unwrap: see `from_message`.
-        recover: if an MCAP file is damaged, for example because the recorder was killed, issue a
-            warning and read the file up to the last complete chunk.
+        recover: if True, a damaged MCAP file, for example of a killed recorder, is read up to the
+            last complete chunk, with a warning.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -272,7 +273,10 @@ def bag_maps(
     *,
     recover: bool = False,
 ) -> Iterator[GridMap]:
-    """Yield the maps on a topic in time order; takes the same arguments as `load_from_bag`."""
+    """Yield the maps on a topic in time order.
+
+    The arguments are the same as in `load_from_bag`.
+    """
     names = _once(layers)
     with BagReader(path, topic, recover=recover) as bag:
         for record in bag:
