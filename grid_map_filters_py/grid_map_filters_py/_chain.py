@@ -168,8 +168,8 @@ class FilterChain:
             tiled_map: map to filter.
             max_hole: maximum length of the holes that `Inpaint` fills, along rows or columns
                 [cells]; the longer side of a tile by default.
-            large_holes: "refuse" raises an error before the first tile if `Inpaint` would have to
-                fill a longer hole; "leave" does not fill longer holes.
+            large_holes: treatment of longer holes, if `Inpaint` would fill them. "refuse": an error
+                is raised before the first tile is computed. "leave": these holes stay unfilled.
 
         Raises:
             FilterError: a filter needs the whole map, or the trial run of the chain on a small map

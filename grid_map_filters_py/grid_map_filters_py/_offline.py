@@ -2,7 +2,7 @@
 """Runs filter chains on many maps from bags, folders or generators, without a node.
 
 `filter_maps` accepts an iterable of maps. It also accepts other items, such as bag messages, if the
-function `load` converts them to maps. Each result includes its item.
+function `load` converts them to maps. Each result includes the item from which it was computed.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized

@@ -28,7 +28,7 @@ CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 
 
 def on_plane(region: "PlanarRegion", points: Positions) -> Positions:
-    """Return the points (..., 3) on the plane of a region at the positions (..., 2) x, y [m]."""
+    """Return points (..., 3) of a region's plane at the given positions x, y (..., 2) [m]."""
     normal, center = region.normal, region.center
     z = center[2] - (points - center[:2]) @ normal[:2] / normal[2]
     return np.concatenate([points, z[..., None]], axis=-1)

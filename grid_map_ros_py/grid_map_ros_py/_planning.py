@@ -87,7 +87,7 @@ class PlannerSettings:
 
 
 class Planner:
-    """A map with a graph for path planning; the graph is built on first use."""
+    """A map with a graph for path planning, which is built on first use."""
 
     def __init__(self, grid_map: GridMap, settings: PlannerSettings) -> None:
         self.grid_map, self._settings = grid_map, settings
@@ -110,7 +110,7 @@ class Planner:
         )
 
     def blocked(self, positions: Positions) -> Mask:
-        """Return a mask (N,) of the positions (N, 2) [m] of a plan that are blocked or unreachable.
+        """Return a mask (N,) of the blocked and unreachable positions of a plan (N, 2) [m].
 
         A position is reachable from the previous one if both are in the same cell, if the graph
         has a move between their cells, or if the straight line between them obeys all limits.

@@ -172,7 +172,10 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item and stop; return whether the thread ends in `timeout` [s]."""
+        """Process the waiting item, and then end the thread.
+
+        Returns whether the thread ends within `timeout` [s].
+        """
         with self._change:
             self._is_closed = True
             self._change.notify()

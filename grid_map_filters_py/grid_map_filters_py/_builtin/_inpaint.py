@@ -61,7 +61,7 @@ class Inpaint(LayerFilter):
 
     Attributes:
         radius: radius of the neighborhood used to fill a cell [m]; clamped to 1 to 100 cells.
-        enclosed_holes_only: do not fill holes that reach the map border.
+        enclosed_holes_only: if true, holes that reach the map border are not filled.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
 

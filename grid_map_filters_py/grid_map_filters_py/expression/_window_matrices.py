@@ -49,8 +49,8 @@ class SlidingWindow(WindowMatrix):
     """A window that slides over an array.
 
     Args:
-        source: values to slide over, (n + rows - 1, m + columns - 1) for n x m windows; becomes
-            read-only.
+        source: values to slide over, which become read-only. Their shape is (n + rows - 1, m +
+            columns - 1) for n x m windows.
         shape: (rows, columns) of the window.
     """
 

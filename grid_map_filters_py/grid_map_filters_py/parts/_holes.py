@@ -52,8 +52,10 @@ class Holes:
 def find_holes(missing: Mask) -> tuple[Integers, Holes]:
     """Return the hole number of each cell (rows, cols), and the holes of a layer.
 
+    Holes are numbered from 1. Cells outside holes have the number 0.
+
     Args:
-        missing: (rows, cols) mask of missing cells. Holes are numbered from 1; other cells get 0.
+        missing: (rows, cols) mask of missing cells.
     """
     # Map rows run along the x axis of the image.
     image = np.ascontiguousarray(missing.T).view(np.uint8)

@@ -170,7 +170,9 @@ class PathPlannerNode(ConfiguredNode):
         return self._initial_pose
 
     def _pose(self, message: Any) -> tuple[float, float, float]:
-        """Return x, y and yaw of a pose in the map frame; an empty `frame_id` means the map frame.
+        """Return x, y and yaw of a pose, transformed to the map frame.
+
+        An empty `frame_id` of the pose means the map frame.
 
         Raises:
             NoPathError: the transform to the map frame is not known yet (`TF_ERROR`).
@@ -218,7 +220,10 @@ class PathPlannerNode(ConfiguredNode):
         return message
 
     def _cost_to_go(self) -> bytes | None:
-        """Return a map message with the cost to the end of the plan; None without map or plan."""
+        """Return a map message with the costs to the end of the plan, or None if there is no plan.
+
+        The result is also None if there is no map.
+        """
         planner = self._planner
         if planner is None or not len(self._plan):
             return None
