@@ -50,7 +50,8 @@ class Filter(Protocol):
 class LocalFilter(Filter, Protocol):
     """Filter whose output cells depend only on nearby input cells.
 
-    The method `reach` returns the maximum distance. Filters without this method need the whole map.
+    The method `reach` returns the maximum distance of these input cells. Filters without this
+    method need the whole map.
     """
 
     def reach(self, resolution: float) -> float:
@@ -89,8 +90,8 @@ class PartlyLocalFilter(Filter, Protocol):
 class WideningFilter(LocalFilter, Protocol):
     """Filter whose reach depends on the data.
 
-    The method `reach` returns the initial reach. For each tile, `missing` returns how much more is
-    needed.
+    The method `reach` returns the initial reach. The method `missing` returns by how many cells a
+    tile must then be widened.
     """
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:

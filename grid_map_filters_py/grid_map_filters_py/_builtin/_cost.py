@@ -25,7 +25,7 @@ _GRADED = 252
 class Cost(CellFilter):
     """Convert a layer such as traversability or slope to Nav2 costs.
 
-    With u = (value - free_value) / (lethal_value - free_value), the cost of a cell is
+    The cost of a cell depends on u = (value - free_value) / (lethal_value - free_value):
 
         0 (free)             if u <= 0,
         1 + floor(252 u)     if 0 < u < 1,
@@ -42,7 +42,7 @@ class Cost(CellFilter):
         unknown: cost of unknown cells: `unknown` means NaN, `lethal` 254, `free` 0.
         lethal_layer: layer that can also make cells lethal, such as step height; requires
             `lethal_above`.
-        lethal_above: cells with a larger value in `lethal_layer` are lethal, even if unknown in
+        lethal_above: value of `lethal_layer` above which a cell is lethal, even if it is unknown in
             `input_layer`. NaN in `lethal_layer` has no effect.
     """
 

@@ -220,9 +220,9 @@ class PathPlannerNode(ConfiguredNode):
         return message
 
     def _cost_to_go(self) -> bytes | None:
-        """Return a map message with the costs to the end of the plan, or None if there is no plan.
+        """Return a map message with the costs to the end of the plan.
 
-        The result is also None if there is no map.
+        The result is None if there is no map or no plan.
         """
         planner = self._planner
         if planner is None or not len(self._plan):

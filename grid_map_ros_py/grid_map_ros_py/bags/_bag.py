@@ -85,9 +85,9 @@ class BagWriter:
 
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
-        in_place: delete an existing bag first, and write directly to `path`. Direct writing suits
-            long recordings: after a crash, readers with `recover=True` can read the bag. An MCAP
-            bag can be completed even if the disk is full.
+        in_place: if True, an existing bag is deleted first, and the new bag is written directly to
+            `path`. Direct writing suits long recordings: after a crash, readers with `recover=True`
+            can read the bag. An MCAP bag can be completed even if the disk is full.
     """
 
     def __init__(
@@ -258,8 +258,8 @@ def load_from_bag(
         time: recording time [ns]. The last map up to this time is loaded, and `index` has no
             effect.
         unwrap: see `from_message`.
-        recover: if True, a damaged MCAP file, for example of a killed recorder, is read up to the
-            last complete chunk, with a warning.
+        recover: read a damaged MCAP file up to the last complete chunk, and issue a warning. A file
+            may be damaged if, for example, the recorder was killed.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -319,7 +319,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """A message in the encoding CDR.
+    """A CDR-encoded message of a bag.
 
     `time` is the recording time [ns]. `place` names the bag and the message in errors.
     """
