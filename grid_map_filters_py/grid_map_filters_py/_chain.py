@@ -129,8 +129,9 @@ class FilterChain:
     ) -> tuple[GridMap, Size]:
         """Return the filtered map in map order, and the start index that `__call__` would restore.
 
-        Unchanged layers share memory with the input if the start index of the input is (0, 0). All
-        layers are read-only. Nodes use this method to write the result directly into a message.
+        In map order, the start index is (0, 0). Nodes use this method to write the result directly
+        into a message. All layers are read-only. If the input is in map order, unchanged layers
+        share memory with it.
 
         See `__call__` for arguments and errors.
         """
@@ -167,8 +168,8 @@ class FilterChain:
             tiled_map: map to filter.
             max_hole: maximum length of the holes that `Inpaint` fills, along rows or columns
                 [cells]; the longer side of a tile by default.
-            large_holes: "refuse" raises an error before the first tile if `Inpaint` would have to
-                fill a longer hole; "leave" does not fill longer holes.
+            large_holes: treatment of longer holes, if `Inpaint` would fill them. "refuse": an error
+                is raised before the first tile is computed. "leave": these holes stay unfilled.
 
         Raises:
             FilterError: a filter needs the whole map, or the trial run of the chain on a small map
@@ -201,7 +202,7 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return descriptions of the parameters of a chain by name, such as `filter1.params.radius`.
+    """Map the name of each parameter, such as `filter1.params.radius`, to its description.
 
     Parameters without a description are omitted.
     """
@@ -221,7 +222,7 @@ def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _names_in(params: object) -> Iterator[str]:
-    """Yield the names of all parameters; nested names are joined with a dot, as in `min.color`."""
+    """Yield the names of all parameters, with nested names joined with a dot, as in `min.color`."""
     for name, value in params.items() if isinstance(params, Mapping) else ():
         inner = [f"{name}.{below}" for below in _names_in(value)]
         yield from inner or [str(name)]

@@ -34,7 +34,8 @@ class Filter(Protocol):
     Filters that can be used in YAML are frozen dataclasses whose fields are the YAML parameters.
     `grid_map_core_py.plugins.build` checks the names and types of the parameters, and
     `__post_init__` checks the values. A filter raises an error if it fails, and calls `warn` if a
-    result needs the user's attention. The protocols below describe optional methods.
+    result needs the user's attention. Other protocols, such as `LocalFilter`, describe optional
+    methods.
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
@@ -47,7 +48,11 @@ class Filter(Protocol):
 
 @runtime_checkable
 class LocalFilter(Filter, Protocol):
-    """Filter that declares a reach; filters without a reach need the whole map."""
+    """Filter whose output cells depend only on nearby input cells.
+
+    The method `reach` returns the maximum distance of these input cells. Filters without this
+    method need the whole map.
+    """
 
     def reach(self, resolution: float) -> float:
         """Return the reach as a number of cells, or `WHOLE_MAP`.
@@ -78,12 +83,16 @@ class PartlyLocalFilter(Filter, Protocol):
     """Filter that runs on tiles only with certain parameters."""
 
     def why_whole_map(self, names: Container[str], /) -> str:
-        """Return why a map with the layers `names` cannot be filtered tile by tile, or ""."""
+        """Return why a map with the layers `names` cannot be filtered in tiles; "" if it can."""
 
 
 @runtime_checkable
 class WideningFilter(LocalFilter, Protocol):
-    """Filter whose reach depends on the data; its method `reach` returns the initial reach."""
+    """Filter whose reach depends on the data.
+
+    The method `reach` returns the initial reach. The method `missing` returns by how many cells a
+    tile must then be widened.
+    """
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:
         """Return the number of cells by which to widen a tile; 0 if the tile is large enough."""
@@ -133,7 +142,10 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Make `warn` prefix messages with `step` and append them to `collected`, unless it is None."""
+    """Context in which `warn` prefixes messages with `step` and appends them to `collected`.
+
+    If `collected` is None, `warn` issues a `FilterWarning` instead.
+    """
     token = _running.set((f"{step}: ", collected))
     try:
         yield
@@ -176,11 +188,12 @@ def check_map(grid_map: object) -> None:
 
 
 def in_map_order(call: C) -> C:
-    """Decorator for the `__call__` of filters that need maps in map order.
+    """Decorator for the `__call__` of filters that need maps in map order, with start index (0, 0).
 
-    If the start index of the input is not (0, 0), the filter gets a reordered map, and its result
-    gets the original start index. Reordering matters only outside chains, because chains do
-    the same. The decorator also lets temporary arrays reuse freed memory.
+    If the input has another start index, the filter gets a reordered map, and its result gets the
+    original start index. Chains reorder maps themselves, so reordering only matters if a filter is
+    called directly. The decorator also makes filters faster: temporary arrays can reuse freed
+    memory.
     """
 
     @functools.wraps(call)

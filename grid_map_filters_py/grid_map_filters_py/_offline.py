@@ -2,7 +2,7 @@
 """Runs filter chains on many maps from bags, folders or generators, without a node.
 
 `filter_maps` accepts an iterable of maps. It also accepts other items, such as bag messages, if the
-function `load` converts them to maps. Each result includes its item.
+function `load` converts them to maps. Each result includes the item from which it was computed.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -30,9 +30,10 @@ class Filtered(Generic[T]):
 
 @dataclass(frozen=True)
 class Failure:
-    """A map that could not be loaded or filtered; `index` counts from 0.
+    """A map that could not be loaded or filtered.
 
-    The error is stored as text, because the exception would keep the map in memory.
+    `index` is the position of the map in the input, from 0. The error is stored as text, because
+    the exception would keep the map in memory.
     """
 
     index: int

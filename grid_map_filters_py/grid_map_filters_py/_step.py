@@ -100,7 +100,9 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a writable view of a layer, or a copy if it is read-only or its memory is in use.
+    """Return a layer that the caller may change.
+
+    The result is a view of `layer`, or a copy if `layer` is read-only or its memory is in use.
 
     Args:
         layer: layer returned by a filter, or a layer of the input.

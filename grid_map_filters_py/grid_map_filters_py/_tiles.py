@@ -112,12 +112,12 @@ class FilteredTiles:
         ]
 
     def _block(self, count: int, window: Window, names: frozenset[str]) -> tuple[GridMap, Window]:
-        """Compute the named layers of a window after the first `count` steps.
+        """Compute the layers `names` of a window after the first `count` steps.
 
         Returns:
             The resulting map, and the window that it covers. A window that is only slightly too
-                large is not cropped, as that would copy all layers. Its additional cells may be
-                wrong, because the filters treat the window border as the map border.
+                large is not cropped, because cropping copies all layers. Its additional cells may
+                be wrong, because the filters treat the window border as the map border.
         """
         while count and not self.steps[count - 1].writes & names:
             count -= 1

@@ -27,9 +27,10 @@ class StepTime:
 
 
 class StepTimes:
-    """Chain observer that collects the durations of steps; `str` formats them as a table.
+    """Chain observer that collects the durations of steps.
 
-    Iteration yields a `StepTime` for each executed step, in the order of the chain.
+    `str` formats the durations as a table. Iteration yields a `StepTime` for each executed step, in
+    the order of the chain.
     """
 
     def __init__(self) -> None:

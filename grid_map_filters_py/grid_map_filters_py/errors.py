@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Error classes of this package.
+"""Error classes of this package; additional base classes are in parentheses.
 
-GridMapError (grid_map_core_py)
+GridMapError of grid_map_core_py
 └── FilterError
     ├── FilterConfigError (ConfigError)    the chain cannot be built
     └── ExpressionError (ValueError)       the expression cannot be parsed or evaluated

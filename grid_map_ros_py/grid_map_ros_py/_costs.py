@@ -26,7 +26,7 @@ Planar = tuple[float, float, float]
 
 
 def planar(matrix: Matrix, source: str, target: str) -> Planar:
-    """Return the planar part of a (4, 4) transform; reject roll or pitch above 5 degrees."""
+    """Return x, y and yaw of a (4, 4) transform; reject roll or pitch above 5 degrees."""
     roll = math.degrees(math.atan2(matrix[2, 1], matrix[2, 2]))
     pitch = math.degrees(math.asin(np.clip(-matrix[2, 0], -1.0, 1.0)))
     if max(abs(roll), abs(pitch)) > 5.0:
@@ -79,14 +79,15 @@ def resampled(
 ) -> GridMap:
     """Resample costs to another frame or resolution, on a grid aligned with the frame origin.
 
-    Each cell gets the worst cost of the map cells that it touches; if it touches none, it becomes
-    unknown. A map that already has this frame, resolution and alignment is returned unchanged.
+    Each new cell gets the worst cost of the map cells that it touches. A new cell that touches no
+    map cell becomes unknown. A map that already has this frame, resolution and alignment is
+    returned unchanged.
 
     Args:
         grid_map, layer: the map and the name of its cost layer.
         transform: pose of the map's frame in the frame `frame_id`.
         frame_id, resolution: frame and cell size [m] of the result.
-        worst_below_unknown: highest cost that ranks below unknown.
+        worst_below_unknown: largest cost that an unknown map cell outranks.
     """
     (*shift, yaw), source = transform, grid_map.resolution
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -133,10 +134,14 @@ def _worst(
 ) -> npt.NDArray[np.int16]:
     """For each rotated square, return the highest rank of the unit squares that it touches, or 0.
 
-    Unit square (i, j) has its center at (i, j) and the rank `ranks[i, j]`. The rotated squares have
-    the centers `u`, `v` (n, m) and the side length `side`; `direction` is the cosine and sine of
-    the rotation angle. Two squares touch if their projections on all four side directions overlap
-    (separating axis theorem).
+    Two squares touch if their projections on all four side directions overlap (separating axis
+    theorem).
+
+    Args:
+        ranks: ranks of the unit squares; square (i, j) has its center at (i, j).
+        u, v: (n, m) centers of the rotated squares.
+        direction: cosine and sine of the rotation angle.
+        side: side length of the rotated squares.
     """
     if direction == (1.0, 0.0):
         return _worst_along(_worst_along(ranks, u[:, 0], side).T, v[0], side).T

@@ -28,7 +28,7 @@ CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 
 
 def on_plane(region: "PlanarRegion", points: Positions) -> Positions:
-    """Return the points (..., 3) on the plane of a region at the positions (..., 2) x, y [m]."""
+    """Return points (..., 3) of a region's plane at the given positions x, y (..., 2) [m]."""
     normal, center = region.normal, region.center
     z = center[2] - (points - center[:2]) @ normal[:2] / normal[2]
     return np.concatenate([points, z[..., None]], axis=-1)
@@ -125,8 +125,9 @@ def to_polygons(regions: "PlanarRegions", header: Header) -> list[PolygonStamped
 def to_terrain(regions: "PlanarRegions", gridmap: Any, package: Any) -> Any:
     """Return a `convex_plane_decomposition_msgs/PlanarTerrain`.
 
-    Each polygon is in the frame of its plane. The polygons are already smaller than the planar
-    ground, so the boundary of a region is also its only inset.
+    Each polygon is in the frame of its plane. An inset is a polygon with a margin to the boundary
+    of the planar ground. The regions already have such a margin, so the boundary of a region is
+    also its only inset.
 
     Args:
         regions: the regions.

@@ -33,10 +33,12 @@ class PlannerSettings:
         footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`.
         robot_radius: radius of the robot [m] if `footprint` is empty; 0 means a point.
         neighbors: number of directions in which paths can leave a cell.
-        unknown: treatment of cells with a cost of NaN: `blocked`, or `free` at cost 0.
+        unknown: treatment of cells with unknown cost (NaN): `blocked`, or `free`, which means cost
+            0.
         tolerance: maximum distance from a blocked goal to the end of the plan [m].
         base_frame: tf2 frame of the robot. If empty, or without tf2, plans start at `initial_pose`.
-        stale_after: time without a usable map after which the map is stale [s]; 0 means never.
+        stale_after: time without a usable map after which the last map is discarded and planning
+            fails [s]; 0 means never.
     """
 
     cost_layer: str = "cost"
@@ -85,7 +87,7 @@ class PlannerSettings:
 
 
 class Planner:
-    """A map with a graph for path planning; the graph is built on first use."""
+    """A map with a graph for path planning, which is built on first use."""
 
     def __init__(self, grid_map: GridMap, settings: PlannerSettings) -> None:
         self.grid_map, self._settings = grid_map, settings
@@ -108,7 +110,7 @@ class Planner:
         )
 
     def blocked(self, positions: Positions) -> Mask:
-        """Return a mask (N,) of the positions (N, 2) [m] of a plan that are blocked or unreachable.
+        """Return a mask (N,) of the blocked and unreachable positions of a plan (N, 2) [m].
 
         A position is reachable from the previous one if both are in the same cell, if the graph
         has a move between their cells, or if the straight line between them obeys all limits.

@@ -28,12 +28,13 @@ T = TypeVar("T")
 
 @contextmanager
 def place_below(directory: str, path: str) -> Iterator[Path]:
-    """Yield the resolved path; convert errors in the `with` block to `RequestError`.
+    """Yield the path of a requested file; errors in the `with` block become `RequestError`.
 
     Args:
-        directory: root directory; an empty string rejects all requests.
-        path: requested path, absolute or relative to `directory`. After symbolic links are
-            resolved, it must be inside the directory.
+        directory: directory that contains all permitted files; an empty string rejects all
+            requests.
+        path: requested path, absolute or relative to `directory`. The resolved path, without
+            symbolic links, must be inside `directory`.
     """
     if not directory:
         raise RequestError("files are refused: the parameter 'directory' is not set")
@@ -171,7 +172,10 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item and stop; return whether the thread ends in `timeout` [s]."""
+        """Process the waiting item, and then end the thread.
+
+        Returns whether the thread ends within `timeout` [s].
+        """
         with self._change:
             self._is_closed = True
             self._change.notify()

@@ -25,9 +25,14 @@ _GRADED = 252
 class Cost(CellFilter):
     """Convert a layer such as traversability or slope to Nav2 costs.
 
-    With u = (value - free_value) / (lethal_value - free_value), the cost is 0 (free) if u <= 0, 254
-    (lethal) if u >= 1, else 1 + floor(252 u). Only `InflationFilter` assigns cost 253. `free_value`
-    and `lethal_value` are rounded to float32, the precision of the layers.
+    The cost of a cell depends on u = (value - free_value) / (lethal_value - free_value):
+
+        0 (free)             if u <= 0,
+        1 + floor(252 u)     if 0 < u < 1,
+        254 (lethal)         if u >= 1.
+
+    Only `InflationFilter` assigns cost 253. `free_value` and `lethal_value` are rounded to float32,
+    the precision of the layers.
 
     Attributes:
         input_layer: layer to convert; cells that are not finite are unknown.
@@ -35,9 +40,10 @@ class Cost(CellFilter):
         free_value: value that gets cost 0, in the unit of `input_layer`.
         lethal_value: value that gets cost 254; may be less than `free_value`.
         unknown: cost of unknown cells: `unknown` means NaN, `lethal` 254, `free` 0.
-        lethal_layer: layer with a second criterion, such as step height.
-        lethal_above: limit of `lethal_layer`. Cells above it are lethal, even if unknown. NaN in
-            `lethal_layer` has no effect.
+        lethal_layer: layer that can also make cells lethal, such as step height; requires
+            `lethal_above`.
+        lethal_above: value of `lethal_layer` above which a cell is lethal, even if it is unknown in
+            `input_layer`. NaN in `lethal_layer` has no effect.
     """
 
     input_layer: str

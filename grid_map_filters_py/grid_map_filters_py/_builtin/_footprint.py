@@ -20,17 +20,17 @@ from ..parts._layer_filter import LayerFilter
 
 @dataclass(frozen=True, kw_only=True)
 class Footprint(LayerFilter):
-    """Compute the worst value under the robot's footprint at the center of every cell.
+    """Combine the values under the robot's footprint, centered on every cell in turn.
 
-    The footprint is turned to `yaws` directions, and the values of all directions are combined.
-    Non-finite cells and cells beyond the map are unknown. If the footprint touches an unknown cell
-    in a direction, the value of this direction is unknown.
+    At each cell, the footprint is turned to several directions. The cells under it give one value
+    per direction, and these values are then combined. Non-finite cells and cells beyond the map are
+    unknown. A direction in which the footprint touches an unknown cell has no known value.
 
     Attributes:
         input_layer: values, such as traversability.
         output_layer: layer for the result; NaN is unknown.
-        footprint: corners [x, y] [m] of the robot in order along its outline, x forward, as a list
-            or (as in Nav2) a string.
+        footprint: corners [x, y] of the robot [m] in order along its outline; x points forward. The
+            value is a list or, as in Nav2, a string.
         radius: radius of a round robot [m]; replaces `footprint`.
         yaws: number of directions, evenly spread over a full turn.
         statistic: how the cells under the footprint are combined: `min` or `mean` if high values

@@ -32,14 +32,14 @@ class Inflation(LayerFilter):
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
-            the footprint. Nav2 treats a round robot as a polygon with 16 corners. To match Nav2
-            without `footprint_padding`, use cos(pi / 16) = 0.9808 times `robot_radius`.
-        footprint: corners [x, y] of the padded footprint [m], as a list or, as in Nav2, a string;
-            replaces `inscribed_radius`.
+            the footprint. Nav2 approximates a round robot with a polygon of 16 corners. Without
+            `footprint_padding`, the inscribed radius of this polygon is 0.9808 `robot_radius`.
+        footprint: corners [x, y] of the padded footprint [m]; replaces `inscribed_radius`. The
+            value is a list or, as in Nav2, a string.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
-        inflate_unknown: smallest inflated cost that replaces unknown values: 1 if true, 253 if
-            false.
+        inflate_unknown: if true, unknown cells get inflated costs of 1 or more. If false, they get
+            only costs of 253 or 254.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 
@@ -111,7 +111,10 @@ class Inflation(LayerFilter):
         return result
 
     def _costs_by_square(self, cells: int, resolution: float) -> Layer:
-        """Return the costs at the squared distances 0 to `cells`**2 [cells^2], followed by a 0."""
+        """Return a table of costs: element i is the cost at a distance of sqrt(i) cells.
+
+        The last element is 0, the cost beyond the distance `cells`.
+        """
         beyond = np.sqrt(np.arange(cells**2 + 1.0)) * resolution - self._inscribed_radius
         costs = np.floor((INSCRIBED - 1) * np.exp(-self.cost_scaling_factor * np.fmax(beyond, 0)))
         costs[beyond <= 0] = INSCRIBED

@@ -60,9 +60,8 @@ class Inpaint(LayerFilter):
     Non-finite cells that touch, even if only at corners, form one hole.
 
     Attributes:
-        radius: radius of the neighborhood used to fill a cell [m], clamped to the range from 1 to
-            100 cells.
-        enclosed_holes_only: do not fill holes that reach the map border.
+        radius: radius of the neighborhood used to fill a cell [m]; clamped to 1 to 100 cells.
+        enclosed_holes_only: if true, holes that reach the map border are not filled.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
 
@@ -142,7 +141,7 @@ class Inpaint(LayerFilter):
 
 @dataclass(frozen=True)
 class _InpaintTiles:
-    """Filter that fills the holes of tiles.
+    """Version of the filter `Inpaint` for the tiles of a large map.
 
     Args:
         whole: the `Inpaint` filter of the chain.
@@ -212,7 +211,10 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the `wanted` holes; hole i has the label i + 1, all other cells have 0."""
+    """Return a mask of the cells in wanted holes.
+
+    Hole i, wanted if `wanted[i]`, consists of the cells with the label i + 1.
+    """
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 

@@ -28,20 +28,22 @@ class MedianFill:
     """Fill holes with the median of the finite values in the square around each cell.
 
     If the number of values is even, the median is the larger of the two middle values. The result
-    has no basic layers.
+    has no basic layers, so set them again afterwards if you need them.
 
     Attributes:
         input_layer: layer to filter.
         output_layer: layer for the result.
         fill_hole_radius: half the width of the square [m], rounded down to whole cells.
-        filter_existing_values: also replace finite cells in the mask with the median.
+        filter_existing_values: if true, the median also replaces finite values where the mask is
+            not 0.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
-        fill_mask_layer: mask layer of cells that may change; computed if the map lacks it.
-        num_erode_dilation_iterations: half the width of the largest gap that is closed in the
-            computed mask [cells].
-        debug: also store the computed mask before its gaps are closed.
-        debug_infill_mask_layer: layer for that mask; required with `debug`.
+        fill_mask_layer: mask layer; cells where it is 0 do not change. If the map lacks this layer,
+            the filter computes it.
+        num_erode_dilation_iterations: number of one-cell dilations and erosions that close gaps in
+            the computed mask.
+        debug: if true, the result also contains the computed mask before its gaps were closed.
+        debug_infill_mask_layer: layer for the mask of `debug`; required with `debug`.
     """
 
     input_layer: str

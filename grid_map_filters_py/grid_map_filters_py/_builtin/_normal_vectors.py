@@ -29,7 +29,7 @@ class NormalVectors:
             ROS parameter files, quote `'y'`: a bare `y` means *true*.
         algorithm: "area" fits a plane to the surrounding disc, "raster" uses the four neighbors.
         radius: radius of the disc [m]; 0 or less selects "raster".
-        parallelization_enabled, thread_number: C++ parameter; ignored.
+        parallelization_enabled, thread_number: parameter of the C++ filter; has no effect.
     """
 
     input_layer: str

@@ -11,7 +11,7 @@ from ..parts._normals import plane_deviations
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness(AroundTypicalValue, DiscFilter):
-    """Compute the standard deviation [m] of the heights around each cell from a fitted plane.
+    """Compute how much the points around each cell deviate from a fitted plane [m].
 
     The roughness is sqrt(sum(d^2) / (n - 1)), where n is the number of finite points in the disc,
     and d is the distance of a point from the plane. The plane contains the mean of the points and

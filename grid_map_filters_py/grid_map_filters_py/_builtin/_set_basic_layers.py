@@ -11,11 +11,13 @@ from .._filter import CellFilter, warn
 
 @dataclass(frozen=True, kw_only=True)
 class SetBasicLayers(CellFilter):
-    """Set the basic layers, and warn about layers that do not exist.
+    """Set the basic layers, which decide whether a cell is valid.
+
+    A cell is valid if all basic layers are finite. A missing layer causes a warning.
 
     Attributes:
         layers: names of the basic layers; may be empty.
-        layer: C++ name of `layers`; set exactly one of these two parameters.
+        layer: alias of `layers`, as in C++; set exactly one of the two parameters.
     """
 
     layers: tuple[str, ...] | None = None

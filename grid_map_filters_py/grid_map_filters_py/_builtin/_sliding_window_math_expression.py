@@ -14,15 +14,17 @@ from ..parts._layer_filter import LayerFilter
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingWindowMathExpression(LayerFilter):
-    """Compute a layer with an expression that returns a scalar for the window around each cell.
+    """Evaluate an expression for the square window around each cell.
+
+    The result of the expression must be a scalar, which becomes the value of the cell.
 
     Attributes:
-        input_layer: layer to filter; its name denotes the window in the expression.
+        input_layer: layer to filter. In the expression, its name means the window.
         expression: expression to evaluate, for example `meanOfFinites(elevation)`.
         compute_empty_cells: also compute cells that are NaN in the input.
-        edge_handling: treatment of windows that extend beyond the map: "inside" sets the cell to
-            NaN, "crop" uses only the part on the map, "empty" pads with NaN, "mean" pads with the
-            mean of the finite values.
+        edge_handling: treatment of windows that extend beyond the map. "inside": the cell becomes
+            NaN. "crop": only the part on the map is used. "empty": the window is padded with NaN.
+            "mean": it is padded with the mean of its finite values.
         window_size: side of the window [cells]; an odd number.
         window_length: side of the window [m], rounded to an odd number of cells; overrides
             `window_size`.

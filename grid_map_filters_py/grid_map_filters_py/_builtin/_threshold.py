@@ -21,8 +21,9 @@ class Threshold(CellFilter):
         layer: layer used as both `condition_layer` and `output_layer`.
         condition_layer: layer compared with the threshold; requires `output_layer`.
         output_layer: existing layer in which cells are set; requires `condition_layer`.
-        lower_threshold: finite cells below this value are set.
-        upper_threshold: finite cells above this value are set. Exactly one threshold is required.
+        lower_threshold: value below which finite cells are set.
+        upper_threshold: value above which finite cells are set. Exactly one of the two thresholds
+            is required.
         set_to: new value of the cells; may be `.nan` or `.inf`.
     """
 

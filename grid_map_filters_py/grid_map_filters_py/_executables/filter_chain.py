@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_filters`: runs a filter chain on every map that arrives on a topic.
+"""Node `grid_map_filters`: filters every map that arrives on a topic, and publishes the result.
 
 The parameters of the chain can be changed while the node runs. If the new chain cannot be built,
 the node rejects the change, reports the reason and keeps the old chain.

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Detects cellwise expressions: each cell of the result depends only on that cell of the layers.
+"""Detects cellwise expressions.
 
-A reduction such as `max(elevation)` depends on all cells, but returns a number. Replacing the
-reductions of an expression with these numbers may make it cellwise.
+In a cellwise expression, each cell of the result depends only on the same cell of the layers.
+
+A reduction such as `max(elevation)` depends on all cells, but returns a number. If the numbers are
+computed first and replace the reductions, the expression may become cellwise.
 """
 
 from collections.abc import Container, Iterator
@@ -25,9 +27,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers, which hide functions and constants of the same name. If None,
-            calls that may index a layer, such as `mean(2, 3)`, are treated as indexing, but no
-            constant is treated as hidden.
+        layers: names of the layers. A layer hides the function or constant of the same name. If
+            None, the layers are not known yet: a call that may index a layer, such as `mean(2, 3)`,
+            is then treated as indexing, and a constant as not hidden.
         reduced: treat reductions as numbers.
     """
 
@@ -46,7 +48,7 @@ class Analysis:
         return next(filter(None, inner), root)
 
     def reductions(self, root: Node) -> Iterator[Node]:
-        """Yield the reductions of cellwise arguments, which can be computed in advance."""
+        """Yield the reductions that can be computed first, because their argument is cellwise."""
         for node in root.descendants():
             if node.kind == "call" and not self._is_index(node) and self._reduces(*node.parts):
                 yield node

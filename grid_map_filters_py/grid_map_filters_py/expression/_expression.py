@@ -81,7 +81,7 @@ class Expression:
         return Analysis(self._layers).is_cellwise(self._root)
 
     def why_whole_map(self, layers: Container[str]) -> str:
-        """Return why the expression cannot be computed tile by tile for these layers, or "".
+        """Return why the expression cannot be computed tile by tile for these layers; "" if it can.
 
         Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
         """
@@ -267,9 +267,9 @@ def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
 
 @contextmanager
 def _faults_as_errors(text: str) -> Iterator[None]:
-    """Convert faults to errors that show the expression, with a caret under the fault.
+    """Context in which a `Fault` becomes an error that shows its position in the expression.
 
-    Within the context, infinities and NaN cause no warnings.
+    In addition, infinities and NaN cause no warnings.
     """
     try:
         with np.errstate(all="ignore"):

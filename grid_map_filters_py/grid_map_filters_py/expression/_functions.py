@@ -181,18 +181,16 @@ def _length(value: Value, argument: int) -> int:
 class Function:
     """A function of the expression language.
 
-    `skips_missing` uses `keeps_nan` and `skips_nan` to decide whether windows at the map border can
-    be padded with NaN, which is faster than cropping.
-
     Attributes:
-        apply: called with a `Matrices` object, followed by `least` to `most` arguments.
+        apply: implementation, called with a `Matrices` object and `least` to `most` further
+            arguments.
         axis: True if the optional second argument may be an axis, 0 or 1.
         elementwise: True if each element of the result depends only on the same element of each
             argument.
         keeps_nan: True if the function is elementwise, and NaN in any argument gives NaN.
         skips_nan: True if the function has one argument and ignores its NaN elements.
-        reduces: number of arguments in a call that reduces the first argument, or its shape, to a
-            number; 0 if no call does.
+        reduces: number of arguments with which the function reduces a matrix, or its shape, to a
+            number; 0 if it never does.
     """
 
     apply: Callable[..., Any]
@@ -224,7 +222,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Create a `Function` that folds the finite elements; its result is NaN if there are none."""
+    """Create a `Function` that folds the finite elements, or gives NaN if no element is finite."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)

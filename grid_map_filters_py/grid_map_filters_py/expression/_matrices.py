@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on matrices (float32 arrays) and numbers (Python floats).
 
-In NumPy 1 and 2, an operation between a Python float and a float32 array results in float32. Layers
-are read-only views, so a writable array is a temporary result that may be overwritten.
+Results stay float32, because in NumPy 1 and 2 an operation between a Python float and a float32
+array results in float32. Layers are read-only views. A writable array is therefore a temporary
+result that may be overwritten.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -35,7 +36,7 @@ class Fold:
 
 
 def known(value: Value, *, argument: int | None = None) -> Value:
-    """Return the value; raise a Fault if it is a `WindowMatrix`, which differs between cells."""
+    """Return a value that is the same for all cells; raise a Fault for a `WindowMatrix`."""
     if not isinstance(value, float | np.ndarray):
         raise Fault("this must not depend on the data of the window", argument=argument)
     return value
@@ -62,7 +63,7 @@ class Matrices:
     """Primitive operations of the expression language, applied to numbers and matrices.
 
     Args:
-        spare: float32 buffer for the first result of the same shape, or None.
+        spare: float32 array to overwrite with the first result of its shape, or None.
     """
 
     def __init__(self, spare: NDArray[np.float32] | None = None) -> None:
@@ -104,9 +105,10 @@ class Matrices:
 
 
 class Partial(Matrices):
-    """Primitive operations on a tile; the results of all folds are collected in `parts`.
+    """Primitive operations on one tile, which collect the results of all folds in `parts`.
 
-    A reducing function is applied to each tile with `Partial`, then once with `Combined`.
+    To reduce a tiled map, a function such as `sum` runs with `Partial` on each tile. Afterwards, it
+    runs once with `Combined`, which combines the collected results.
     """
 
     def __init__(self) -> None:
@@ -121,10 +123,10 @@ class Partial(Matrices):
 
 
 class Combined(Matrices):
-    """Primitive operations for a tiled map; each fold combines the stored results of all tiles.
+    """Primitive operations for a tiled map, in which each fold combines the results of all tiles.
 
     Args:
-        parts: results of all tiles for each fold, in order of evaluation.
+        parts: for each fold in order of evaluation, the results of all tiles; see `Partial`.
     """
 
     def __init__(self, parts: Iterable[Sequence[float]]) -> None:

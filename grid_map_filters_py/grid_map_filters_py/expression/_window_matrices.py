@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on the windows of many cells with few NumPy calls.
 
-The value of a subexpression is a small matrix *per cell*, stored as one matrix of elements. An
-element is a number, or a field: an array with the values of the element in all cells. Elements are
-computed on demand and freed after use, so any window needs the memory of only a few layers. Fields
-use double precision, because the heights in a window may be large but almost equal. Numbers are
-rounded to float32 as in C++.
+The value of a subexpression is a small matrix *per cell*. All these matrices are stored together,
+as one matrix of elements. An element is a number that all cells share, or a *field*: an array with
+one value per cell.
+
+Elements are computed on demand and freed after use, so even large windows need only the memory of a
+few layers. Fields use double precision, because the heights in a window may be large but almost
+equal. Numbers are rounded to float32 as in C++.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -27,9 +29,9 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: function that returns element (row, column). Writable fields may be overwritten, so a
-            field that is still needed must be read-only. `at` must not refer to the matrix, because
-            reference cycles delay the release of memory.
+        at: function that returns the element at a row and column: a number, or an array with one
+            value per cell. The caller may overwrite the array unless it is read-only. `at` must not
+            refer to the matrix, because a reference cycle would delay the release of memory.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -47,8 +49,8 @@ class SlidingWindow(WindowMatrix):
     """A window that slides over an array.
 
     Args:
-        source: values to slide over, (n + rows - 1, m + columns - 1) for n x m windows; becomes
-            read-only.
+        source: values to slide over, which become read-only. Their shape is (n + rows - 1, m +
+            columns - 1) for n x m windows.
         shape: (rows, columns) of the window.
     """
 
@@ -59,7 +61,7 @@ class SlidingWindow(WindowMatrix):
         source.flags.writeable = False
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold along one axis and then along the other, in only rows + columns steps."""
+        """Fold along one axis and then along the other, which needs only rows + columns steps."""
         return [_fold_box(fold, self.source, self.shape) for fold in folds]
 
 
@@ -72,7 +74,7 @@ class WeightedWindow(WindowMatrix):
         self._window = window
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; sums of finite values are computed by correlation with the kernel."""
+        """Fold the elements, with a fast method for sums of finite values."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
@@ -101,7 +103,7 @@ class SquaredDeviations(WindowMatrix):
         self._number = deviations.number.at(0, 0)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements; sums of finite squares take only rows + columns steps."""
+        """Fold the elements, with a fast method for sums of finite values."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
             return super().reduce(folds)
         total = self._sum()
@@ -124,7 +126,7 @@ class SquaredDeviations(WindowMatrix):
     def _sum(self) -> Element:
         """Sum the squares, using the mean of each column and the deviations from this mean.
 
-        All terms of this sum are nonnegative, so they cannot cancel out.
+        All terms are nonnegative, so the sum loses no precision by cancellation.
         """
         height, width = self.shape
         count, mean = (
@@ -155,10 +157,10 @@ class SquaredDeviations(WindowMatrix):
 
 
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return the windows of chosen cells, padded with their means beyond the map border.
+    """Return the windows of chosen cells, each padded with the mean of its finite values.
 
-    Cells beyond the map get the mean of the finite values in the same window. Fields are (N,)
-    arrays with one value per chosen cell, in Fortran order.
+    The padding replaces cells beyond the map. Each element of the result is an (N,) array with one
+    value per chosen cell, in Fortran order.
 
     Args:
         layer: (rows, columns) layer of the map.
@@ -183,7 +185,10 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
 
 
 class WindowMatrices(Matrices):
-    """Operations on one matrix per cell; values shared by all cells remain numbers or matrices."""
+    """Operations on one matrix per cell.
+
+    Values that all cells share remain numbers or matrices.
+    """
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         if not any(isinstance(value, WindowMatrix) for value in values):

@@ -74,11 +74,11 @@ def fill_blocks(
 
 
 def blocks_of(size: Size, reach: float) -> list[Block]:
-    """Divide a map into blocks of about equal size; a large `reach` gives larger blocks.
+    """Divide a map into blocks of about equal size, each with a border of neighboring cells.
 
     Args:
         size: rows and columns of the map.
-        reach: width of the border [cells].
+        reach: width of the border [cells]. Blocks with a wide border are larger.
     """
     border = int(min(reach, max(size)))
     side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2

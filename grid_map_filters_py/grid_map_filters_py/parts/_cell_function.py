@@ -83,8 +83,8 @@ class CellFunction:
             numbers: numbers that the function receives as its last argument.
 
         Returns:
-            Float32 array in Fortran order, with the shape of the layers; uint32 results keep
-            their bits.
+            Float32 array in Fortran order, with the shape of the layers. The bits of uint32 results
+                are interpreted as float32.
         """
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
         with np.errstate(over="ignore"):

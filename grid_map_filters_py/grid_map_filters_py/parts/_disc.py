@@ -52,7 +52,7 @@ def need_neighbors(radius: float, resolution: float) -> None:
 
 @dataclass(frozen=True)
 class Disc:
-    """Disc of the cells within `radius` of a center; computes sums over the disc of every cell.
+    """Disc of a given radius; computes sums over the disc around every cell of a layer.
 
     Args:
         radius: radius of the disc [m].
@@ -137,19 +137,20 @@ class Disc:
     def sums_of_lines(
         self, values: Field, axis: int, *, moments: bool = False
     ) -> Iterator[tuple[int, Field, Field]]:
-        """Yield the sums over each line of cells in the discs, from the rim to the center.
+        """Yield sums over the lines of cells that make up the disc around every cell.
 
         Args:
             values: array returned by `padded`.
-            axis: array axis along which the lines run.
+            axis: array axis along which the lines run. A disc has one line at its center, and two
+                lines at any other distance from the center.
             moments: weight each value by its signed distance from the middle of the line.
 
         Yields:
-            distance: distance of the line from the center [cells].
-            ahead: sums over the lines at this distance after the center, one for each cell. The
-                array has the layout of the flat array of `totals` and is overwritten by the next
-                iteration.
-            behind: the same for the lines before the center; at distance 0, equal to `ahead`.
+            distance: distance of the lines from the center [cells]; decreases from the rim to 0.
+            ahead: for every cell, the sum over the line at a higher index than the center. The
+                array has the layout of the flat array of `totals`. The next iteration overwrites
+                it.
+            behind: the same for the line at a lower index; equal to `ahead` if the distance is 0.
         """
         # In a flat array, one slice contains the neighbors of all cells at a given offset.
         flat, strides = values.T.reshape(-1), (1, len(values))

@@ -52,8 +52,10 @@ class Holes:
 def find_holes(missing: Mask) -> tuple[Integers, Holes]:
     """Return the hole number of each cell (rows, cols), and the holes of a layer.
 
+    Holes are numbered from 1. Cells outside holes have the number 0.
+
     Args:
-        missing: (rows, cols) mask of missing cells. Holes are numbered from 1; other cells get 0.
+        missing: (rows, cols) mask of missing cells.
     """
     # Map rows run along the x axis of the image.
     image = np.ascontiguousarray(missing.T).view(np.uint8)
@@ -97,11 +99,12 @@ class Edge(NamedTuple):
 
 
 class HolesOfTile(NamedTuple):
-    """Holes in a tile that are merged across the whole map.
+    """Holes in one tile, which `merged` joins with the holes in other tiles.
 
     Args:
         lowest, highest: extremes of the finite values; NaN if there are none.
-        holes: long holes and holes that touch the tile border, in cells of the whole map.
+        holes: long holes and holes that touch the tile border; rows and columns refer to the whole
+            map.
         edges: edges of the tile, in the order first row, last row, first column, last column.
     """
 
@@ -118,7 +121,7 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: maximum length of omitted holes [cells]; holes at the tile border are never omitted.
+        length: length up to which holes are omitted [cells], unless they touch the tile border.
     """
 
     layer: str

@@ -97,7 +97,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
 
 
 def _arrival(times: Any, one: Any, other: Any) -> Any:
-    """Return the arrival time at a cell, given one vertical and one horizontal neighbor."""
+    """Return when the marching front reaches a cell from a vertical and a horizontal neighbor."""
     first, second = np.float64(times[one]), np.float64(times[other])
     difference = first - second
     if abs(difference) < 1.0:
@@ -111,7 +111,7 @@ def _has_unknown_neighbor(times: Any, cell: Any, width: Any) -> Any:
 
 
 def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) -> Any:
-    """Fill and enqueue the unknown neighbors of a cell; return the next free queue number."""
+    """Fill the unknown neighbors of a cell, enqueue them, and return the next free number."""
     grays, times = images
     width = frame[1] + 2
     for cell in (middle - width, middle - 1, middle + width, middle + 1):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Base classes of filters that compute one layer from another, and extreme values in discs."""
+"""Base classes of filters that compute one layer, and functions for extreme values in discs."""
 
 import math
 from abc import ABC, abstractmethod

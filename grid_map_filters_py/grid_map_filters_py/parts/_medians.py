@@ -112,17 +112,18 @@ def _put_blurred(
 
 @loop("int64*", ("int64", 3), "uint8*", "int64*", "int64*")
 def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> None:
-    """Find the places of the medians in the sorted block, given their ranks in the windows.
+    """Find the median of every window, given its rank among the values in the window.
 
-    From one window to the next, one column of values is replaced, and the median moves by a few
-    places (J. Suomela, "Median Filtering is Equivalent to Sorting", 2014).
+    All values in and around the block are sorted once. From one window to the next, one column of
+    values is replaced, so the median moves only a few places in the sorted list (J. Suomela,
+    "Median Filtering is Equivalent to Sorting", 2014).
 
     Args:
-        places: place of each value in the sorted list of all values in and around the block.
+        places: place of each value in the sorted list.
         shape: rows and columns of the block, and side of the windows.
         used: work array: 1 if the value at a place is in the window.
         in_buckets: work array: number of values in the window for each bucket of places.
-        found: (rows, columns) ranks of the medians on entry, places on return.
+        found: (rows, columns) ranks of the medians, which are replaced by their places in the list.
     """
     rows, columns, side = shape
     for row in range(rows):

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Computes surface normals of a layer, and deviations from fitted planes.
 
-A layer is a (rows, cols) array of heights [m] in map order; unknown heights are not finite.
-`offset` is a typical height [m], `radius` the radius of the disc [m], and `resolution` the side of
-a cell [m]. Normals are three (rows, cols) arrays: the x, y and z components of unit vectors.
+The functions have these arguments in common:
+
+    layer: (rows, cols) heights [m] in map order; unknown heights are not finite.
+    offset: typical height [m].
+    radius: radius of the disc [m].
+    resolution: side of a cell [m].
+
+Normals are three (rows, cols) arrays: the x, y and z components of unit vectors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -125,7 +130,7 @@ def _sums(
 ) -> tuple[npt.NDArray[np.bool_], tuple[npt.NDArray[Any], ...]]:
     """Return a mask of the finite cells, and sums over the points in the discs.
 
-    The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz [cells, cells^2].
+    The summed terms are 1, x, y, z, xx, xy, xz, yy, yz and zz, with x, y and z in cells.
     """
     known, heights = disc.padded(layer, offset)
     # x and y are index offsets, which increase towards -x and -y. Heights are also negated: with
@@ -143,9 +148,10 @@ def _sums(
 
 
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
-    """Return unit normals; they are the z axis for ignored cells and for points on a line.
+    """Return unit normals of fitted planes; the z axis where no plane can be fitted.
 
-    Points are on a line if the second eigenvalue of their covariance matrix is at most `spread`.
+    No plane can be fitted to points on a line. Points are on a line if the second eigenvalue of
+    their covariance matrix is at most `spread`. Cells in the mask `ignored` also get the z axis.
     """
     *normals, is_exact = _smallest_eigenvectors(*covariances)
     xx, xy, _, yy, _, _ = covariances
@@ -181,7 +187,8 @@ def _moments(
     Args:
         disc: disc around every cell.
         values: padded values.
-        axis: array axis along which the lines run; distances are measured along the other axis.
+        axis: array axis along which lines of cells run; distances are measured along the other
+            axis.
         orders: exponents of the distance, from 0 to 2.
         along: also multiply each value by its signed distance from the middle of the line.
     """
@@ -206,7 +213,8 @@ def _smallest_eigenvectors(
 
     Eigenvalues are the trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
     The adjugate of (matrix - smallest eigenvalue * identity) is a multiple of the outer product of
-    the eigenvector with itself. The eigenvector is the normalized last column.
+    the eigenvector with itself. Each column of the adjugate is thus a multiple of the eigenvector;
+    the last column is normalized.
 
     Returns:
         x, y and z components, and a mask of the precise eigenvectors. An eigenvector is imprecise

@@ -91,9 +91,9 @@ class ElevationFusion:
         return self.mapper.grid_map
 
     def fuse(self, source: InputSource, cloud: Cloud, placement: Placement) -> dict[str, int]:
-        """Fuse a cloud into the map; after an error, the map is unchanged.
+        """Fuse a cloud into the map, and return the number of unused points by reason.
 
-        Returns the number of points that were not used, by reason.
+        After an error, the map is unchanged.
         """
         begin = time.perf_counter()
         if cloud.stamp == 0:

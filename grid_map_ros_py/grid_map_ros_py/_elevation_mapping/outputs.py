@@ -34,7 +34,7 @@ class Chain(Protocol):
     def without_copies(
         self, grid_map: GridMap, *, warnings: list[str] | None = None
     ) -> tuple[GridMap, Size]:
-        """Return the unwrapped filtered map and the start index for its message.
+        """Return the filtered map with start index (0, 0), and the start index for its message.
 
         Warnings of the filters are appended to `warnings`.
         """
@@ -54,9 +54,9 @@ class MapOutputs:
 
     Args:
         chain: filter chain of the filtered map; if None, the map is published unfiltered.
-        raw_rate, filtered_rate: rates at which changed maps are published [Hz]. If `filtered_rate`
-            is 0, only `trigger` publishes the filtered map; if it is infinite, `trigger` and
-            `on_scan` publish it.
+        raw_rate: rate at which the raw map is published if it has changed [Hz].
+        filtered_rate: the same rate for the filtered map. If it is 0, only `trigger` publishes the
+            filtered map. If it is infinite, `on_scan` publishes both maps together.
     """
 
     def __init__(

@@ -61,7 +61,8 @@ class Settings:
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: coordinate of the initial map center [m].
         resolution: cell size [m].
-        visibility_cleanup_rate: 0 disables visibility cleanup; otherwise, the value is ignored.
+        visibility_cleanup_rate: rate in C++. Here, 0 disables visibility cleanup, and other values
+            have no effect.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
@@ -161,9 +162,10 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
 def read_mapper_parameters(
     node: ConfiguredNode, sources: Sequence[InputSource] = ()
 ) -> dict[str, Any]:
-    """Read the current parameters of the mapper; the first call declares them on the node.
+    """Read the current parameters of the mapper.
 
-    The default of `max_variance` is the largest `max_variance` of the sensor models.
+    The first call declares the parameters on the node. The default of `max_variance` is the largest
+    `max_variance` of the sensor models.
     """
     limits = [getattr(source.processor.model, "max_variance", 0.0) for source in sources]
     defaults = {"max_variance": max(limits, default=Parameters.max_variance)}
@@ -173,7 +175,10 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine may take several seconds to compile code."""
+    """Create the fusion.
+
+    The first call on a machine may take several seconds, because it compiles code.
+    """
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,

@@ -131,9 +131,9 @@ class SourceSettings:
         queue_size: maximum number of waiting messages; 0 means 100.
         publish_on_update: publish the raw map after each scan.
         channels: cloud fields or image channels that become layers.
-        min_range: ignore points closer to the sensor than this [m].
-        max_range: ignore points farther from the sensor than this [m].
-        stride: use only every `stride`-th row and column of depth images.
+        min_range: distance from the sensor below which points are ignored [m].
+        max_range: distance from the sensor above which points are ignored [m].
+        stride: sampling step of depth images [pixels]; 1 uses every row and column.
         sensor_xyz: position of the sensor on the robot [m]; unused with tf.
         sensor_rpy: roll, pitch and yaw of the sensor on the robot [rad]; unused with tf.
         reliability: `best_effort` works with every publisher; `reliable` recovers lost messages,
@@ -186,9 +186,10 @@ class InputSource:
 
 
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fusion methods by name pattern; `default` becomes the last pattern, `.*`.
+    """Map name patterns of channels to fusion methods.
 
-    ROS splits patterns such as `feat_.*` at the dots. This function joins the parts again.
+    The entry `default` becomes the last pattern, `.*`. ROS splits patterns such as `feat_.*` at the
+    dots. This function joins the parts again.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

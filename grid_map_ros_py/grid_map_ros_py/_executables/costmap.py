@@ -43,12 +43,13 @@ class CostmapSettings:
 
     Attributes:
         layer: layer with integer costs from 0 to 254; NaN means unknown.
-        frame_id: frame of the costmap; empty means the map frame. Other frames require tf2.
+        frame_id: frame of the costmap; empty means the frame of the grid map. Other frames require
+            tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
-        origin_grid: step [cells] in which the origin of the costmap changes as the map moves. Cells
-            at the border that do not fill a step are cropped.
-        unknown: rank of unknown map cells if a costmap cell touches several map cells: `worst`
-            (above all costs) or `above_free` (between costs 0 and 1).
+        origin_grid: spacing of possible costmap borders [cells], counted from the frame origin. The
+            map is cropped to these borders, so a moving map requires fewer full grids.
+        unknown: rank of unknown map cells, if a costmap cell touches several map cells and gets the
+            worst cost. `worst`: worse than every cost. `above_free`: worse than cost 0 only.
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
             never.
         always_send_full: send only full grids.
@@ -69,11 +70,12 @@ class CostmapSettings:
 
 
 class Output:
-    """Publishes latched full grids of type `kind`, and also updates if `update` is not None.
+    """Publisher of full grids of type `kind`, and of updates if `update` is not None.
 
-    A late subscriber may receive a latched update after a newer full grid, and apply it to that
-    grid by mistake. Therefore, an update expires after `period` [s], and two full grids follow it,
-    one per period.
+    Full grids and updates are latched. A late subscriber may therefore receive an old update after
+    a newer full grid, and apply the update to that grid by mistake. Two measures limit such
+    mistakes: an update expires after `period` [s], and two full grids follow each update, one per
+    period.
     """
 
     def __init__(self, node: Node, topic: str, kind: type, update: Any, period: float) -> None:
@@ -99,7 +101,7 @@ class Output:
             self._pending = 2
 
     def send_unknown(self, stamp: Time) -> None:
-        """Discard latched updates and send a grid of unknown cells, if a grid was sent before."""
+        """If a grid was sent before, discard latched updates and send a grid of unknown cells."""
         if self.last is None:
             return
         if self._update:
@@ -171,7 +173,10 @@ class CostmapNode(ConfiguredNode):
     # --- parameters -------------------------------------------------------------------------------
 
     def _apply(self, settings: CostmapSettings) -> None:
-        """Use the changed settings for later maps; resubscribe to receive a latched map again."""
+        """Use the changed settings for later maps.
+
+        The node subscribes again, so a latched map arrives once more and gets the new settings.
+        """
         before, self._settings = self._settings, settings
         self._waiting.clear()
         self._subscription.destroy()

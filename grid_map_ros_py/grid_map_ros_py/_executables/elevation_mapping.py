@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping`: fuses range measurements into a map of heights and their variances.
 
-Topics: `~/elevation_map_raw`, and `~/elevation_map` with the result of the filter chain.
+Topics:
+    ~/elevation_map_raw: the raw map, before the filter chain.
+    ~/elevation_map: the filtered map, which is the result of the filter chain.
 
 Services:
-    ~/get_submap, ~/get_raw_submap: `grid_map_msgs/GetGridMap`, return the map or a part of it.
+    ~/get_submap: `grid_map_msgs/GetGridMap`, returns the filtered map or a part of it.
+    ~/get_raw_submap: `grid_map_msgs/GetGridMap`, returns the raw map or a part of it.
     ~/masked_replace: `grid_map_msgs/SetGridMap`, replaces the cells that a mask selects.
     ~/save_map, ~/load_map: `grid_map_msgs/ProcessFile`, save both maps, or load the raw map.
     ~/clear_map, ~/trigger_fusion, ~/disable_updates, ~/enable_updates: `std_srvs/Empty`.

@@ -112,7 +112,7 @@ class GridMapWindowNode(ConfiguredNode):
     # --- windows ----------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        """Publish a window, at most at `rate`, if the robot has moved or maps were merged."""
+        """Publish a window if the robot has moved or maps were merged, at most at `rate`."""
         self._note_merged()
         found, now = self._poses.latest(), time.monotonic()
         if found is None:

@@ -132,7 +132,7 @@ class PathPlannerNode(ConfiguredNode):
         self._log.error(f"no plan: {reason(error)}")
 
     def _follow(self) -> None:
-        """Plan to the last received goal; without a path, replace the plan with an empty one."""
+        """Plan to the last received goal; if there is no path, publish an empty plan."""
         if self._goal is None:
             return
         self._failure = None
@@ -153,7 +153,7 @@ class PathPlannerNode(ConfiguredNode):
         return NoPathError(text, PathFailure.TIMEOUT)
 
     def _fresh(self) -> Planner:
-        """Return the planner for the latest map; raise `NoPathError` (`TIMEOUT`) without a map."""
+        """Return the planner for the latest map; raise `NoPathError` (`TIMEOUT`) if none exists."""
         if self._planner is None:
             raise self._no_map()
         return self._planner
@@ -170,7 +170,9 @@ class PathPlannerNode(ConfiguredNode):
         return self._initial_pose
 
     def _pose(self, message: Any) -> tuple[float, float, float]:
-        """Return x, y and yaw of a pose in the map frame; an empty `frame_id` means the map frame.
+        """Return x, y and yaw of a pose, transformed to the map frame.
+
+        An empty `frame_id` of the pose means the map frame.
 
         Raises:
             NoPathError: the transform to the map frame is not known yet (`TF_ERROR`).
@@ -192,7 +194,7 @@ class PathPlannerNode(ConfiguredNode):
         return pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])
 
     def _path(self, start: PoseStamped | None, goal: PoseStamped, tolerance: float) -> FoundPath:
-        """Return a path between two poses; if `start` is None, it starts at the robot."""
+        """Return a path between two poses; if `start` is None, the path starts at the robot."""
         graph = self._fresh().graph
         begin, end = self._pose(start or self._robot()), self._pose(goal)
         return graph.path(begin, end, tolerance=tolerance)
@@ -218,7 +220,10 @@ class PathPlannerNode(ConfiguredNode):
         return message
 
     def _cost_to_go(self) -> bytes | None:
-        """Return a map message with the cost to the end of the plan; None without map or plan."""
+        """Return a map message with the costs to the end of the plan.
+
+        The result is None if there is no map or no plan.
+        """
         planner = self._planner
         if planner is None or not len(self._plan):
             return None

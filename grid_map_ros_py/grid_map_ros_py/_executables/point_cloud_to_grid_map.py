@@ -53,13 +53,13 @@ class RollingSettings:
         fusion: how clouds are combined: `max`, `min`, `mean` or `last`.
         reduction: how the points of one cloud within a cell are combined: `max`, `min`, `mean`,
             `median`, `first` or `last`; unused with `mean` fusion.
-        max_count: maximum weight of a cell's earlier points in `mean` fusion [points]; 0 means
-            no limit.
-        min_height: ignore points below this height in the map frame [m].
-        max_height: ignore points above this height in the map frame [m].
+        max_count: maximum weight of a cell's earlier points in `mean` fusion [points]. With a
+            limit, the mean follows changes of the ground. 0 means no limit.
+        min_height: height in the map frame below which points are ignored [m].
+        max_height: height in the map frame above which points are ignored [m].
         fields: additional cloud fields that become layers.
-        min_range: ignore points closer to the sensor than this [m].
-        max_range: ignore points farther from the sensor than this [m].
+        min_range: distance from the sensor below which points are ignored [m].
+        max_range: distance from the sensor above which points are ignored [m].
         pose_timeout: maximum time a cloud waits for its pose [s].
         queue_size: maximum number of waiting clouds.
         pose_topic: topic of the robot poses in the map frame; unused with tf.

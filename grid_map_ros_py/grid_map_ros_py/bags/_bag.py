@@ -66,8 +66,9 @@ def save_to_bag(
         path: folder of the bag.
         layers: names of the layers to write; None means all.
         overwrite: replace an existing bag. Other files and folders are never replaced.
-        storage: "mcap", "sqlite3" (readable by the C++ function `loadFromBag`) or "auto": "mcap" if
-            the package `mcap` or `rosbag2_py` is installed, else "sqlite3" with a warning.
+        storage: format of the bag: "mcap", "sqlite3" or "auto". The C++ function `loadFromBag`
+            reads only "sqlite3". "auto" selects "mcap" if the package `mcap` or `rosbag2_py` is
+            installed. Otherwise, it selects "sqlite3" and issues a warning.
         compression: "none", "lz4" or "zstd" for MCAP; "none" for sqlite3.
     """
     names = _once(layers)
@@ -84,9 +85,9 @@ class BagWriter:
 
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
-        in_place: delete an existing bag first, and write directly to `path`. Use this for long
-            recordings: readers with `recover=True` can read the bag after a crash, and an MCAP bag
-            can be completed even if the disk is full.
+        in_place: if True, an existing bag is deleted first, and the new bag is written directly to
+            `path`. Direct writing suits long recordings: after a crash, readers with `recover=True`
+            can read the bag. An MCAP bag can be completed even if the disk is full.
     """
 
     def __init__(
@@ -212,7 +213,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_parent(self) -> None:
-        """Raise `BagError` if the path is inside another bag, which could then not be replaced."""
+        """Raise `BagError` if the path is inside another bag: that bag could not be replaced."""
         parent = self._path.resolve().parent
         if Path(parent, bag_storage.FILE_NAME).is_file() and any(
             file.suffix in _BAG_ENDINGS for file in parent.iterdir()
@@ -254,10 +255,11 @@ def load_from_bag(
         topic: topic to read; None means the only topic with maps.
         layers: names of the layers to read; None means all.
         index: index of the map in time order: 0 is the first, -1 the last.
-        time: load the last map recorded at or before this time [ns] and ignore `index`.
+        time: recording time [ns]. The last map up to this time is loaded, and `index` has no
+            effect.
         unwrap: see `from_message`.
-        recover: if an MCAP file is damaged, for example because the recorder was killed, issue a
-            warning and read the file up to the last complete chunk.
+        recover: read a damaged MCAP file up to the last complete chunk, and issue a warning. A file
+            may be damaged if, for example, the recorder was killed.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -271,7 +273,10 @@ def bag_maps(
     *,
     recover: bool = False,
 ) -> Iterator[GridMap]:
-    """Yield the maps on a topic in time order; takes the same arguments as `load_from_bag`."""
+    """Yield the maps on a topic in time order.
+
+    The arguments are the same as in `load_from_bag`.
+    """
     names = _once(layers)
     with BagReader(path, topic, recover=recover) as bag:
         for record in bag:
@@ -314,7 +319,10 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 
 
 class BagMessage(NamedTuple):
-    """CDR message with its recording time [ns]; `place` identifies it in error messages."""
+    """A CDR-encoded message of a bag.
+
+    `time` is the recording time [ns]. `place` names the bag and the message in errors.
+    """
 
     topic: str
     type: str
