@@ -3,8 +3,8 @@
 
 A failed check raises a `MessageError` that names the field.
 
-A pose corresponds to a (4, 4) matrix: `matrix @ (x, y, z, 1)` transforms a point from the frame at
-the pose to the frame of the message. For a transform, the former is the child frame.
+A pose or a transform becomes a (4, 4) matrix. `matrix @ (x, y, z, 1)` transforms a point from the
+child frame, such as the robot frame, to the frame of the message.
 """
 
 import math
