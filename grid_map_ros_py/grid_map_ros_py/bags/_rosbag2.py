@@ -28,8 +28,8 @@ def _opened(kind: str, uri: Path, preset: str = "") -> Any:
 class Rosbag2File:
     """An MCAP file, open for reading.
 
-    `Entry.place` is (position of the message in the result of the search, topic, number of earlier
-    messages on the topic with the same time). The reader does not provide the quality of service.
+    `Entry.place` is (number of the message among those that `entries` found, topic, number of
+    earlier messages on the topic with the same time). The quality of service is not read.
     """
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and ROS messages.
 
-Conversions from messages validate the whole message before they allocate memory. All conversions
-can raise these errors:
+Conversions from messages validate the whole message before they allocate memory. Conversions in
+both directions raise these errors:
 
 - `MessageError`: a message is inconsistent, or cannot hold a value.
 - `LayerNotFoundError`: the map lacks a layer.

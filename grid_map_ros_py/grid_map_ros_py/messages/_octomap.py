@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Create grid maps from `octomap_msgs/Octomap` messages and from OctoMap files.
 
-Files are binary (.bt) or full (.ot). They consist of the following text header and of the same
-bytes as in a message:
+Files are binary (.bt) or full (.ot). They contain the same bytes as a message, after a text header
+such as:
 
     # Octomap OcTree binary file
     # comments

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reader of the octrees in OctoMap messages and files.
 
-Nodes are stored in preorder: each node precedes its children. There are two forms, both
+Nodes are stored in preorder: each node precedes its children. A tree has one of two forms, both
 little-endian:
 
 - The binary form stores only inner nodes. A node consists of two bits for each of its eight

@@ -32,7 +32,7 @@ class Health:
     Attributes:
         inputs: plural noun for the inputs, such as "maps".
         received, used, dropped: number of received, processed and unusable inputs.
-        last_error: reason why the last unusable input was dropped; empty if all were usable.
+        last_error: reason why the last unusable input was dropped; empty if no input was dropped.
         problem: current problem other than unusable inputs; empty if there is none.
         details: function that returns additional values for the report, by name.
         drop_level: diagnostic level that is reported if the last input was dropped.

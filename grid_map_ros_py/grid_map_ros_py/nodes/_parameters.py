@@ -48,8 +48,9 @@ def read_parameter(
 ) -> T:
     """Declare a parameter on the node and return its value.
 
-    Integers are accepted as floats, and whole numbers such as 3.0 as integers. An empty list in a
-    parameter file has no type, so a parameter of another kind that is set to it counts as not set.
+    If `kind` is float, integers are converted to floats. If `kind` is int, whole numbers such as
+    3.0 are converted to integers. An empty list in a parameter file has no type, so a parameter
+    with an empty list counts as not set if `kind` is not a list.
 
     Args:
         node: the node.

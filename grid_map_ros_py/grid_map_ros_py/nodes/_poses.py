@@ -61,7 +61,7 @@ class Placement:
 
 
 class Poses:
-    """Base class of pose sources. Without a subclass, only scans in the map frame are accepted.
+    """Base class of pose sources; an instance of this class accepts only scans in the map frame.
 
     Attributes:
         map_frame: frame of the map.
@@ -209,7 +209,7 @@ class PoseHistory(Poses):
         """Return the pose covariance at the time `stamp` [ns], or None if it is unknown.
 
         Between two poses, the covariance is interpolated. Before the first and after the last pose,
-        it is the covariance of the nearest pose. If `stamp` is 0, it is that of the latest pose.
+        the covariance of the nearest pose is returned. If `stamp` is 0, the latest pose is used.
         """
         if not self._stamps:
             return None

@@ -37,7 +37,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Number of fused and dropped scans; number of points and processing time [s] of all fused."""
+    """Number of fused and dropped scans, and total points and processing time [s] of the former."""
 
     fused: int = 0
     dropped: int = 0
@@ -92,10 +92,10 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return a warning with causes and a remedy if too few points are used, else "".
+        """Return a warning with causes and a remedy, or "" if enough points are used.
 
-        `unused` contains the number of unused points for each reason. `FEW` is the smallest
-        fraction of used points without a warning.
+        Enough means at least the fraction `FEW` of all points. `unused` contains the number of
+        unused points for each reason.
         """
         total = len(self) + self.missing
         counts = Counter({**unused, "without a depth": self.missing}).most_common()
@@ -309,7 +309,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """A sensor; `heard` is the time of its last message [s], or infinity after a silence warning."""
+    """Sensor; `heard` is the time of its last message [s], or infinity after a silence warning."""
 
     name: str
     topic: str

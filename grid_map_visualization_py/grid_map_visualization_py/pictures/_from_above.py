@@ -51,7 +51,7 @@ class Blocks(NamedTuple):
 
     Attributes:
         means: (height, width, channels) mean of the finite values; NaN in empty blocks.
-        opacity: (height, width); 1 if all cells of a block have a value, 0 if none do.
+        opacity: (height, width); 1 for full blocks, 0 for empty blocks, 1/3 to 2/3 for others.
     """
 
     means: npt.NDArray[np.float32]
