@@ -105,7 +105,10 @@ class Style:
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
     def coloring(self, layer: str, *, is_chosen: bool = True) -> Coloring:
-        """Return the coloring of a layer; names that end in `color` indicate packed colors."""
+        """Return the coloring of a layer; names that end in `color` indicate packed colors.
+
+        If `is_chosen` is false, other layers use the default color map instead of `color_map`.
+        """
         if layer.endswith("color"):
             return Coloring(mode="color", layer=layer)
         if not is_chosen:
