@@ -68,4 +68,4 @@ class RequestError(GridMapError):
 
 
 class TiltedFrameError(GridMapError):
-    """The roll or pitch of a frame is too large; nodes log this as a warning."""
+    """The roll or pitch of a frame is too large; nodes log this error as a warning."""

@@ -111,7 +111,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Call `step` until `condition()` is true, for at most `timeout` [s]; errors name `what`."""
+    """Call `step` until `condition()` holds; fail after `timeout` [s] with `what` in the error."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -217,7 +217,7 @@ def refusals(
     Args:
         starts: the `main` function of each node, such as "package.module:Class.main", and its
             arguments.
-        missing: modules that cannot be imported.
+        missing: modules whose import fails in the nodes, as if a package were not installed.
     """
     given = json.dumps([starts, missing])
     process = Process([sys.executable, "-c", REFUSALS, given])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Registers Rerun recordings as a file format of `grid_map_core_py`.
 
-Each use of the format table imports this module, so slow imports are deferred until a file is
-written.
+This module is imported even if no recording is written. Therefore, slow imports are inside the
+functions.
 """
 
 from collections.abc import Iterable

@@ -31,7 +31,7 @@ def points_of(marker: Any, pose: Positions) -> Positions:
 
 
 def rgba_of(marker: Any) -> npt.NDArray[np.uint8]:
-    """Return the RGBA values (N, 4) in `colors`; if it is empty, the value (1, 4) in `color`."""
+    """Return the RGBA values (N, 4) of `colors` or, if `colors` is empty, of `color` (1, 4)."""
     colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
     rgba: npt.NDArray[np.uint8] = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
     return rgba

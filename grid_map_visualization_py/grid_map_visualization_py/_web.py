@@ -49,8 +49,7 @@ def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) 
     """Return True if the page may answer a request with these headers.
 
     `Host` must be an IP address or one of `names`. This rule prevents DNS rebinding (foreign names
-    that resolve to this machine). If `Origin` exists, it must be the page itself; only browsers
-    send it.
+    that resolve to this machine). Browsers also send `Origin`, which must be the page itself.
     """
     host = headers.get("Host", "").lower()
     origin = headers.get("Origin", f"http://{host}")

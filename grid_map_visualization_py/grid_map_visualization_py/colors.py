@@ -55,7 +55,7 @@ def check_color(color: int) -> None:
 
 
 def is_empty(coloring: "Coloring", values: npt.NDArray[np.float32]) -> bool:
-    """Return True if a color bound is missing and there is no finite value to compute it from."""
+    """Return True if a missing color bound cannot be computed, because no value is finite."""
     return None in (coloring.lower, coloring.upper) and not np.isfinite(values).any()
 
 
@@ -97,8 +97,9 @@ class Coloring:
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
         """Return the values at the lower and upper end of the color map for an array of values.
 
-        A bound that is None becomes the smallest or largest finite value, clamped to the other
-        bound. If no value is finite, it becomes equal to the other bound, or 0 if both are None.
+        If `lower` is None, it becomes the smallest finite value, but at most `upper`. If `upper` is
+        None, it becomes the largest finite value, but at least `lower`. Without finite values, a
+        missing bound equals the other bound; if both are missing, both become 0.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper

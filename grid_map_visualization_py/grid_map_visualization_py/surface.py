@@ -6,9 +6,9 @@ triangles if all four heights are finite, one triangle if three are finite, and 
 The square is split along the diagonal with the smaller height difference (the higher diagonal if
 the differences are equal), so that edges and ridges are straight.
 
-If a map has more than `max_drawn_cells` cells, only every n-th row and column, and the rows and
-columns at the border, are kept. Values are not averaged. Rows and columns are chosen by position in
-the map frame, so that the surface of a moving map does not flicker.
+If a map has more than `max_drawn_cells` cells, only the border and every n-th row and column are
+kept. Values are not averaged. Rows and columns are chosen by position in the map frame, so that the
+surface of a moving map does not flicker.
 """
 
 from collections.abc import Iterator
@@ -195,10 +195,10 @@ class Surface:
 
 
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
-    """Yield the triangles in four groups; each group omits a different corner of the squares.
+    """Yield (mask, offsets) for each of four groups of triangles.
 
-    Each item consists of a flattened mask of the squares that contain such a triangle, and the
-    offsets of the triangle corners from the first cell of the square.
+    The triangles of a group omit the same corner of their squares. `mask` (flattened) marks the
+    first cells of these squares. `offsets` are the index differences from there to the corners.
     """
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)

@@ -53,12 +53,14 @@ def package(module: str, path: Path) -> Any:
 class McapFile:
     """An MCAP file, open for reading.
 
-    The reader finds messages through the file index, or scans the file if the index is missing or
-    incomplete. The `place` of an entry is (file offset of the chunk, offset of the message in the
-    decompressed chunk), or (-1, file offset of the message) for a message outside chunks.
+    The reader finds messages through the file index. If the index is missing or incomplete, the
+    reader scans the whole file.
 
-    If `recover` is true, the reader ignores the index and reads up to the first damaged record,
-    with a warning.
+    `Entry.place` is (file offset of the chunk, offset of the message in the decompressed chunk).
+    For a message outside chunks, it is (-1, file offset of the message).
+
+    If `recover` is true, the reader ignores the index. It stops at the first damaged record, with a
+    warning that later messages may be missing.
     """
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
@@ -264,6 +266,6 @@ class McapWriter:
         self._file.close()
 
     def close(self) -> None:
-        """Close the file, which is valid only if `finish` was called first."""
+        """Close the file; call `finish` first, or the file is invalid."""
         with suppress(OSError):
             self._file.close()

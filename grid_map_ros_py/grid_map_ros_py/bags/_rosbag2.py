@@ -28,8 +28,8 @@ def _opened(kind: str, uri: Path, preset: str = "") -> Any:
 class Rosbag2File:
     """An MCAP file, open for reading.
 
-    The `place` of an entry is (number of the message in the file, topic, number of earlier messages
-    on the topic with the same time). The quality of service of the topics is unknown.
+    `Entry.place` is (number of the message among those that `entries` found, topic, number of
+    earlier messages on the topic with the same time). The quality of service is not read.
     """
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
@@ -42,7 +42,7 @@ class Rosbag2File:
         }
 
     def entries(self, topics: Collection[str]) -> list[tuple[Entry, str]]:
-        """Read all messages, and return (entry, topic) of those on `topics`, in time order."""
+        """Read the whole file; return (entry, topic) of each message on `topics`, in time order."""
         self._seek(0, topics)
         found, counts = list[tuple[Entry, str]](), Counter[tuple[str, int]]()
         while self._reader.has_next():
@@ -72,7 +72,8 @@ class Rosbag2File:
 class Rosbag2Writer:
     """Writes serialized messages to a new MCAP file, without reserving disk space.
 
-    `rosbag2_py` can only write whole bags, so the file is first written to a bag next to `path`.
+    `rosbag2_py` can only write whole bags. Therefore, the writer creates a temporary bag next to
+    `path`, and `finish` moves the file from there to `path`.
     """
 
     def __init__(self, path: Path, compression: str = "none", **_: object) -> None:
@@ -94,7 +95,10 @@ class Rosbag2Writer:
         self._writer.write(topic, data, time)
 
     def finish(self, _: object) -> None:
-        """Close the file and move it to `path`; `rosbag2_py` has written the metadata."""
+        """Close the file and move it to `path`.
+
+        The argument is ignored, because `rosbag2_py` writes the metadata itself.
+        """
         self._writer.close()
         file = self._folder / self._path.name
         # The writer does not report a full disk, but the truncated file cannot be opened.
@@ -102,7 +106,7 @@ class Rosbag2Writer:
         file.rename(self._path)
 
     def close(self) -> None:
-        """Close the file, which is valid only if `finish` was called first."""
+        """Close the file and delete the temporary bag; call `finish` first to keep the file."""
         self._writer = None
         shutil.rmtree(self._folder, ignore_errors=True)
 

@@ -34,7 +34,7 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 class SqliteWriter:
     """Writes serialized messages to a new rosbag2 database at `path`.
 
-    With `in_place`, each message is committed at once, so that it survives a crash.
+    If `in_place` is true, each message is committed at once, so that it survives a crash.
     """
 
     def __init__(self, path: Path, *, in_place: bool = False) -> None:
@@ -65,7 +65,7 @@ class SqliteWriter:
         self._database.close()
 
     def close(self) -> None:
-        """Close the file, which is valid only if `finish` was called first."""
+        """Close the file; call `finish` first, or the file is incomplete."""
         self._database.close()
 
     def _insert(self, table: str, *values: object) -> None:

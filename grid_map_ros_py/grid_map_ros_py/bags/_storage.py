@@ -42,7 +42,7 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Time [ns] of a message and its place: a row ID in sqlite3, offsets in MCAP."""
+    """Time [ns] of a message, and its place in the storage, such as a row ID in sqlite3."""
 
     time: int
     place: Any

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and ROS messages.
 
-Conversions from messages validate the whole message before they allocate memory. An inconsistent
-message, or a value that a message cannot hold, raises `MessageError`. Other errors are
-`LayerNotFoundError` for a missing layer, `LimitError` for too many cells, `MissingPackageError` for
-a missing message package, and `GridMapError` for invalid arguments.
+Conversions from messages validate the whole message before they allocate memory. Conversions in
+both directions raise these errors:
+
+- `MessageError`: a message is inconsistent, or cannot hold a value.
+- `LayerNotFoundError`: the map lacks a layer.
+- `LimitError`: a map has too many cells.
+- `MissingPackageError`: a message package is not installed.
+- `GridMapError`: an argument is invalid.
 """
 
 from grid_map_core_py import _lazy

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Serialization of messages to CDR, the byte format of DDS and rosbag2, without rclpy.
 
-The reader checks each length against the remaining bytes. Damaged data raises a `MessageError` that
-names the field, and memory use stays below a small multiple of the data size.
+Damaged data raises a `MessageError` that names the field. The reader compares each length with the
+number of remaining bytes, so that memory use stays below a small multiple of the data size.
 """
 
 import array
@@ -65,14 +65,14 @@ def serialize(
 ) -> bytes:
     """Serialize a message to CDR; `arrays` can supply the values of sequence fields.
 
-    Publishers accept the bytes in place of a message. `arrays` avoids creating a Python object for
-    each element.
+    Publishers accept the bytes in place of a message. For long sequences, pass `arrays`, so that no
+    Python object is created for each element.
 
     Args:
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
-        arrays: values by field name that replace sequence fields of the message. The shape
-            is (N,) for N numbers, or (N, k) for N messages that consist of k numbers of one
-            type. The dtype must match the numbers in the field.
+        arrays: values of sequence fields, by field name; replace the fields of `message`. The shape
+            is (N,) for a sequence of N numbers. It is (N, k) for a sequence of N messages with k
+            numbers each. The dtype must be that of the numbers in the field.
         message_type: type of the message, as for `view`; None means the class of `message`.
     """
     for name in arrays:
@@ -98,7 +98,10 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
 @dataclass(frozen=True)
 class Reordered:
-    """Values (N,) to serialize in another order; `write` copies them to an array in that order."""
+    """Values (N,) that are serialized in another order.
+
+    `write` is called with an array (N,), and copies the values to it in the new order.
+    """
 
     values: npt.NDArray[Any]
     write: Callable[[npt.NDArray[Any]], object]
@@ -180,7 +183,12 @@ class _Reader:
         return self.data[begin : begin + size]
 
     def count(self, bound: int, smallest: int) -> int:
-        """Read a length; raise `MessageError` if it exceeds `bound` or the remaining data."""
+        """Read and return the length of a sequence or string.
+
+        Raises:
+            MessageError: the length exceeds `bound`, or the remaining data is too short for that
+                many values of `smallest` bytes.
+        """
         number: int = _COUNT.read(self)
         if number > bound:
             raise MessageError("", f"at most {bound} values", number)

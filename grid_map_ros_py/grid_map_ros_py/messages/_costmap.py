@@ -41,7 +41,7 @@ COSTS = CostRange(FREE, LETHAL)
 
 @dataclass(frozen=True, eq=False)
 class _Occupancies:
-    """Codec of occupancies; `costs` (102,) holds the costs of occupancies 0 to 100 and unknown."""
+    """Codec of occupancies; `costs` (102,) holds the costs of 0 to 100 and of -1 (unknown)."""
 
     costs: Costs
 
@@ -89,13 +89,13 @@ def to_costmap(
     """Convert a layer to a `nav2_msgs/Costmap` message.
 
     From Kilted on, `nav2_simple_commander.costmap_2d.PyCostmap2D` accepts the message. On Jazzy,
-    pass it the result of `to_occupancy_grid` with the same codec.
+    `PyCostmap2D` accepts only an `OccupancyGrid`; use `to_occupancy_grid` with the same codec.
 
     Args:
         grid_map: the map.
         layer: name of the layer to convert.
-        data_min, data_max: layer values of cost 0 (free) and cost 254 (lethal); must differ. Values
-            outside this range are clamped; NaN becomes 255.
+        data_min, data_max: layer values that become 0 (free) and 254 (lethal); must differ. Values
+            outside this range are clamped; NaN becomes 255 (unknown).
         codec: codec that replaces `data_min` and `data_max`, for example `OCCUPANCIES`.
     """
     messages = messages_of("nav2_msgs", "to_costmap")
@@ -121,13 +121,13 @@ def to_costmap(
 def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     """Create a map with one layer from a costmap.
 
-    A resolution stored as float32 is converted to the float64 with the same shortest decimal form:
-    0.05 instead of 0.05000000074505806.
+    The float32 resolution is converted to the float64 with the same decimal form, so that 0.05 in
+    the message is exactly 0.05 in the map, instead of 0.05000000074505806.
 
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander. Up to Jazzy, a
-            `PyCostmap2D` holds the occupancies of an `OccupancyGrid`; `OCCUPANCIES` converts
-            them to costs.
+            `PyCostmap2D` holds occupancies instead of costs; the function converts them to costs
+            with `OCCUPANCIES`.
         layer: name of the layer.
         codec: converts costs to layer values; the default keeps the costs, with NaN for unknown.
     """

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions and checks of common message fields: times, poses and grids.
 
-A failed check raises a `MessageError` that names the field. For poses, `matrix @ (x, y, z, 1)`
-transforms a point from the frame of the pose (the child frame of a transform) to the frame of the
-message.
+A failed check raises a `MessageError` that names the field.
+
+A pose or a transform becomes a (4, 4) matrix. `matrix @ (x, y, z, 1)` transforms a point from the
+child frame, such as the robot frame, to the frame of the message.
 """
 
 import math
@@ -55,7 +56,7 @@ def to_stamp(nanoseconds: int) -> "Time":
 
 
 def check_nanoseconds(nanoseconds: int) -> int:
-    """Return nanoseconds since the epoch as an int, or raise `MessageError` if out of range."""
+    """Return nanoseconds as an int; raise `MessageError` if a message cannot store the value."""
     try:
         exact = operator.index(nanoseconds)
     except TypeError:
@@ -75,7 +76,10 @@ def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
 
 
 def to_header(grid_map: GridMap) -> "Header":
-    """Return a `std_msgs/Header` with the frame and timestamp of a map; warn if `crs` is lost."""
+    """Return a `std_msgs/Header` with the frame and the timestamp of a map.
+
+    If the map has a `crs`, a warning states that messages cannot store it.
+    """
     say_crs_is_lost(grid_map, "a message", stacklevel=4)
     return messages_of("std_msgs").Header(
         stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id
@@ -125,9 +129,9 @@ def check_finite(
     expected: str = "finite coordinates",
     found: npt.NDArray[np.float64] | None = None,
 ) -> Any:
-    """Return `rows` (N, k), or raise a `MessageError` that shows the first row that is not finite.
+    """Return `rows` (N, k); raise a `MessageError` if some values are not finite.
 
-    If `found` is given, the error shows the same row of `found` instead.
+    The error shows the first row with such a value, or the same row of `found` if given.
     """
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
@@ -245,7 +249,7 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
 
 
 def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
-    """Return the (4, 4) matrix of `message`, or of its innermost nested field `inner`."""
+    """Return the (4, 4) matrix of `message` or, if present, of its innermost field `inner`."""
     from scipy.spatial.transform import Rotation  # slow to import
 
     path = ""

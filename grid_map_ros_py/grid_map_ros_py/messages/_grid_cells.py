@@ -32,15 +32,15 @@ BLOCK = 8192
 
 
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
-    """Convert the cells with finite values between two bounds to `nav_msgs/GridCells`.
+    """Select cells by their values, and convert these cells to `nav_msgs/GridCells`.
 
     For large maps, `to_serialized_grid_cells` is faster, because it creates no object per cell.
 
     Args:
         grid_map: the map.
         layer: layer whose values are compared with the bounds.
-        lower, upper: inclusive bounds, rounded to float32; `-inf` and `inf` select all finite
-            cells.
+        lower, upper: inclusive bounds of the selected values, rounded to float32. NaN and infinite
+            values are never selected.
     """
     message = _without_cells(grid_map)
     centers = centers_between(grid_map, layer, lower, upper).tolist()
@@ -67,11 +67,11 @@ def from_grid_cells(
     Args:
         message: the cells; z is ignored.
         layer: name of the layer.
-        resolution: cell size [m]; None means the cell width in the message. The float32 width is
-            converted to the float64 with the same decimal form, such as 0.1.
+        resolution: cell size [m]; must equal the cell width in the message up to float32 rounding.
+            None means the decimal value of that width, such as exactly 0.1.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
-            None means the smallest grid that covers all cells. If the centers in the message lie on
-            a lattice, as in messages from `to_grid_cells`, this grid has the same cells.
+            None means the smallest grid that covers all cells. For messages from `to_grid_cells`,
+            the cells of this grid coincide with the original cells.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)

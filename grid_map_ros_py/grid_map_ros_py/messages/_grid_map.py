@@ -175,14 +175,14 @@ def from_message(
     unwrap: bool = True,
     copy: bool = True,
 ) -> GridMap:
-    """Create a map from a `grid_map_msgs/GridMap` message; z of the map position is ignored.
+    """Create a map from a `grid_map_msgs/GridMap` message.
 
     Args:
-        message: the message, with column-major or row-major layers.
+        message: the message, with column-major or row-major layers; z of its position is ignored.
         layers: names of the layers to decode, in this order; None means all.
         copy_basic_layers: keep the basic layers that are among the decoded layers.
-        unwrap: True rearranges the data to map order, with start index (0, 0). False keeps the
-            buffer order and the start index of the sender.
+        unwrap: if True, the map is in map order, with start index (0, 0). If False, it keeps the
+            buffer order and the start index of the message.
         copy: if False, column-major layers that need no unwrapping share the memory of the message
             and are read-only.
     """
@@ -322,9 +322,11 @@ def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
 def _from_multi_array(message: "Float32MultiArray", size: Size, field: str) -> Layer:
     """Return the values (rows, cols) of a `Float32MultiArray` as a view of the message data.
 
-    Data is column-major (`column_index` first) or row-major (`row_index` first) and starts after
-    `data_offset` values. Publishers leave strides unset or use different conventions. All
-    conventions are accepted if the data is not padded.
+    The values start at `data_offset`. They are column-major if the first dimension label is
+    `column_index`, and row-major if it is `row_index`.
+
+    Publishers use different conventions for strides, or leave them unset. All these conventions are
+    accepted, but the data must not be padded.
     """
     labels = tuple(dim.label for dim in message.layout.dim)
     if labels not in (_LABELS, _LABELS[::-1]):

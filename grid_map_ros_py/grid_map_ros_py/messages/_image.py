@@ -81,8 +81,8 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
 
     Args:
         grid_map: the map.
-        layer: layer of packed colors, see `color_vector_to_value`.
-        encoding: encoding with three color channels. An alpha channel is 0 for NaN cells.
+        layer: layer of packed colors (see `color_vector_to_value`).
+        encoding: name in `ENCODINGS` with three or four channels. Alpha is 0 for NaN cells.
     """
     kind = _encoding_of(encoding)
     if kind.channels < 3:
@@ -106,8 +106,8 @@ def from_image(
 ) -> GridMap:
     """Create a map with one layer from the gray values of an image.
 
-    The map has the frame and the timestamp of the message. See `grid_map_core_py.from_image` for
-    the other arguments.
+    The map has the frame and the timestamp of the message. All arguments except `message` are the
+    same as in `grid_map_core_py.from_image`.
     """
     image, order = to_pixels(message)
     return pixels.from_image(
@@ -135,8 +135,8 @@ def add_layer_from_image(
 ) -> None:
     """Set a layer of a map to the gray values of an image.
 
-    The map must have the size of the image. Its start index may be nonzero. See `from_image` for
-    the other arguments.
+    The map must have as many rows and columns as the image. See `from_image` for the other
+    arguments.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_layer_from_image(
@@ -167,10 +167,10 @@ def _encoding_of(name: str) -> Encoding:
 
 
 def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[Any], Order]:
-    """Return the pixels (rows, cols, channels) of an image and the color order.
+    """Return the pixels (rows, cols, channels) of an image, and their color order.
 
-    The pixels keep the byte order of the sender. They are a view of the message data, or a copy if
-    the values are not aligned. `size` is the required size (rows, cols); None accepts any size.
+    The pixels are a view of the message data, or a copy if the data is not aligned. Their byte
+    order is that of the sender. `size` is the required size (rows, cols); None accepts any size.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

@@ -49,7 +49,7 @@ def to_occupancy_grid(
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
             Values outside this range are clamped; NaN becomes -1 (unknown). Required if
             `codec` is None.
-        codec: replaces `data_min` and `data_max`. The codec converts values to costs, and the
+        codec: conversion of layer values to costs, which replaces `data_min` and `data_max`. The
             message contains the occupancies that Nav2 publishes for these costs. For a layer of
             costs, pass `CostRange()`.
     """

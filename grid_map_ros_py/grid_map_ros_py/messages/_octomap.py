@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Create grid maps from `octomap_msgs/Octomap` messages and from OctoMap files.
 
-Files are binary (.bt) or full (.ot). After a text header, they contain the same bytes as a message:
+Files are binary (.bt) or full (.ot). They contain the same bytes as a message, after a text header
+such as:
 
     # Octomap OcTree binary file
     # comments
@@ -72,17 +73,18 @@ def from_octomap(
 ) -> GridMap:
     """Create an elevation map from the highest occupied voxel of each column of an octree.
 
-    Each cell represents a column of voxels. Its height is the z of the center of the highest
-    occupied voxel within the bounds, or NaN if there is none. The map extends to the bounds. On
-    sides without a bound, it extends to the edge of the tree, including free space.
+    The height of a column is the z of the center of its highest occupied voxel within the bounds,
+    or NaN for a column without such a voxel. The map extends to the bounds. On sides without a
+    bound, the map extends to the edge of the tree, including free space.
 
     Args:
         message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or
-            full, of class OcTree, OcTreeStamped or ColorOcTree.
+            full, and its class is OcTree, OcTreeStamped or ColorOcTree.
         layer: name of the layer.
-        resolution: cell size [m], at least the voxel size; None means the voxel size. A larger cell
-            gets the maximum height of the columns whose centers it contains.
-        min_bound, max_bound: bounds (3,) x, y, z [m] of the voxel centers; NaN means no bound.
+        resolution: cell size [m]; None means the voxel size. A cell larger than a voxel gets the
+            maximum height of the columns whose centers it contains. Smaller cells are an error.
+        min_bound, max_bound: smallest and largest x, y, z (3,) [m] of the centers of the voxels to
+            use; NaN means no bound.
     """
     leaves = _leaves(message)
     timestamp = from_stamp(message.header.stamp)
@@ -139,7 +141,7 @@ def load_octomap(
     """Load an elevation map from an OctoMap file (`.bt` or `.ot`).
 
     Args:
-        layers: names of the layers to load; None means all. Only `height_layer` exists.
+        layers: names of the layers to load; None means all. The only layer is `height_layer`.
         height_layer: name of the layer with the heights [m].
         resolution, min_bound, max_bound: as in `from_octomap`.
     """

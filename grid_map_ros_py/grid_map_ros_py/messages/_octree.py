@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reader of the octrees in OctoMap messages and files.
 
-Nodes are stored in preorder: each node precedes its children. The binary form stores only inner
-nodes, with two bits for each of the eight children: unknown (0), free (1), occupied (2) or inner
-node (3). The full form stores every node: its log-odds (float32), three color bytes if the tree has
-colors, and a byte whose bits mark the existing children. Both forms are little-endian.
+Nodes are stored in preorder: each node precedes its children. A tree has one of two forms, both
+little-endian:
 
-The root is a cube around the origin with 65536 voxels per side. A voxel is a node of depth 16. Bit
-0, 1 or 2 of a child number is set if the child is in the half of its parent with the larger x, y or
-z, respectively.
+- The binary form stores only inner nodes. A node consists of two bits for each of its eight
+  children: unknown (0), free (1), occupied (2) or inner node (3).
+- The full form stores every node. A node consists of its log-odds (float32), three color bytes if
+  the tree has colors, and a byte whose bits mark the existing children.
+
+The root is a cube around the origin with 65536 voxels per side. A voxel is a node of depth 16.
+
+Children are numbered from 0 to 7. Bit 0 of the number is set if the child is in the half of its
+parent with the larger x. Bits 1 and 2 stand for y and z in the same way.
 
 The reader first checks the whole tree, then reads all nodes of one depth at a time.
 """
@@ -54,7 +58,7 @@ _FREE, _OCCUPIED, _INNER = 1, 2, 3
 
 
 def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
-    """Return the leaves of a tree in binary form; there are none if `data` is empty."""
+    """Return the leaves of a tree in binary form; if `data` is empty, the tree has no leaves."""
     words = _records(data, np.dtype("<u2"))
     labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
     if not labels.any(axis=1).all():
@@ -69,7 +73,7 @@ def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
 
 
 def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
-    """Return the leaves of a tree in full form; there are none if `data` is empty.
+    """Return the leaves of a tree in full form; if `data` is empty, the tree has no leaves.
 
     A leaf is occupied if its log-odds are at least 0, that is, its probability is at least 0.5.
     """
@@ -94,9 +98,10 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield each depth, and the data positions (M,) and keys (3, M) of the nodes at that depth.
+    """Yield (depth, positions (M,) of the nodes at this depth, keys (3, M) of the nodes).
 
-    `children` (N, 8) marks which children of each node are themselves stored as nodes.
+    A position is an index in the stored order. `children` (N, 8) marks the children of each node
+    that are stored as nodes.
     """
     if not len(children):
         return
@@ -161,10 +166,10 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 
 
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
-    """Return the z index of the highest occupied voxel in each column of a box, or -1.
+    """Return the z index of the highest occupied voxel in each column of a box.
 
     The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The axes of the
-    result are x and y, counted from `first`.
+    result are x and y, counted from `first`. Columns without an occupied voxel have the value -1.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):

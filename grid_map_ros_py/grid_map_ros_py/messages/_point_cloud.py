@@ -55,15 +55,17 @@ def to_point_cloud(
     """Convert a map to a point cloud with one point per valid cell.
 
     A cell is valid if the point layer and all basic layers are finite. Points are in column-major
-    order of the map buffer. The layers become float32 fields in the same order and with the same
-    names, except that x, y, z [m] replace the point layer. The layer `color` becomes the field
-    `rgb`, where viewers expect packed colors, unless a layer `rgb` is also sent.
+    order of the map buffer. Each layer becomes a float32 field of the same name, except:
+
+    - The point layer becomes the three fields x, y, z [m].
+    - The layer `color` becomes the field `rgb`, where viewers expect packed colors. It keeps its
+      name if a layer `rgb` is also sent.
 
     Args:
         grid_map: the map.
         point_layer: layer with the z coordinates [m].
-        layers: names of the layers to send; None means all. If the point layer is not among them,
-            x, y, z are the first fields. Other layers may not be called x, y or z.
+        layers: names of the layers to send, in this order; None means all. If the point layer is
+            not listed, x, y, z are the first fields. Other layers may not be called x, y or z.
     """
     select_layers(grid_map.layers, point_layer)
     names = select_layers(grid_map.layers, layers)
@@ -162,7 +164,7 @@ def from_point_cloud(
     max_height: float = np.inf,
     tight: bool = False,
 ) -> GridMap:
-    """Create a map from the heights and other fields of the points in each cell.
+    """Create a map with statistics of the heights and other fields of the points in each cell.
 
     Points outside the map and points with a non-finite coordinate are ignored. The map has the
     frame and the timestamp of the cloud.
@@ -173,8 +175,8 @@ def from_point_cloud(
         resolution: cell size [m].
         reduction: statistic of the heights in a cell: `max`, `min`, `mean`, `median`, `first`,
             `last`, `variance` or `count`.
-        onto: geometry of the result, or a map in the frame of the cloud; the result then keeps the
-            other layers of the map. Replaces `resolution`, `length` and `position`.
+        onto: geometry of the result, which replaces `resolution`, `length` and `position`. If it is
+            a map, the map must be in the frame of the cloud, and its other layers are kept.
         more_layers: statistics of the heights for additional layers, by layer name.
         fields: names of the fields that become layers, besides the heights; None means all fields
             with one number per point. The packed colors `rgb` or `rgba` become the layer `color`
@@ -270,9 +272,10 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return the layer name of each field: its own name, or `color` for `rgb` or `rgba`.
+    """Return the name of the layer for each field of a cloud.
 
-    `rgb` takes precedence over `rgba`. Both keep their names if the cloud has a field `color`.
+    Layers have the names of the fields, with one exception: the field `rgb`, or else `rgba`,
+    becomes the layer `color`, unless the cloud has a field `color`.
     """
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):

@@ -28,7 +28,7 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 def to_polygon(
     polygon: Polygon, *, frame_id: str = "", timestamp: int = 0, height: float = 0.0
 ) -> "PolygonStamped":
-    """Convert a polygon to `geometry_msgs/PolygonStamped`, whose coordinates are float32.
+    """Convert a polygon to `geometry_msgs/PolygonStamped`; coordinates are rounded to float32.
 
     Args:
         polygon: the polygon [m].

@@ -27,10 +27,11 @@ GRID, COSTMAP = ("info", "width", "height", "b"), ("metadata", "size_x", "size_y
 def to_occupancy_grid_update(
     before: "OccupancyGrid", after: "OccupancyGrid"
 ) -> "OccupancyGridUpdate | None":
-    """Return the update (`map_msgs`) that turns `before` into `after`; None if no cell differs.
+    """Return the `map_msgs/OccupancyGridUpdate` that turns one grid into another.
 
-    The update covers the bounding rectangle of the changed cells. `MessageError` is raised if the
-    grids differ in frame, size, resolution or origin.
+    The update covers the bounding rectangle of the changed cells. If all cells are equal, the
+    function returns None. Grids that differ in frame, size, resolution or origin raise
+    `MessageError`.
     """
     messages = messages_of("map_msgs", "to_occupancy_grid_update")
     return filled(messages.OccupancyGridUpdate(), before, after)
@@ -47,9 +48,11 @@ def apply_update(grid: Any, update: Any) -> Any:
 
     Args:
         grid: an `OccupancyGrid` or a `Costmap`.
-        update: the `OccupancyGridUpdate` or `CostmapUpdate`. `MessageError` is raised if its
-            frame or number of cells is wrong, or if it extends beyond the grid; Nav2 ignores
-            such updates.
+        update: the `OccupancyGridUpdate` or `CostmapUpdate`.
+
+    Raises:
+        MessageError: the frame or the number of cells of the update is wrong, or the update extends
+            beyond the grid.
     """
     values, _, (_, *sides, _) = _read(grid)
     check_fields(update, "update of this kind of grid", "header.frame_id", "x", "y", *sides)
@@ -85,7 +88,7 @@ def is_same_grid(before: Any, after: Any) -> bool:
 
 
 def filled(update: Any, before: Any, after: Any) -> Any:
-    """Return `update` filled with the changes between two grids, or None if there are none."""
+    """Return `update` filled with the changes between two grids, or None if all cells are equal."""
     (old, geometry, _), (new, other, (field, *sides, kind)) = _read(before), _read(after)
     if not is_same_grid(before, after):
         expected = f"frame and grid of the first message, {before.header.frame_id!r}, {geometry}"

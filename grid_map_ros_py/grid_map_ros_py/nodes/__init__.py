@@ -23,8 +23,8 @@ The following node receives maps from all reliable publishers and publishes scal
     if __name__ == "__main__":
         raise SystemExit(run(Scaler))
 
-`run` ends the node on Ctrl-C and returns the exit code. Names are imported lazily, because rclpy is
-slow to import.
+`run` ends the node on Ctrl-C and returns the exit code. The names of this package are imported
+lazily, because rclpy is slow to import.
 """
 
 import signal
@@ -67,9 +67,9 @@ __all__ = sorted(["quiet_start", *_LAZY])
 def quiet_start() -> None:
     """Let Ctrl-C end an executable at once and without a traceback, until `run` handles signals.
 
-    Call this in the `__init__.py` of a package of executables, before any import of rclpy, which
-    takes most of the startup time. If ROS 2 is not sourced, the executable ends with one line. The
-    call has no effect if another program imports the package.
+    Importing rclpy takes most of the startup time. Therefore, call this function before rclpy is
+    imported, in the `__init__.py` of a package of executables. It has no effect if another program
+    imports the package. If ROS 2 is not sourced, a one-line error replaces the traceback.
     """
     # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])

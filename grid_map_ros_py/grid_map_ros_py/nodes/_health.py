@@ -27,12 +27,12 @@ PATIENCE = 1.0
 
 @dataclass
 class Health:
-    """State of a node: counts of its inputs, and the last error.
+    """State of a node that is reported on `/diagnostics`: counts of its inputs, and errors.
 
     Attributes:
         inputs: plural noun for the inputs, such as "maps".
         received, used, dropped: number of received, processed and unusable inputs.
-        last_error: reason why the last unusable input was dropped; empty if there was none.
+        last_error: reason why the last unusable input was dropped; empty if no input was dropped.
         problem: current problem other than unusable inputs; empty if there is none.
         details: function that returns additional values for the report, by name.
         drop_level: diagnostic level that is reported if the last input was dropped.
@@ -148,8 +148,7 @@ class LogThrottle:
     """Logs similar messages at most once per period, and states how many were suppressed.
 
     Messages are similar if they are equal up to the second colon, as in "get_grid_map: frame_id:
-    expected ...". At most `LIMIT` different messages are logged per period. (The
-    throttling of rclpy would let different messages from one line of code suppress each other.)
+    expected ...". At most `LIMIT` different messages are logged per period.
 
     Args:
         logger: logger of the node.

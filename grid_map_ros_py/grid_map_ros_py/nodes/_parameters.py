@@ -48,9 +48,9 @@ def read_parameter(
 ) -> T:
     """Declare a parameter on the node and return its value.
 
-    If `kind` is float, integers are converted to floats; if it is int, whole numbers such as 3.0
-    are converted to integers. An empty list in a file has no type. If `kind` is not a list, a
-    parameter with an empty list counts as not set.
+    If `kind` is float, integers are converted to floats. If `kind` is int, whole numbers such as
+    3.0 are converted to integers. An empty list in a parameter file has no type, so a parameter
+    with an empty list counts as not set if `kind` is not a list.
 
     Args:
         node: the node.
@@ -184,8 +184,9 @@ def read_parameter_tree(
 
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
     `{"filter1": {"params": {"radius": 1}}}`. Names may contain any character except the separating
-    dot, so `min/value` is a single name. Values keep their types from the file. Arrays become
-    lists. Empty lists, empty mappings and null have no type in ROS and become None.
+    dot, so `min/value` is a single name. Values keep their types from the file, except that arrays
+    become lists. Empty lists, empty mappings and null become None, because ROS knows no type for
+    them.
 
     Args:
         node: the node.

@@ -61,7 +61,7 @@ class Placement:
 
 
 class Poses:
-    """Base class of pose sources; on its own, it accepts only scans in the map frame.
+    """Base class of pose sources; an instance of this class accepts only scans in the map frame.
 
     Attributes:
         map_frame: frame of the map.
@@ -187,7 +187,9 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the robot pose at `stamp` [ns] (0: latest), or None if all poses are earlier.
+        """Return the robot pose at the time `stamp` [ns], or None if all poses are earlier.
+
+        If `stamp` is 0, return the latest pose.
 
         Raises:
             GridMapError: all poses are later.
@@ -204,10 +206,10 @@ class PoseHistory(Poses):
         return end if before == after else between(begin, end, share)
 
     def covariance_at(self, stamp: int) -> Covariance | None:
-        """Return the pose covariance at `stamp` [ns] (0: latest), or None if it is unknown.
+        """Return the pose covariance at the time `stamp` [ns], or None if it is unknown.
 
         Between two poses, the covariance is interpolated. Before the first and after the last pose,
-        the covariance of the nearest pose is returned.
+        the covariance of the nearest pose is returned. If `stamp` is 0, the latest pose is used.
         """
         if not self._stamps:
             return None
@@ -280,7 +282,7 @@ def has_tf() -> bool:
 
 
 def chosen_source(name: str, without_tf: str) -> str:
-    """Return the pose source `name`; `auto` becomes `tf`, or `without_tf` if tf2 is missing."""
+    """Return `name`, except that `auto` becomes `tf` or, if tf2 is missing, `without_tf`."""
     if name == "auto":
         return "tf" if has_tf() else without_tf
     return name
@@ -365,7 +367,10 @@ class TfPoses(Poses):
         return None if found is None else from_transform(found)
 
     def latest(self) -> tuple[Matrix, int] | None:
-        """Return the latest robot pose and its time [ns], which is 0 for a static transform."""
+        """Return the latest robot pose and its time [ns], or None if no pose is known yet.
+
+        The time is 0 for a static transform.
+        """
         found = self._look_up(self._robot_frame, 0)
         return None if found is None else (from_transform(found), from_stamp(found.header.stamp))
 

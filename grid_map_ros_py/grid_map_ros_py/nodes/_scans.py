@@ -37,7 +37,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Counts of fused and dropped scans; total points and processing time [s] of fused scans."""
+    """Number of fused and dropped scans, and total points and processing time [s] of the former."""
 
     fused: int = 0
     dropped: int = 0
@@ -92,9 +92,10 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return a warning with causes and a remedy if too few points are used, else "".
+        """Return a warning with causes and a remedy, or "" if enough points are used.
 
-        `unused` contains the number of unused points for each reason. See `FEW`.
+        Enough means at least the fraction `FEW` of all points. `unused` contains the number of
+        unused points for each reason.
         """
         total = len(self) + self.missing
         counts = Counter({**unused, "without a depth": self.missing}).most_common()
@@ -126,7 +127,7 @@ class ScanQueue:
         fuse: called with a scan and its placement. It returns the number of unused points by
             reason, or None, and raises `GridMapError` if the scan is invalid.
         report: called with an error message when a scan is dropped.
-        what: term for a sensor message, such as "cloud", in these error messages.
+        what: term for a sensor message in these error messages, such as "a cloud".
         timeout: maximum time a scan waits for its pose [s].
         queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
         clock: returns the time [s]; the default clock continues while a simulation is paused.
@@ -308,7 +309,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """Sensor; `heard` is the time of its last message [s], or infinity if reported as silent."""
+    """Sensor; `heard` is the time of its last message [s], or infinity after a silence warning."""
 
     name: str
     topic: str

@@ -58,15 +58,14 @@ _WAKE_PERIOD = 0.1
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
-    Call this in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after the current
-    callback. A second signal interrupts the callback. An ignored SIGHUP, as under `nohup`, stays
-    ignored. (The signal handlers of rclpy are not used, because they shut ROS down during a
-    callback, and the executor may not notice the shutdown.)
+    Call this function in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after
+    the current callback. A second signal interrupts the callback. An ignored SIGHUP, as under
+    `nohup`, stays ignored.
 
-    If `create_node` raises a `GridMapError` or a ROS error (invalid name, missing security keys),
-    the error is logged as one message. The same applies to a `NodeFailedError` from a callback. All
-    other exceptions propagate. Parameters that are set but not declared cause a warning. The node
-    reports its state on `/diagnostics`; see `Health`.
+    Some errors are logged as one message: a `GridMapError` or a ROS error from `create_node`, such
+    as an invalid name, and a `NodeFailedError` from a callback. All other exceptions propagate.
+    Parameters that are set but not declared cause a warning. The node reports its state on
+    `/diagnostics`; see `Health`.
 
     Args:
         create_node: class of the node, or a function that returns the node.
@@ -96,9 +95,9 @@ def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> T
 
 
 class ConfiguredNode(Node):
-    """Base class of nodes that read their parameters in `__init__`; calls `read_limits` first.
+    """Base class of nodes that read their parameters in `__init__`.
 
-    Use `main` as the entry point of the executable.
+    The base class itself calls `read_limits`. Use `main` as the entry point of the executable.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
@@ -158,6 +157,7 @@ class _Life:
         """Create the node; convert errors that the user can fix to `NodeFailedError`."""
         use_profile()
         loops.addFilter(lambda record: self._logger().info(record.getMessage()) and False)
+        # The handlers of rclpy shut ROS down during a callback, unnoticed by the executor.
         try:
             rclpy.init(args=self._args, signal_handler_options=SignalHandlerOptions.NO)
         except _ARGUMENT_ERRORS as error:
@@ -207,7 +207,7 @@ class _Life:
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:
-        """Publish an error on `/diagnostics`; log a `NodeFailedError`, raise any other error."""
+        """Publish an error on `/diagnostics`; log a `NodeFailedError`, and raise other errors."""
         on_end(signal.SIG_IGN)
         if isinstance(error, NodeFailedError):
             self._logger().fatal(str(error))

@@ -30,8 +30,8 @@ def map_qos(*, transient_local: bool = True) -> QoSProfile:
 
     Args:
         transient_local: if True, the topic is latched: publishers keep the last map for subscribers
-            that join late, and subscribers request it. Map publishers always use True. If False, a
-            subscriber also receives from volatile publishers, but misses earlier maps.
+            that join late, and subscribers request that map. Map publishers always use True. If
+            False, a subscriber also receives from volatile publishers, but misses earlier maps.
     """
     durability = DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
@@ -49,7 +49,7 @@ def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
 
 
 def describe_topic(node: Node, topic: str, message_type: type) -> str:
-    """Return the full name of a topic with its publisher count, or with a hint if that is zero."""
+    """Return the full name of a topic with its publisher count or, without publishers, a hint."""
     name, package = node.resolve_topic_name(topic), message_type.__module__.partition(".")[0]
     kind = f"{package}/msg/{message_type.__name__}"
     types = [info.topic_type for info in node.get_publishers_info_by_topic(name)]
@@ -94,8 +94,9 @@ class LatchedSubscription:
     """Subscription that receives the last message of a latched topic and all later messages.
 
     A transient-local subscription also receives the last message sent before it subscribed, but
-    nothing from volatile publishers. Therefore, this subscription starts as transient local, unless
-    all known publishers are volatile, and becomes volatile when a volatile publisher appears.
+    nothing from volatile publishers. Therefore, this subscription starts as transient local, and
+    becomes volatile when a volatile publisher appears. If all known publishers are volatile, it is
+    volatile from the start.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged. A `NodeFailedError` ends the node.
@@ -197,8 +198,7 @@ class LatchedSubscription:
 class MapSubscription(LatchedSubscription):
     """A `LatchedSubscription` to `grid_map_msgs/GridMap`.
 
-    The callback receives a `ReceivedMap` and decodes the required layers. Keep a reference to the
-    subscription.
+    The callback receives a `ReceivedMap` and decodes the layers that it needs.
 
     Example:
         >>> def on_map(received):

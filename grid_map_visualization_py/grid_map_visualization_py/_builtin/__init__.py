@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Built-in visualizations, one per module; each module is named after its YAML type.
+"""Built-in visualizations.
 
-The YAML parameters of a visualization are the keyword arguments of its class. Calling a
-visualization with a map returns a message.
+Each module contains one visualization and is named after its YAML type. The YAML parameters of a
+visualization are the keyword arguments of its class. Calling it with a map returns a message.
 """
 
 from ._contours import ContoursVisualization as ContoursVisualization

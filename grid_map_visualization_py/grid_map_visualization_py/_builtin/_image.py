@@ -25,8 +25,8 @@ class ImageVisualization:
         lower: value at the lower end of the color map (default: the smallest value).
         upper: value at the upper end of the color map (default: the largest value).
         invert: swap the ends of the color map.
-        encoding: color channel order. Cells without a value are transparent in encodings with
-            alpha, and gray in the others.
+        encoding: order of the color channels. Cells without a value are transparent in encodings
+            with alpha, and gray in all others.
 
     Raises:
         ConfigError: the color map is unknown, or the bounds are invalid.

@@ -34,8 +34,8 @@ class SurfaceVisualization:
         invert: swap the ends of the color map.
         color: surface color as 0xRRGGBB, used by the color mode "flat".
         opacity: surface opacity, from 0 (invisible) to 1 (opaque).
-        max_drawn_cells: maximum number of drawn cells, at least 9, or 0 for no limit; larger maps
-            are thinned out.
+        max_drawn_cells: maximum number of drawn cells, at least 9; larger maps are thinned out. 0
+            means no limit.
 
     Raises:
         ConfigError: the color map is unknown, or a number is out of range.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show a map, or all messages of a bag, in Rerun in the browser, until Ctrl-C."""
+"""Show a map, or all messages of a bag, in the browser with Rerun."""
 
 import argparse
 import time

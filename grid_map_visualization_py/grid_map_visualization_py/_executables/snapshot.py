@@ -2,7 +2,7 @@
 """Executable `snapshot`: saves a picture of the next map on a topic.
 
 The picture options are the same as in `grid-map plot`. The file is written completely or not at
-all. The exit code is 0 if the file was written, or after Ctrl-C.
+all. The exit code is 0 after success or Ctrl-C, and nonzero after an error.
 """
 
 import argparse

@@ -31,8 +31,8 @@ class Placed:
         archetypes: function that returns the archetypes, with positions relative to a given
             origin (3,) in `frame` [m]. It raises `MessageError` if the message is invalid.
         is_global: True if the path starts at the root, not at the topic.
-        kept: earlier paths of the topic to keep. If not None, all other earlier paths are cleared,
-            and nothing is logged.
+        kept: None if the archetypes are logged. A set of paths below the topic means that all other
+            earlier paths are cleared instead.
     """
 
     time: int

@@ -90,8 +90,8 @@ def log_bag(
 ) -> int:
     """Write the messages of a bag to a scene, in time order.
 
-    As in RViz, messages that cannot be shown, such as a pose with NaN, are skipped. A warning names
-    each affected topic. A damaged map raises an error instead, unless `recover` is true.
+    Messages that cannot be shown, such as a pose with NaN, are skipped. A warning names each
+    affected topic. Maps with errors are skipped only if `recover` is true.
 
     Args:
         scene: scene to write to.

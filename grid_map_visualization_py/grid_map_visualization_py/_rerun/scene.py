@@ -100,12 +100,15 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return `height_layer`, or the default layer if it is empty; "" if there are no layers."""
+        """Return `height_layer` or, if empty, the default one; "" for a map without layers."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
     def coloring(self, layer: str, *, is_chosen: bool = True) -> Coloring:
-        """Return the coloring of a layer; names that end in `color` indicate packed colors."""
+        """Return the coloring of a layer; names that end in `color` indicate packed colors.
+
+        If `is_chosen` is false, other layers use the default color map instead of `color_map`.
+        """
         if layer.endswith("color"):
             return Coloring(mode="color", layer=layer)
         if not is_chosen:
@@ -116,8 +119,8 @@ class Style:
 class Scene:
     """Writes maps and messages to a Rerun recording and creates a matching viewer layout.
 
-    Do not use a scene in several threads at once. All times are in nanoseconds since the epoch.
-    There are two timelines: `ros_time` is the time in the message header, and `log_time` is the
+    Do not use a scene in several threads at once. All times are in nanoseconds since the epoch. The
+    recording has two timelines: `ros_time` is the time in the message header, and `log_time` is the
     time of arrival.
 
     Args:
@@ -403,7 +406,7 @@ class Scene:
     def _place(
         self, frame: str, position: npt.NDArray[np.float64] | None = None
     ) -> tuple[str, npt.NDArray[np.float64]]:
-        """Return a Rerun frame with an origin near the maps, and the origin (3,) in `frame` [m]."""
+        """Return a Rerun frame whose origin is near the maps, and that origin in `frame` [m]."""
         name = frame or _NO_FRAME
         is_new = frame not in self._origins
         if is_new and position is None:

@@ -86,8 +86,8 @@ def linear(colors: Colors) -> npt.NDArray[np.float64]:
 def on_screen(colors: Colors) -> Colors:
     """Convert the colors of a fully lit surface to the colors that appear on the screen.
 
-    The colors differ, because viser applies filmic tone mapping: Stephen Hill's fit of the
-    Academy Color Encoding System, which is called `ACESFilmicToneMapping` in three.js.
+    The colors differ, because viser applies filmic tone mapping. Its formula is Stephen Hill's fit
+    of the Academy Color Encoding System, called `ACESFilmicToneMapping` in three.js.
     """
     film = EXPOSURE * linear(colors) @ TO_FILM.T
     film = (film * (film + 0.0245786) - 0.000090537) / (

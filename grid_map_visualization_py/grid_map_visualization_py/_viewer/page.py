@@ -161,9 +161,9 @@ class Page:
     def load(self, scene: SurfaceScene, settings: ViewSettings, *, replaces: bool) -> None:
         """Load a scene into the browsers, but leave it hidden until the next `turn`.
 
-        The previous scene stays visible while the browsers load the new surface. If both
-        scenes show the same map, set `replaces`, so that `turn` removes the previous scene.
-        Otherwise, the previous scene is kept in the history, whose length `turn` limits.
+        The previous scene stays visible while the browsers load the new surface. If `replaces` is
+        true, `turn` then removes the previous scene, because both scenes show the same map. If not,
+        `turn` keeps the previous scene in the history.
         """
         # A scene that was loaded but never shown is also replaced.
         self._replaces = replaces and (self._loading is None or self._replaces)
@@ -232,7 +232,7 @@ class Page:
             node.wxyz = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
 
     def draw(self, name: str, drawing: Drawing) -> None:
-        """Draw lines and triangles in the map frame, and replace the previous drawing `name`."""
+        """Draw lines and triangles in the map frame; they replace the drawing of the same name."""
         lines, triangles = self._lifted(drawing.lines), self._lifted(drawing.triangles)
         drawing = drawing._replace(lines=lines, triangles=triangles)
         before, node = self._drawings.get(name, (EMPTY, None))
@@ -260,7 +260,7 @@ class Page:
             add.add_glb(f"/{name}/triangles", glb, **SHADOWLESS)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
-        """Return and clear the ray (start, direction) of the last click; None if there was none."""
+        """Return and clear the ray (start, direction) of the last click; None without a click."""
         if not self._clicks:
             return None
         start, direction = self._clicks.pop()
@@ -522,7 +522,10 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Replace the options of a list; select `preferred` or the first if the selection is gone."""
+    """Replace the options of a drop-down list, and keep the selection if possible.
+
+    Otherwise, select `preferred` if it is an option, or else the first option.
+    """
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

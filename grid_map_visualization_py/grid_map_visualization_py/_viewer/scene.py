@@ -84,7 +84,10 @@ class View:
         return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
     def loses(self, other: "View") -> bool:
-        """Return whether the map of `other` is out of view, or over 3 times larger or smaller."""
+        """Return True if the camera must move to show the map of `other`.
+
+        This is the case if that map is out of view, or more than 3 times larger or smaller.
+        """
         # Heights are ignored, because outliers would make the camera jump.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / 3 < other.reach / self.reach < 3
@@ -181,7 +184,7 @@ def on_surface(grid_map: GridMap, settings: ViewSettings, points: Positions) -> 
 
 
 class Drawing(NamedTuple):
-    """Lines and triangles on top of the maps, in their frame.
+    """Lines and triangles that are drawn above the maps; all positions are in the map frame.
 
     Attributes:
         lines: (N, 2, 3) start and end of each line [m].

@@ -120,11 +120,12 @@ def save_animation(
 ) -> None:
     """Write recorded maps to a video or an animated GIF; each frame is drawn with `plot`.
 
-    All frames show the same rectangle, which covers all maps, and the same value range, so that
-    motion and changed values are visible. The title shows the time since the first map. Maps are
-    read twice: first to determine the rectangle and the value range, then to draw the frames. The
-    frame rate is constant and matches the median interval between maps. Above 50 frames per second,
-    only every n-th map is drawn. For a GIF, all frames are kept in memory.
+    All frames show the same value range, and the same rectangle, which covers all maps. Therefore,
+    motion and changed values are visible. To determine the range and the rectangle, all maps are
+    read once before the frames are drawn. The title shows the time since the first map.
+
+    The frame rate is constant and matches the median interval between maps. Above 50 frames per
+    second, only every n-th map is drawn. The frames of a GIF are kept in memory until the end.
 
     Args:
         records: maps in time order, such as a `BagReader`.

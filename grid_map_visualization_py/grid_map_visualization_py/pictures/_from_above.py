@@ -51,7 +51,7 @@ class Blocks(NamedTuple):
 
     Attributes:
         means: (height, width, channels) mean of the finite values; NaN in empty blocks.
-        opacity: (height, width); 1 if all cells of a block have a value, 0 if none do.
+        opacity: (height, width); 1 for full blocks, 0 for empty blocks, 1/3 to 2/3 for others.
     """
 
     means: npt.NDArray[np.float32]
@@ -210,7 +210,8 @@ def _block_sums(cells: npt.NDArray[Any], side: int) -> npt.NDArray[np.float64]:
 def lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
     """Return hillshaded colors (..., 3) in [0, 1]; colors with a NaN normal stay unchanged.
 
-    The blend mode "soft light" (Pegtop) keeps colors unchanged at a light intensity of 0.5.
+    Level ground has a light intensity of 0.5, at which the blend mode "soft light" (Pegtop) keeps
+    colors unchanged.
     """
     with np.errstate(invalid="ignore"):
         normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)

@@ -74,11 +74,10 @@ def plot(
         color_map: name of a Matplotlib color map.
         lower, upper: values at the ends of the color map; None means smallest and largest value.
         invert: swap the ends of the color map.
-        hillshade: name of the height layer [m] used for hillshading. If None, `layer` is shaded
-            only if it is itself a height layer: its name starts with elevation, height, altitude,
-            DEM, DSM or DTM and contains no word such as variance, slope or color. If True, other
-            layers are shaded too, using `elevation` or else the first height layer. False means no
-            shading.
+        hillshade: name of the height layer [m] used for hillshading. False means no shading. None
+            shades only height layers: their names start with elevation, height, altitude, DEM, DSM
+            or DTM, and contain no word such as variance, slope or color. True also shades other
+            layers, with the heights in `elevation` or else in the first height layer.
         exaggeration: factor by which the heights are scaled for hillshading.
         max_drawn_cells: maximum number of blocks. None adapts the blocks to the pixels, as
             described above; 0 draws every cell.
