@@ -169,8 +169,8 @@ class ElevationMapper:
 
         The map clock restarts at `timestamp` if the time jumps by more than `max_time_jump`, or if
         scans arrive with earlier timestamps for more than a second. All cells then count as just
-        confirmed. After a jump back to the timestamp 0, the clock does not restart, but all points
-        of the scan are dropped. A restart or a dropped scan causes a `RuntimeWarning`.
+        confirmed. If the time jumps back to 0 by more than `max_time_jump`, the clock does not
+        restart: all points of the scan are dropped. Both cases cause a `RuntimeWarning`.
 
         Args:
             points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite or lie
