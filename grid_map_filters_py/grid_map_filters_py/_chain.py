@@ -129,10 +129,8 @@ class FilterChain:
     ) -> tuple[GridMap, Size]:
         """Return the filtered map in map order, and the start index that `__call__` would restore.
 
-        In map order, the start index is (0, 0). Nodes use this method to write the result directly
-        into a message. All layers are read-only. If the input is in map order, unchanged layers
-        share memory with it.
-
+        Nodes use this method to write the result directly into a message. All layers are read-only.
+        If the input is in map order (start index (0, 0)), unchanged layers share memory with it.
         See `__call__` for arguments and errors.
         """
         check_map(grid_map)
@@ -202,7 +200,7 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Map the name of each parameter, such as `filter1.params.radius`, to its description.
+    """Return parameter descriptions by name, such as `filter1.params.radius`.
 
     Parameters without a description are omitted.
     """
@@ -222,7 +220,7 @@ def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _names_in(params: object) -> Iterator[str]:
-    """Yield the names of all parameters, with nested names joined with a dot, as in `min.color`."""
+    """Yield the names of all parameters; nested names are joined with dots, as in `min.color`."""
     for name, value in params.items() if isinstance(params, Mapping) else ():
         inner = [f"{name}.{below}" for below in _names_in(value)]
         yield from inner or [str(name)]

@@ -39,7 +39,7 @@ class Filter(Protocol):
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        """Return the filtered map. Unchanged layers are shared with the input, not copied.
+        """Return the filtered map, which shares unchanged layers with the input.
 
         Args:
             grid_map: map with start index (0, 0); a filter must not modify its layers in place.
@@ -50,8 +50,7 @@ class Filter(Protocol):
 class LocalFilter(Filter, Protocol):
     """Filter whose output cells depend only on nearby input cells.
 
-    The method `reach` returns the maximum distance of these input cells. Filters without this
-    method need the whole map.
+    Filters without the method `reach` need the whole map.
     """
 
     def reach(self, resolution: float) -> float:
@@ -90,8 +89,7 @@ class PartlyLocalFilter(Filter, Protocol):
 class WideningFilter(LocalFilter, Protocol):
     """Filter whose reach depends on the data.
 
-    The method `reach` returns the initial reach. The method `missing` returns by how many cells a
-    tile must then be widened.
+    `reach` returns the initial reach, and `missing` the cells to add if a tile is too small.
     """
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:
@@ -190,10 +188,8 @@ def check_map(grid_map: object) -> None:
 def in_map_order(call: C) -> C:
     """Decorator for the `__call__` of filters that need maps in map order, with start index (0, 0).
 
-    If the input has another start index, the filter gets a reordered map, and its result gets the
-    original start index. Chains reorder maps themselves, so reordering only matters if a filter is
-    called directly. The decorator also makes filters faster: temporary arrays can reuse freed
-    memory.
+    A map with another start index is reordered for the filter, and the result gets the original
+    start index. In a chain, maps are already in map order.
     """
 
     @functools.wraps(call)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs filter chains on many maps from bags, folders or generators, without a node.
 
-`filter_maps` accepts an iterable of maps. It also accepts other items, such as bag messages, if the
-function `load` converts them to maps. Each result includes the item from which it was computed.
+The input of `filter_maps` is an iterable of maps, or of other items that the function `load`
+converts to maps, such as bag messages. Each result includes its input item.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -30,11 +30,7 @@ class Filtered(Generic[T]):
 
 @dataclass(frozen=True)
 class Failure:
-    """A map that could not be loaded or filtered.
-
-    `index` is the position of the map in the input, from 0. The error is stored as text, because
-    the exception would keep the map in memory.
-    """
+    """A map that could not be loaded or filtered; `index` counts from 0."""
 
     index: int
     message: str

@@ -30,7 +30,7 @@ ALIASES: dict[str, type[Filter]] = {
 
 
 class FilterRegistry(Registry[Filter]):
-    """Registry that finds filters by type or alias, and lists each filter once."""
+    """Registry of filters by type or alias; `types` omits the aliases."""
 
     @property
     def types(self) -> tuple[str, ...]:

@@ -87,7 +87,7 @@ StepObserver = Callable[[Step, float], None]
 
 
 def message_of(error: Exception) -> str:
-    """Return the message of an error, preceded by the type unless it is a `GridMapError`."""
+    """Return the message of an error, prefixed with its type unless it is a `GridMapError`."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
 
 

@@ -20,11 +20,11 @@ from ..parts._layer_filter import LayerFilter
 
 @dataclass(frozen=True, kw_only=True)
 class Footprint(LayerFilter):
-    """Combine the values under the robot's footprint, centered on every cell in turn.
+    """Combine the values of the cells under the robot's footprint.
 
-    At each cell, the footprint is turned to several directions. The cells under it give one value
-    per direction, and these values are then combined. Non-finite cells and cells beyond the map are
-    unknown. A direction in which the footprint touches an unknown cell has no known value.
+    The robot is placed at each cell center and turned to several directions. `statistic` combines
+    the cells under the footprint, and `directions` combines the resulting values. Non-finite cells
+    and cells beyond the map are unknown. If the footprint touches one, the direction is unknown.
 
     Attributes:
         input_layer: values, such as traversability.

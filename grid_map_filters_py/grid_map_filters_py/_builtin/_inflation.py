@@ -111,10 +111,7 @@ class Inflation(LayerFilter):
         return result
 
     def _costs_by_square(self, cells: int, resolution: float) -> Layer:
-        """Return a table of costs: element i is the cost at a distance of sqrt(i) cells.
-
-        The last element is 0, the cost beyond the distance `cells`.
-        """
+        """Return the costs for squared distances up to `cells`^2 [cells^2], followed by a 0."""
         beyond = np.sqrt(np.arange(cells**2 + 1.0)) * resolution - self._inscribed_radius
         costs = np.floor((INSCRIBED - 1) * np.exp(-self.cost_scaling_factor * np.fmax(beyond, 0)))
         costs[beyond <= 0] = INSCRIBED

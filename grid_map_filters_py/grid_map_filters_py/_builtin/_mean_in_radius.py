@@ -38,7 +38,7 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
 def _mean(
     disc: Disc, layer: Layer, offset: float, dtype: type[np.floating[Any]]
 ) -> tuple[npt.NDArray[Any], Mask]:
-    """Return the means, and a mask of the cells where the sums overflow."""
+    """Return the means over the discs, and a mask of the cells whose sums overflow."""
     with np.errstate(invalid="ignore", over="ignore"):
         known, values = disc.padded(layer, offset, dtype)
         total = disc.sums(values)

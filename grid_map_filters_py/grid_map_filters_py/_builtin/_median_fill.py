@@ -113,8 +113,8 @@ class MedianFill:
 def _mask(layer: Layer, iterations: int) -> Layer:
     """Return a mask that is 1 in cells that may change, and 0 elsewhere.
 
-    A morphological opening removes narrow areas from the mask of finite cells. A closing with
-    `iterations` dilations and erosions then bridges gaps.
+    The mask of finite cells is opened, which removes narrow areas, and closed with `iterations`
+    dilations and erosions, which bridges gaps.
     """
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))

@@ -11,14 +11,13 @@ from ..parts._normals import plane_deviations
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness(AroundTypicalValue, DiscFilter):
-    """Compute how much the points around each cell deviate from a fitted plane [m].
+    """Compute the roughness [m]: the deviation of the points around each cell from a plane.
 
     The roughness is sqrt(sum(d^2) / (n - 1)), where n is the number of finite points in the disc,
-    and d is the distance of a point from the plane. The plane contains the mean of the points and
-    has the normal that `NormalVectors` computes for this disc. traversability_estimation uses the
-    same definition (M. Wermelinger et al., "Navigation planning for legged robots in challenging
-    terrain", IROS 2016). The result is NaN where the input is not finite or the disc contains no
-    other finite cell.
+    and d is the distance of a point from the plane. The plane is fitted to these points as in
+    `NormalVectors`. traversability_estimation uses the same definition (M. Wermelinger et al.,
+    "Navigation planning for legged robots in challenging terrain", IROS 2016). The result is NaN
+    where the input is not finite or the disc contains no other finite cell.
 
     Attributes:
         input_layer: heights [m].

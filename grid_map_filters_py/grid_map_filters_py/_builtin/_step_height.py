@@ -21,14 +21,14 @@ class StepHeight(DiscFilter):
     The step height of a finite cell is the difference between the highest and the lowest finite
     value in the surrounding disc of the given `radius`.
 
-    Steps of only a few cells may be noise. If `second_window_radius` is set, they count less, as in
-    the step filter of traversability_estimation (M. Wermelinger et al., "Navigation planning for
+    If `second_window_radius` is set, steps of only a few cells, which may be noise, count less, as
+    in the step filter of traversability_estimation (M. Wermelinger et al., "Navigation planning for
     legged robots in challenging terrain", IROS 2016). The step height is then
 
         min(1, n / critical_cell_number) * h,
 
-    where h is the largest difference in the second disc, and n is the number of cells in that disc
-    whose difference exceeds `critical_value`.
+    where h is the largest of the above differences in the second disc, and n is the number of cells
+    in that disc whose difference exceeds `critical_value`.
 
     Attributes:
         input_layer: heights [m].

@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run `grid-map filter`: filter the maps of a file, and print how many are written."""
+    """Run `grid-map filter`, and print the number of written maps."""
     if options.chain == options.source == "-":
         raise UsageError("the chain and the map cannot both come from standard input")
     if Path(options.source).suffix in _YAML and Path(options.chain).suffix not in ("", *_YAML):
