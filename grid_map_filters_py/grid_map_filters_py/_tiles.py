@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs chains on tiled maps: computes a window of the result from a wider window of the input.
+"""Runs filter chains on tiled maps, one window at a time.
 
-Each step requests only the layers that it needs from the previous step, in a window that is wider
-by the reach of the filter. Steps whose results are not needed are skipped.
+For a window of the result, each step requests a window from the previous step that is wider by the
+reach of its filter. Only necessary layers and steps are computed.
 """
 
 import math
@@ -115,9 +115,8 @@ class FilteredTiles:
         """Compute the layers `names` of a window after the first `count` steps.
 
         Returns:
-            The resulting map, and the window that it covers. A window that is only slightly too
-                large is not cropped, because cropping copies all layers. Its additional cells may
-                be wrong, because the filters treat the window border as the map border.
+            The resulting map, and the window that it covers, which may be slightly larger than the
+                requested window. The additional cells may be wrong.
         """
         while count and not self.steps[count - 1].writes & names:
             count -= 1

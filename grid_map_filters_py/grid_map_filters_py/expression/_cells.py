@@ -3,8 +3,8 @@
 
 In a cellwise expression, each cell of the result depends only on the same cell of the layers.
 
-A reduction such as `max(elevation)` depends on all cells, but returns a number. If the numbers are
-computed first and replace the reductions, the expression may become cellwise.
+An expression with reductions such as `max(elevation)` may become cellwise if each reduction is
+first replaced with its value.
 """
 
 from collections.abc import Container, Iterator
@@ -27,9 +27,9 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers. A layer hides the function or constant of the same name. If
-            None, the layers are not known yet: a call that may index a layer, such as `mean(2, 3)`,
-            is then treated as indexing, and a constant as not hidden.
+        layers: names of the layers, which hide functions and constants of the same name. None means
+            unknown: calls that may index a layer, such as `mean(2, 3)`, are treated as indexing,
+            and no constant is hidden.
         reduced: treat reductions as numbers.
     """
 
@@ -48,7 +48,7 @@ class Analysis:
         return next(filter(None, inner), root)
 
     def reductions(self, root: Node) -> Iterator[Node]:
-        """Yield the reductions that can be computed first, because their argument is cellwise."""
+        """Yield the reductions whose argument is cellwise."""
         for node in root.descendants():
             if node.kind == "call" and not self._is_index(node) and self._reduces(*node.parts):
                 yield node

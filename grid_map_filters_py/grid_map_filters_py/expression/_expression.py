@@ -267,10 +267,7 @@ def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
 
 @contextmanager
 def _faults_as_errors(text: str) -> Iterator[None]:
-    """Context in which a `Fault` becomes an error that shows its position in the expression.
-
-    In addition, infinities and NaN cause no warnings.
-    """
+    """Context that converts a `Fault` to an `ExpressionError`, and suppresses NumPy warnings."""
     try:
         with np.errstate(all="ignore"):
             yield

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Operators and functions of the expression language.
 
-They are built from the primitive operations of `Matrices`. `WindowMatrices` overrides these
-operations, so that the same operators and functions also work for windows.
+They use only the primitive operations of `Matrices`, which `WindowMatrices` overrides for windows.
 """
 
 import math
@@ -189,8 +188,8 @@ class Function:
             argument.
         keeps_nan: True if the function is elementwise, and NaN in any argument gives NaN.
         skips_nan: True if the function has one argument and ignores its NaN elements.
-        reduces: number of arguments with which the function reduces a matrix, or its shape, to a
-            number; 0 if it never does.
+        reduces: number of arguments in calls that reduce tiles of a matrix to one number, such as 1
+            for `sum(m)` and 2 for `size(m, 0)`; 0 if there are no such calls.
     """
 
     apply: Callable[..., Any]
@@ -222,7 +221,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Create a `Function` that folds the finite elements, or gives NaN if no element is finite."""
+    """Create a `Function` that folds the finite elements; the result is NaN if there are none."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)

@@ -150,7 +150,7 @@ class Interpreter:
 
 
 def _as_places(value: Value, length: int | None = None) -> NDArray[np.intp]:
-    """Convert a number or a vector to indices; raise a Fault if one is invalid or >= `length`."""
+    """Convert a number or vector to indices; raise a Fault unless they are in [0, `length`)."""
     numbers = np.atleast_2d(np.asarray(value, np.float64))
     if 1 not in numbers.shape:
         raise Fault(f"an index is a number or a vector, not {' x '.join(map(str, numbers.shape))}")

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on matrices (float32 arrays) and numbers (Python floats).
 
-Results stay float32, because in NumPy 1 and 2 an operation between a Python float and a float32
-array results in float32. Layers are read-only views. A writable array is therefore a temporary
-result that may be overwritten.
+An operation between a number and a matrix results in float32. Layers are read-only views; a
+writable array is a temporary result that may be overwritten.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -36,7 +35,7 @@ class Fold:
 
 
 def known(value: Value, *, argument: int | None = None) -> Value:
-    """Return a value that is the same for all cells; raise a Fault for a `WindowMatrix`."""
+    """Return `value`; raise a Fault if it is a `WindowMatrix`, which depends on the cell."""
     if not isinstance(value, float | np.ndarray):
         raise Fault("this must not depend on the data of the window", argument=argument)
     return value
@@ -105,10 +104,10 @@ class Matrices:
 
 
 class Partial(Matrices):
-    """Primitive operations on one tile, which collect the results of all folds in `parts`.
+    """Primitive operations on one tile that also append the result of each fold to `parts`.
 
-    To reduce a tiled map, a function such as `sum` runs with `Partial` on each tile. Afterwards, it
-    runs once with `Combined`, which combines the collected results.
+    To reduce a tiled map, a function such as `sum` runs with `Partial` on each tile, and then once
+    with `Combined`.
     """
 
     def __init__(self) -> None:
@@ -123,7 +122,7 @@ class Partial(Matrices):
 
 
 class Combined(Matrices):
-    """Primitive operations for a tiled map, in which each fold combines the results of all tiles.
+    """Primitive operations on a tiled map; each fold combines the results of all tiles.
 
     Args:
         parts: for each fold in order of evaluation, the results of all tiles; see `Partial`.

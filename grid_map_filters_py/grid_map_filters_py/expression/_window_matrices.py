@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on the windows of many cells with few NumPy calls.
 
-The value of a subexpression is a small matrix *per cell*. All these matrices are stored together,
-as one matrix of elements. An element is a number that all cells share, or a *field*: an array with
-one value per cell.
+The value of a subexpression is one small matrix for each cell. These matrices are stored together:
+element (i, j) is an array with one value per cell, or a number that all cells share.
 
 Elements are computed on demand and freed after use, so even large windows need only the memory of a
-few layers. Fields use double precision, because the heights in a window may be large but almost
+few layers. Arrays use double precision, because the heights in a window may be large but almost
 equal. Numbers are rounded to float32 as in C++.
 """
 
@@ -30,8 +29,8 @@ class WindowMatrix:
     Args:
         shape: (rows, columns) of the matrix.
         at: function that returns the element at a row and column: a number, or an array with one
-            value per cell. The caller may overwrite the array unless it is read-only. `at` must not
-            refer to the matrix, because a reference cycle would delay the release of memory.
+            value per cell. The caller may overwrite a writable array. `at` must not refer to the
+            matrix: a reference cycle would delay the release of memory.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -185,10 +184,7 @@ def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int)
 
 
 class WindowMatrices(Matrices):
-    """Operations on one matrix per cell.
-
-    Values that all cells share remain numbers or matrices.
-    """
+    """Primitive operations on `WindowMatrix` values, numbers and matrices."""
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         if not any(isinstance(value, WindowMatrix) for value in values):
@@ -246,7 +242,7 @@ class WindowMatrices(Matrices):
 
 
 def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix | None:
-    """Return an elementwise result as a `WindowMatrix` subclass with faster folds, or None."""
+    """Return the result as a `WindowMatrix` subclass with faster folds; None if none fits."""
     if all(isinstance(value, SlidingWindow | float) for value in values):
         shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
         sources = [

@@ -126,9 +126,8 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
 def skips_missing(root: Node, name: str) -> bool:
     """Return whether cropping the windows of the layer `name` is equivalent to padding with NaN.
 
-    With padding, all windows have the same size, and the border needs no special treatment.
-    Padding gives the same result if only functions that keep NaN are applied to a window before a
-    reduction that skips NaN. If this simple analysis cannot decide, the result is False.
+    Both are equivalent if only functions that keep NaN are applied to a window before a reduction
+    that skips NaN. In all other cases, the result is False, even though some are equivalent.
     """
     # If a layer hides a function, parentheses after the name mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)
@@ -151,7 +150,7 @@ def _is_number(node: Node, name: str) -> bool:
 
 
 def _keeps_missing(node: Node, name: str) -> bool:
-    """Return True if a subtree passes `_is_number`, or is NaN wherever the window is NaN."""
+    """Return True if a subtree is NaN wherever the window is NaN, or `_is_number` is True."""
     if _is_number(node, name):
         return True
     match node.kind, node.parts:

@@ -2,9 +2,8 @@
 """Functions that are applied to each cell of a map.
 
 A function uses only operators and helpers such as `choose` and `clamp`, so that it works for
-numbers and for arrays. If numba is installed, the function is compiled to a loop over the cells on
-first use. Otherwise, NumPy evaluates it piece by piece, which is several times slower. The results
-are bitwise equal.
+numbers and for arrays. If numba is installed, the function is compiled on first use. Otherwise,
+NumPy evaluates it, which is several times slower. The results are bitwise equal.
 """
 
 import functools
@@ -52,8 +51,8 @@ class CellFunction:
 
     Attributes:
         function: called with one value per layer, followed by a tuple of numbers that are the same
-            for all cells. Constants in the function must be float32 or uint32, like the values,
-            because a Python number would widen the result.
+            for all cells. Constants in the function must have the type of the values, float32 or
+            uint32.
         takes: type of the values: float32, or uint32 for the bits of colors.
         gives: type of the result, float32 or uint32.
         numbers: length of the tuple of float32 numbers.

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Helpers for cell functions that compute colors.
 
-As in grid_map_core_py, a color is packed into the bits 0x00RRGGBB of a layer value. The helpers
-also clamp and scale the channels.
+As in grid_map_core_py, a color is packed into the bits 0x00RRGGBB of a layer value.
 """
 
 import numpy as np
