@@ -44,7 +44,7 @@ def disc_reach(radius: float, resolution: float) -> float:
 
 
 def need_neighbors(radius: float, resolution: float) -> None:
-    """Warn if a disc is so small that it contains only the cell at its center."""
+    """Warn if a disc contains only the cell at its center."""
     if disc_reach(radius, resolution) < 1:
         text = f"radius: expected at least one cell, {resolution:g} m, got {radius:g} m"
         warn(f"{text}. A disc without neighboring cells gives no useful result")
@@ -85,10 +85,7 @@ class Disc:
 
     @cached_property
     def half_widths(self) -> tuple[Field, Field]:
-        """Half-lengths of the chords of the disc [cells], along axis 0 and along axis 1.
-
-        Element i of each array belongs to the chords at a distance of i cells from the center.
-        """
+        """Half-lengths of the chords i cells from the center [cells], along axis 0 and axis 1."""
         rows, columns = (
             np.minimum(half_chords(self._limit, np.arange(other + 1.0)), reach).astype(int)
             for reach, other in (self.reach, self.reach[::-1])
@@ -143,13 +140,12 @@ class Disc:
             values: array returned by `padded`.
             axis: array axis along which the lines run. A disc has one line at its center, and two
                 lines at any other distance from the center.
-            moments: weight each value by its signed distance from the middle of the line.
+            moments: multiply each value by its signed distance from the middle of the line.
 
         Yields:
             distance: distance of the lines from the center [cells]; decreases from the rim to 0.
-            ahead: for every cell, the sum over the line at a higher index than the center. The
-                array has the layout of the flat array of `totals`. The next iteration overwrites
-                it.
+            ahead: sum for every cell over the line at a higher index than the cell, in the layout
+                of the flat array of `totals`; overwritten by the next iteration.
             behind: the same for the line at a lower index; equal to `ahead` if the distance is 0.
         """
         # In a flat array, one slice contains the neighbors of all cells at a given offset.

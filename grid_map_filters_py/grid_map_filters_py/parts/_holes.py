@@ -87,7 +87,7 @@ class Edge(NamedTuple):
 
     @classmethod
     def of(cls, numbers: Integers) -> "Edge":
-        """Create an edge from the hole numbers of its cells, which are 0 outside holes."""
+        """Create an edge from hole numbers (n,), which are 0 outside holes."""
         cells = np.flatnonzero(numbers)
         return cls(len(numbers), cells.astype(np.int32), numbers[cells].astype(np.int32))
 
@@ -99,10 +99,10 @@ class Edge(NamedTuple):
 
 
 class HolesOfTile(NamedTuple):
-    """Holes in one tile, which `merged` joins with the holes in other tiles.
+    """Holes in one tile; input of `merged`.
 
     Args:
-        lowest, highest: extremes of the finite values; NaN if there are none.
+        lowest, highest: smallest and largest finite value; NaN if there are none.
         holes: long holes and holes that touch the tile border; rows and columns refer to the whole
             map.
         edges: edges of the tile, in the order first row, last row, first column, last column.
@@ -121,7 +121,7 @@ class FindHoles:
     Args:
         layer: name of the layer.
         whole: geometry of the whole map.
-        length: length up to which holes are omitted [cells], unless they touch the tile border.
+        length: largest length of omitted holes [cells]; holes at the tile border are never omitted.
     """
 
     layer: str
@@ -174,11 +174,9 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
 
 
 def _roots(count: int, ones: Integers, others: Integers) -> Integers:
-    """For each number below `count`, return the smallest number in the same group.
+    """Return the smallest number in the group of each number below `count`.
 
-    Args:
-        count: exclusive upper limit of the numbers.
-        ones, others: arrays of equal length; `ones[i]` and `others[i]` are in the same group.
+    `ones[i]` and `others[i]` are in the same group.
     """
     roots = np.arange(count)
     while True:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Compiled version of `cv2.inpaint`, several times faster for maps with many holes.
 
-Like OpenCV, it implements Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image
-and Video Inpainting" (2001). Fast marching (Sethian 1996) fills holes from the rim inwards. A cell
-gets a weighted mean of the known and filled cells around it. Weights decrease with distance and are
+The method is from Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and
+Video Inpainting" (2001). Fast marching (Sethian 1996) fills holes from the rim inwards. A cell gets
+a weighted mean of the known and filled cells around it. Weights decrease with distance, and are
 largest where the gradient is perpendicular to the line between the two cells.
 
-Images are padded with one cell on all sides.
+The private functions expect images that are padded with one cell on all sides.
 """
 
 import math
@@ -46,7 +46,7 @@ def inpainted(
 
 
 def _change(before: Any, here: Any, after: Any, has_before: Any, has_after: Any) -> Any:
-    """Sum the absolute differences from two neighbors; if one is unknown, count the other twice."""
+    """Sum the absolute differences from two neighbors; if one is unknown, double the other."""
     change = (abs(after - here) if has_after else _ZERO) + (
         abs(here - before) if has_before else _ZERO
     )
@@ -97,7 +97,7 @@ def _estimate(images: Any, frame: Any, row: Any, column: Any) -> Any:
 
 
 def _arrival(times: Any, one: Any, other: Any) -> Any:
-    """Return when the marching front reaches a cell from a vertical and a horizontal neighbor."""
+    """Return the arrival time of the marching front, given a vertical and a horizontal neighbor."""
     first, second = np.float64(times[one]), np.float64(times[other])
     difference = first - second
     if abs(difference) < 1.0:
@@ -111,7 +111,7 @@ def _has_unknown_neighbor(times: Any, cell: Any, width: Any) -> Any:
 
 
 def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) -> Any:
-    """Fill the unknown neighbors of a cell, enqueue them, and return the next free number."""
+    """Fill and enqueue the unknown neighbors of a cell; return the next free queue number."""
     grays, times = images
     width = frame[1] + 2
     for cell in (middle - width, middle - 1, middle + width, middle + 1):
@@ -131,9 +131,9 @@ def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) 
 
 @loop(("float32*", 2), ("int64", 3))
 def _inpaint(images: Any, frame: Any) -> None:
-    """Fill the unknown cells of two images: gray values and arrival times.
+    """Fill the unknown cells in the images of gray values and arrival times.
 
-    `frame` holds the numbers of rows and columns, without padding, and the radius [cells].
+    `frame` contains the numbers of rows and columns without padding, and the radius [cells].
     """
     times = images[1]
     rows, columns, _ = frame

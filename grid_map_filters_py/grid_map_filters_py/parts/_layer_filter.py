@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Base classes of filters that compute one layer, and functions for extreme values in discs."""
+"""Base classes of filters that compute one layer, and gray-scale dilation and erosion."""
 
 import math
 from abc import ABC, abstractmethod
@@ -59,10 +59,7 @@ class LayerFilter(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class AroundTypicalValue(LayerFilter):
-    """Base class for filters that subtract a typical value first, to preserve precision.
-
-    The typical value is computed once for the whole layer, so that results do not depend on blocks.
-    """
+    """Base class for filters that subtract a typical value of the layer, to preserve precision."""
 
     def _for_blocks_of(self, layer: Layer) -> Callable[[Layer, float], Values]:
         return partial(self._filter_around, typical_value(layer))
@@ -108,7 +105,7 @@ class FillingDiscFilter(DiscFilter):
 
 
 def check_radius(radius: float, name: str = "radius") -> None:
-    """Raise an error that names the parameter `name` unless `radius` is finite and >= 0."""
+    """Raise an error unless `radius` is finite and >= 0; `name` is the parameter name."""
     check(math.isfinite(radius) and radius >= 0, name, "a length >= 0 [m]", radius)
 
 

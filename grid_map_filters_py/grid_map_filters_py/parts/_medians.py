@@ -93,9 +93,9 @@ def _put_blurred(
 ) -> Mask:
     """Write the medians that `cv2.medianBlur` can compute, and return a mask of the other cells.
 
-    If half of the missing values in a window are set to infinity and the others to minus infinity,
-    the middle value is the upper median of the finite values. In most windows, a checkerboard
-    pattern or its inverse divides the missing values in this way.
+    `cv2.medianBlur` needs a value in every cell. If half of the missing values in a window are
+    infinity and the others minus infinity, the result is the upper median of the finite values. In
+    most windows, a checkerboard of infinities or its inverse meets this condition.
     """
     rest = cells.T.copy()
     for color in (0, 1):
@@ -123,7 +123,7 @@ def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> N
         shape: rows and columns of the block, and side of the windows.
         used: work array: 1 if the value at a place is in the window.
         in_buckets: work array: number of values in the window for each bucket of places.
-        found: (rows, columns) ranks of the medians, which are replaced by their places in the list.
+        found: (rows, columns) rank of each median in its window; replaced with its place in the list.
     """
     rows, columns, side = shape
     for row in range(rows):

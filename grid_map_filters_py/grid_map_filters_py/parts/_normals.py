@@ -150,8 +150,8 @@ def _sums(
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
     """Return unit normals of fitted planes; the z axis where no plane can be fitted.
 
-    No plane can be fitted to points on a line. Points are on a line if the second eigenvalue of
-    their covariance matrix is at most `spread`. Cells in the mask `ignored` also get the z axis.
+    If the second eigenvalue of the covariance matrix is at most `spread`, the points are on a line,
+    and no plane can be fitted. Cells in the mask `ignored` also get the z axis.
     """
     *normals, is_exact = _smallest_eigenvectors(*covariances)
     xx, xy, _, yy, _, _ = covariances
@@ -185,7 +185,6 @@ def _moments(
     """For each order, return the sums of value * distance^order over the disc around every cell.
 
     Args:
-        disc: disc around every cell.
         values: padded values.
         axis: array axis along which lines of cells run; distances are measured along the other
             axis.

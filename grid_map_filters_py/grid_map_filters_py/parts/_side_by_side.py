@@ -41,8 +41,8 @@ def thread_count() -> int:
 def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     """Call `function` with each part, in as many threads as the running chain may use.
 
-    Outside a chain with several threads, this function is a plain loop. In all threads, the
-    `numpy.errstate` settings of the caller apply, and `warn` names the filter that the caller runs.
+    Outside a chain with several threads, the calls run in a loop. All threads use the
+    `numpy.errstate` settings of the caller, and their warnings name the caller's filter.
 
     Args:
         function: called by several threads at once, with one part per call, in no particular order.
