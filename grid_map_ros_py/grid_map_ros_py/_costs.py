@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cost layers for the node `costmap`. Costs are whole numbers from 0 to 254 or NaN (unknown)."""
+"""Cost layers (whole numbers from 0 to 254, or NaN) for the node `costmap`."""
 
 import itertools
 import math

@@ -87,7 +87,7 @@ class PlannerSettings:
 
 
 class Planner:
-    """A map with a graph for path planning, which is built on first use."""
+    """A map and its graph for path planning; the graph is built on first use."""
 
     def __init__(self, grid_map: GridMap, settings: PlannerSettings) -> None:
         self.grid_map, self._settings = grid_map, settings

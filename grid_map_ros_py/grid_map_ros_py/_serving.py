@@ -80,7 +80,10 @@ def part(
 
 
 def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | None:
-    """Return a function that opens the map in the parameter `source`; None if `source` is empty."""
+    """Return a function that opens the map in the parameter `source`; None if it is empty.
+
+    The parameters `frame_id` and `origin` are also read. `note` ends the description of `source`.
+    """
     kind: Any = str | list[str]
     about = f"map of any size: a Zarr store, or one or more GeoTIFF files; {note}"
     source = read_parameter(node, "source", kind, "", description=about)
@@ -99,7 +102,7 @@ def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | Non
 def open_source(
     source: str | list[str], frame_id: str = "", origin: Sequence[float] = ()
 ) -> TiledMap:
-    """Open a tiled map; only the metadata is read.
+    """Open a tiled map without reading its layers.
 
     Args:
         source: path of a Zarr store, or one or more paths of raster files.
@@ -172,10 +175,7 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item, and then end the thread.
-
-        Returns whether the thread ends within `timeout` [s].
-        """
+        """Process the waiting item and end the thread; return False after `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

@@ -107,10 +107,7 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Create the expression function `max` or `min`.
-
-    The function reduces one matrix, or combines two matrices elementwise.
-    """
+    """Create `max` or `min`, which reduces one matrix or combines two elementwise."""
 
     def reduce(algebra: Matrices, value: Value, second: Value | None = None) -> Value:
         if isinstance(second, float) and second not in (0.0, 1.0):

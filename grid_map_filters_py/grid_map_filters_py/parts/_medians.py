@@ -123,7 +123,7 @@ def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> N
         shape: rows and columns of the block, and side of the windows.
         used: work array: 1 if the value at a place is in the window.
         in_buckets: work array: number of values in the window for each bucket of places.
-        found: (rows, columns) rank of each median in its window; replaced with its place in the list.
+        found: (rows, columns) rank of each median in its window, replaced with its place.
     """
     rows, columns, side = shape
     for row in range(rows):

@@ -111,7 +111,7 @@ def quality(*, reliable: bool, latched: bool, depth: int) -> QoSProfile:
 
 
 def offers(endpoint: Any) -> dict[str, bool]:
-    """Return whether a publisher is reliable, and whether it serves late-joining subscribers."""
+    """Return the publisher flags `reliable` and `latched` (serves late-joining subscribers)."""
     qos = endpoint.qos_profile
     return {
         "reliable": qos.reliability == ReliabilityPolicy.RELIABLE,
@@ -120,7 +120,7 @@ def offers(endpoint: Any) -> dict[str, bool]:
 
 
 def check_positive(options: argparse.Namespace, *names: str) -> None:
-    """Raise a `UsageError` if a named option has a value that is not a positive number."""
+    """Raise a `UsageError` unless all given options `names` are positive numbers."""
     for name in names:
         value = getattr(options, name)
         if value is not None and not 0 < value < math.inf:

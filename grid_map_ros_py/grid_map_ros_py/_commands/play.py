@@ -59,7 +59,7 @@ def _play(
     publishers: dict[str, Any],
     rate: float,
 ) -> int:
-    """Publish messages until the bag ends or a signal arrives; return how many were published."""
+    """Publish messages until the bag ends or a signal arrives; return the number of messages."""
     begin = time.monotonic()
     for count, (entry, file, topic) in enumerate(entries):
         data = bag.read(file, entry)

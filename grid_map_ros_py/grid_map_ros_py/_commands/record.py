@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Record until a signal, a limit or a full disk ends the recording. The bag is always valid."""
+    """Record until a signal arrives, `--duration` or `--count` is reached, or the disk is full."""
     if options.all == bool(options.topics):
         raise UsageError("name the topics to record, or use --all")
     check_positive(options, "duration", "count")
@@ -154,9 +154,9 @@ class _Recorder:
 
 
 def _definition_of(type_name: str) -> str:
-    """Return the definitions of a message type and all nested types, as rosbag2 stores them.
+    """Return the definitions of a message type and its nested types, as stored by rosbag2.
 
-    The text is empty if a definition file is missing.
+    The result is empty if a definition file is missing.
     """
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}

@@ -78,7 +78,7 @@ class Camera:
     def rays(self, stride: int = 1) -> npt.NDArray[np.float32]:
         """Return x, y at depth 1 (rows, cols, 2) for the rays through every `stride`-th pixel.
 
-        A ray is NaN if the distortion of its pixel cannot be inverted.
+        Rays are NaN where the distortion cannot be inverted.
         """
         height, width = self.size
         u, v = np.arange(0.0, width, stride), np.arange(0.0, height, stride)
@@ -110,7 +110,7 @@ class Camera:
         return np.stack([distorted, y * radial + p2 * xy + p1 * (r2 + 2 * y * y)], axis=1)
 
     def _flat(self, pixels: Floats) -> Floats:
-        """Undistort pixels (N, 2) to points at depth 1, with a fixed-point iteration."""
+        """Undistort pixels (N, 2) to points (N, 2) at depth 1; NaN if the iteration fails."""
         # Damaged messages may contain focal lengths near zero.
         with np.errstate(all="ignore"):
             wanted: Floats = (pixels - self.center) / self.focal
@@ -232,7 +232,7 @@ class CameraImages:
         return Picture(message.header.frame_id, stamp, pixels, self.camera)
 
     def read_depths(self, message: Any) -> Cloud:
-        """Convert the positive, finite depths in an `Image`, or a serialized `Image`, to points."""
+        """Convert an `Image` of depths, or its serialized bytes, to points; skip invalid depths."""
         if isinstance(message, bytes):
             message = view(message, Image)
         picture = self.read_picture(message)

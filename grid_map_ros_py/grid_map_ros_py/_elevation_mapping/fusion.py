@@ -80,7 +80,7 @@ class ElevationFusion:
 
     @property
     def grid_map(self) -> GridMap:
-        """The current map. Each scan creates a new map, but images modify the map in place."""
+        """The current map; scans replace it, and images modify it in place."""
         return self.mapper.grid_map
 
     @property

@@ -55,8 +55,8 @@ class MapOutputs:
     Args:
         chain: filter chain of the filtered map; if None, the map is published unfiltered.
         raw_rate: rate at which the raw map is published if it has changed [Hz].
-        filtered_rate: the same rate for the filtered map. If it is 0, only `trigger` publishes the
-            filtered map. If it is infinite, `on_scan` publishes both maps together.
+        filtered_rate: rate for the filtered map [Hz]. With 0, only `trigger` publishes this map.
+            With infinity, `on_scan` publishes both maps together.
     """
 
     def __init__(

@@ -97,10 +97,7 @@ def _part_of(grid_map: GridMap, request: Any) -> Any:
 
 
 def _topic_of(request: Any) -> str:
-    """Return the bag topic of the filtered map.
-
-    The topic of the raw map has the additional suffix `_raw`.
-    """
+    """Return the bag topic of the filtered map; the raw map has the suffix `_raw`."""
     name = request.topic_name or "elevation_map"
     if "/" in name:
         raise RequestError(f"topic_name: expected a name without slashes, got {name!r}")

@@ -72,7 +72,7 @@ class SensorProcessor:
 
     Attributes:
         model: the sensor model.
-        above, below: ignore points above or below these heights relative to the robot [m].
+        above, below: height above or below which points are ignored, relative to the robot [m].
         unused: parameters that have no effect, with the reasons.
     """
 
@@ -186,10 +186,10 @@ class InputSource:
 
 
 def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Map name patterns of channels to fusion methods.
+    """Return the fusion methods of channels by name pattern.
 
-    The entry `default` becomes the last pattern, `.*`. ROS splits patterns such as `feat_.*` at the
-    dots. This function joins the parts again.
+    ROS splits patterns such as `feat_.*` at the dots; this function joins the parts again. The
+    entry `default` becomes the last pattern, `.*`.
     """
     found: dict[str, Any] = {}
     for name, value in tree.items():

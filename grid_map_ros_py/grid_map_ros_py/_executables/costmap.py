@@ -48,8 +48,8 @@ class CostmapSettings:
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
         origin_grid: spacing of possible costmap borders [cells], counted from the frame origin. The
             map is cropped to these borders, so a moving map requires fewer full grids.
-        unknown: rank of unknown map cells, if a costmap cell touches several map cells and gets the
-            worst cost. `worst`: worse than every cost. `above_free`: worse than cost 0 only.
+        unknown: rank of unknown cells, if a costmap cell gets the worst cost of several map cells.
+            `worst`: worse than every cost. `above_free`: worse than cost 0 only.
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
             never.
         always_send_full: send only full grids.
@@ -72,9 +72,8 @@ class CostmapSettings:
 class Output:
     """Publisher of full grids of type `kind`, and of updates if `update` is not None.
 
-    Full grids and updates are latched. A late subscriber may therefore receive an old update after
-    a newer full grid, and apply the update to that grid by mistake. Two measures limit such
-    mistakes: an update expires after `period` [s], and two full grids follow each update, one per
+    Full grids and updates are latched. A late subscriber could apply an old update to a newer full
+    grid. Therefore, an update expires after `period` [s], and two full grids follow it, one per
     period.
     """
 
@@ -173,10 +172,7 @@ class CostmapNode(ConfiguredNode):
     # --- parameters -------------------------------------------------------------------------------
 
     def _apply(self, settings: CostmapSettings) -> None:
-        """Use the changed settings for later maps.
-
-        The node subscribes again, so a latched map arrives once more and gets the new settings.
-        """
+        """Apply changed settings; resubscribe to receive a latched map again."""
         before, self._settings = self._settings, settings
         self._waiting.clear()
         self._subscription.destroy()

@@ -200,7 +200,7 @@ class PathPlannerNode(ConfiguredNode):
         return graph.path(begin, end, tolerance=tolerance)
 
     def _send(self, path: FoundPath | None) -> Path:
-        """Publish a plan, store its positions for checks on later maps, and return its message."""
+        """Publish and store a plan, and return its message."""
         self._plan = self._plan[:0] if path is None else path.positions
         message = self._message(path)
         self._publisher.publish(message)
@@ -220,10 +220,7 @@ class PathPlannerNode(ConfiguredNode):
         return message
 
     def _cost_to_go(self) -> bytes | None:
-        """Return a map message with the costs to the end of the plan.
-
-        The result is None if there is no map or no plan.
-        """
+        """Return a map message with the costs to the end of the plan; None without map or plan."""
         planner = self._planner
         if planner is None or not len(self._plan):
             return None

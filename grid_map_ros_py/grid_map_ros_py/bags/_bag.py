@@ -85,9 +85,9 @@ class BagWriter:
 
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
-        in_place: if True, an existing bag is deleted first, and the new bag is written directly to
-            `path`. Direct writing suits long recordings: after a crash, readers with `recover=True`
-            can read the bag. An MCAP bag can be completed even if the disk is full.
+        in_place: write directly to `path`, after deleting any existing bag. This suits long
+            recordings: a bag can be read with `recover=True` after a crash, and an MCAP bag can be
+            completed even if the disk is full.
     """
 
     def __init__(
@@ -151,7 +151,7 @@ class BagWriter:
             bag_storage.save(self._folder, document)
 
     def check(self, topic: str) -> None:
-        """Check that a map can be written to `topic`; raise `BagError` if not."""
+        """Raise `BagError` if a map cannot be written to `topic`."""
         self._check_topic(topic)
         with bag_errors(self._path, "written"):
             self._check_parent()
@@ -213,7 +213,7 @@ class BagWriter:
             raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
 
     def _check_parent(self) -> None:
-        """Raise `BagError` if the path is inside another bag: that bag could not be replaced."""
+        """Raise `BagError` if `path` is inside another bag, which could then not be replaced."""
         parent = self._path.resolve().parent
         if Path(parent, bag_storage.FILE_NAME).is_file() and any(
             file.suffix in _BAG_ENDINGS for file in parent.iterdir()
@@ -275,7 +275,7 @@ def bag_maps(
 ) -> Iterator[GridMap]:
     """Yield the maps on a topic in time order.
 
-    The arguments are the same as in `load_from_bag`.
+    See `load_from_bag` for the arguments.
     """
     names = _once(layers)
     with BagReader(path, topic, recover=recover) as bag:
@@ -399,7 +399,7 @@ class BagFiles:
         return data
 
     def _storage(self, file: int) -> _Storage:
-        """Open a storage file. A bag may have many files, so only one is open at a time."""
+        """Return a storage file, opened if necessary; other files are closed."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self.paths[file], recover=self._recover)
@@ -432,9 +432,8 @@ def bag_messages(
 class BagReader(BagFiles):
     """Sequence of the map messages (`BagMessage`) on one topic of a bag, in time order.
 
-    A message is read from the bag when it is accessed, and decoded by its method `grid_map`. Close
-    the reader after use, or use it as a context manager. The arguments are the same as in
-    `load_from_bag`.
+    A message is read when it is accessed, and decoded by its method `grid_map`. Close the reader
+    after use, or use it as a context manager. See `load_from_bag` for the arguments.
     """
 
     def __init__(
@@ -514,7 +513,7 @@ def _open(path: Path, *, recover: bool) -> _Storage:
 def _mcap_classes(
     path: Path,
 ) -> tuple[type[McapFile | Rosbag2File], type[McapWriter | Rosbag2Writer]]:
-    """Return the reader and writer of MCAP files, based on `mcap` or else on `rosbag2_py`."""
+    """Return the reader and writer of MCAP files, from `mcap` if installed, else `rosbag2_py`."""
     try:
         package("mcap.writer", path)
     except MissingPackageError:
@@ -526,7 +525,7 @@ def _mcap_classes(
 
 
 def chosen_storage(storage: str, warn: Callable[[str], object] = warnings.warn) -> str:
-    """Resolve the storage "auto": "mcap" if possible, else "sqlite3" with a warning."""
+    """Return `storage`; "auto" becomes "mcap" if possible, else "sqlite3" with a warning."""
     if storage != "auto":
         return storage
     try:
@@ -539,5 +538,5 @@ def chosen_storage(storage: str, warn: Callable[[str], object] = warnings.warn) 
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return layer names as a tuple, because an iterator could be used for one map only."""
+    """Return layer names as a tuple, so that an iterator can be used for several maps."""
     return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)
