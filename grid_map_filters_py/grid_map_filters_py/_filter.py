@@ -89,7 +89,7 @@ class PartlyLocalFilter(Filter, Protocol):
 class WideningFilter(LocalFilter, Protocol):
     """Filter whose reach depends on the data.
 
-    `reach` returns the initial reach, and `missing` the cells to add if a tile is too small.
+    `reach` returns the initial reach, and `missing` the number of cells by which to widen a tile.
     """
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:

@@ -242,7 +242,7 @@ class WindowMatrices(Matrices):
 
 
 def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix | None:
-    """Return the result as a `WindowMatrix` subclass with faster folds; None if none fits."""
+    """Return an elementwise result as a `WindowMatrix` subclass with faster folds, if one fits."""
     if all(isinstance(value, SlidingWindow | float) for value in values):
         shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
         sources = [
