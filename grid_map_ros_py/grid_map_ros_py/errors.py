@@ -60,7 +60,7 @@ class BagError(GridMapError):
 
 
 class NodeFailedError(GridMapError):
-    """Raised by a callback if its node cannot continue; `run` logs the error and returns 1."""
+    """Raised by a callback to end its node: `run` logs the error and returns 1."""
 
 
 class RequestError(GridMapError):

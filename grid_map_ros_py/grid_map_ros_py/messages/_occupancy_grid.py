@@ -90,7 +90,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, or -1 for NaN.
 
-    The computation uses float32, so that the results match the C++ library.
+    The computation uses float32, so that the results match the C++ grid_map.
     """
     data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):

@@ -98,10 +98,9 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield (depth, positions (M,) of the nodes at this depth, keys (3, M) of the nodes).
+    """Yield (depth, indices (M,) of the nodes at this depth, keys (3, M) of these nodes).
 
-    A position is an index in the stored order. `children` (N, 8) marks the children of each node
-    that are stored as nodes.
+    `children` (N, 8) marks the children of each node that are stored as nodes.
     """
     if not len(children):
         return

@@ -79,7 +79,7 @@ def with_cells(grid: Any, values: npt.NDArray[np.uint8], header: Any) -> Any:
 
 
 def is_same_grid(before: Any, after: Any) -> bool:
-    """Return whether frame, size, resolution and (up to rounding) origin are equal."""
+    """Return whether two grids have equal frame, size, resolution and origin (up to rounding)."""
     (_, one, _), (_, other, _) = _read(before), _read(after)
     if (before.header.frame_id, one.size) != (after.header.frame_id, other.size):
         return False
