@@ -95,10 +95,7 @@ class Rosbag2Writer:
         self._writer.write(topic, data, time)
 
     def finish(self, _: object) -> None:
-        """Close the file and move it to `path`.
-
-        The argument is ignored, because `rosbag2_py` writes the metadata itself.
-        """
+        """Close the file and move it to `path`."""
         self._writer.close()
         file = self._folder / self._path.name
         # The writer does not report a full disk, but the truncated file cannot be opened.

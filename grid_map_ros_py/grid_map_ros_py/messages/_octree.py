@@ -13,8 +13,6 @@ The root is a cube around the origin with 65536 voxels per side. A voxel is a no
 
 Children are numbered from 0 to 7. Bit 0 of the number is set if the child is in the half of its
 parent with the larger x. Bits 1 and 2 stand for y and z in the same way.
-
-The reader first checks the whole tree, then reads all nodes of one depth at a time.
 """
 
 from collections.abc import Iterator

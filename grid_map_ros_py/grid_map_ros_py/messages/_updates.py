@@ -104,7 +104,7 @@ def filled(update: Any, before: Any, after: Any) -> Any:
 
 
 def _read(grid: Any) -> tuple[npt.NDArray[np.uint8], GridGeometry, tuple[str, str, str, str]]:
-    """Return the cells as a uint8 view (height, width), the geometry, and `GRID` or `COSTMAP`."""
+    """Return a uint8 view (height, width) of the cells, the geometry, and `GRID` or `COSTMAP`."""
     names = COSTMAP if hasattr(grid, COSTMAP[0]) else GRID
     check_fields(grid, "nav_msgs/OccupancyGrid or nav2_msgs/Costmap", "data", names[0])
     geometry = check_grid(names[0], getattr(grid, names[0]), names[1:3], len(grid.data))
