@@ -48,7 +48,7 @@ class MessageError(GridMapError, ValueError):
 
 
 class BagError(GridMapError):
-    """The bag at `path`, a file or a folder, cannot be read or written."""
+    """The bag file or bag folder `path` cannot be read or written."""
 
     def __init__(self, path: object, reason: str) -> None:
         self.path = path

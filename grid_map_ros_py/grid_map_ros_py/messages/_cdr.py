@@ -169,7 +169,7 @@ class _Reader:
         self._end = 0
 
     def step(self, size: int, alignment: int = 1, field: str = "") -> int:
-        """Align the position, skip `size` bytes, and return the offset of the skipped bytes."""
+        """Skip the next `size` bytes after alignment, and return their offset."""
         begin = self._end + -self._end % alignment
         if size > self._size - begin:
             raise MessageError(field, f"{size} bytes more", max(self._size - begin, 0))

@@ -49,9 +49,9 @@ def to_occupancy_grid(
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
             Values outside this range are clamped; NaN becomes -1 (unknown). Required if
             `codec` is None.
-        codec: conversion of layer values to costs, which replaces `data_min` and `data_max`. The
-            message contains the occupancies that Nav2 publishes for these costs. For a layer of
-            costs, pass `CostRange()`.
+        codec: converts layer values to costs, in place of `data_min` and `data_max`. The message
+            contains the occupancies that Nav2 publishes for these costs. For a layer of costs,
+            pass `CostRange()`.
     """
     if codec is None:
         stored = occupancies(grid_map[layer], data_min, data_max)

@@ -165,8 +165,8 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
     """Return the z index of the highest occupied voxel in each column of a box.
 
-    The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The axes of the
-    result are x and y, counted from `first`. Columns without an occupied voxel have the value -1.
+    The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The result has the
+    axes x and y, starting at `first`. Columns without an occupied voxel have the value -1.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):

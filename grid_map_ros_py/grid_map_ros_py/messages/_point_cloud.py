@@ -164,7 +164,7 @@ def from_point_cloud(
     max_height: float = np.inf,
     tight: bool = False,
 ) -> GridMap:
-    """Create a map with statistics of the heights and other fields of the points in each cell.
+    """Create a map from a point cloud: statistics of heights and other fields in each cell.
 
     Points outside the map and points with a non-finite coordinate are ignored. The map has the
     frame and the timestamp of the cloud.
@@ -272,10 +272,10 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return the name of the layer for each field of a cloud.
+    """Return the layer name of each field of a cloud, by field name.
 
-    The names are equal, except that the field `rgb`, or else `rgba`, becomes the layer `color`
-    unless the cloud has a field `color`.
+    Layers are named like the fields, except that the field `rgb`, or else `rgba`, becomes the layer
+    `color` unless the cloud has a field `color`.
     """
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):

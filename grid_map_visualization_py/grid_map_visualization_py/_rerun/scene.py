@@ -11,8 +11,8 @@ Each topic becomes an entity path, such as `grid_map` for `/grid_map`. A map has
 - `missing/NAME`: curve of the percentage of missing values.
 
 Each ROS frame becomes a Rerun frame. The 3-D view has its own frame, `view`, whose origin is near
-the first map, because graphics hardware computes in float32. Heights are scaled by `exaggeration`
-only in `view`. All logged data is true to scale.
+the first map, because float32, which graphics hardware uses, is imprecise for large coordinates.
+Heights are scaled by `exaggeration` only in `view`. All logged data is true to scale.
 """
 
 import math

@@ -326,7 +326,7 @@ class Page:
         return frame
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
-        """Return points (..., 3) whose heights above the base are scaled by the exaggeration."""
+        """Return points (..., 3) with the heights above the base scaled by the exaggeration."""
         lifted = np.array(points, np.float64)
         lifted[..., 2] = self._base + self._exaggeration * (lifted[..., 2] - self._base)
         return lifted
