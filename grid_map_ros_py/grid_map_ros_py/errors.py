@@ -48,7 +48,7 @@ class MessageError(GridMapError, ValueError):
 
 
 class BagError(GridMapError):
-    """The bag at `path`, a file or a folder, cannot be read or written."""
+    """The bag file or bag folder `path` cannot be read or written."""
 
     def __init__(self, path: object, reason: str) -> None:
         self.path = path
@@ -60,7 +60,7 @@ class BagError(GridMapError):
 
 
 class NodeFailedError(GridMapError):
-    """Raised by a callback if its node cannot continue; `run` logs the error and returns 1."""
+    """Raised by a callback to end its node: `run` logs the error and returns 1."""
 
 
 class RequestError(GridMapError):

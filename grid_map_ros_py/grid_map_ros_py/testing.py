@@ -89,10 +89,8 @@ reserved_domain = cache(reserve_domain)
 def environment(domain: int | None = None) -> dict[str, str]:
     """Return environment variables that let processes discover only each other.
 
-    Other ROS settings of the caller's shell, such as a discovery server, are removed.
-
-    Args:
-        domain: a ROS domain; None means the domain that `reserved_domain` returns.
+    The variables select the ROS domain `domain`; None means the domain of `reserved_domain`. Other
+    ROS settings of the caller's shell, such as a discovery server, are removed.
     """
     settings = {name for name in os.environ if name.startswith(("ROS_", "RCUTILS_"))}
     settings -= {"ROS_DISTRO", "ROS_HOME", "ROS_LOG_DIR", "ROS_PYTHON_VERSION", "ROS_VERSION"}
@@ -119,14 +117,14 @@ def wait_until(
 
 
 class Process(subprocess.Popen[str]):
-    """Process in its own process group, whose output is collected while it runs.
+    """Process in its own process group; the output is collected while the process runs.
 
     Args:
         command: the program and its arguments.
         overrides: environment variables that override `environment`.
 
     Attributes:
-        lines: lines of stdout and stderr so far, except lines with `OTHER_WAS_FASTER`.
+        lines: lines of stdout and stderr so far, except the harmless error `OTHER_WAS_FASTER`.
     """
 
     def __init__(self, command: Sequence[str], overrides: Mapping[str, str] | None = None) -> None:
@@ -162,8 +160,8 @@ class Process(subprocess.Popen[str]):
     def stop(self) -> None:
         """End the process group with SIGTERM, or with SIGKILL if it is still running after 10 s.
 
-        A process that is killed during startup can leave an empty file in shared memory. New ROS
-        processes in all domains then hang (Fast DDS 2.14).
+        SIGTERM comes first, because a process that is killed during startup can leave an empty file
+        in shared memory, which makes new ROS processes in all domains hang (Fast DDS 2.14).
         """
         for number in (signal.SIGTERM, signal.SIGKILL):
             if self.is_running:
@@ -211,8 +209,6 @@ def refusals(
     starts: Sequence[tuple[str, Sequence[str]]], *, missing: Sequence[str] = ()
 ) -> list[str]:
     """Start nodes that must fail with exit code 1; return their error messages, one line each.
-
-    All nodes run in one process, one after another, to save the startup time of Python.
 
     Args:
         starts: the `main` function of each node, such as "package.module:Class.main", and its
@@ -276,7 +272,7 @@ class Peer:
 
 @contextmanager
 def peer(domain: int | None = None) -> Iterator[Peer]:
-    """Create a `Peer` in the ROS domain of `environment(domain)`, as a context manager."""
+    """Return a context manager that provides a `Peer` in a ROS domain; see `environment`."""
     context = Context()
     with patch.dict(os.environ, environment(domain), clear=True):
         rclpy.init(context=context)

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Registers Rerun recordings as a file format of `grid_map_core_py`.
-
-This module is imported even if no recording is written. Therefore, slow imports are inside the
-functions.
-"""
+"""Registers Rerun recordings as a file format of `grid_map_core_py`."""
 
 from collections.abc import Iterable
 from os import PathLike

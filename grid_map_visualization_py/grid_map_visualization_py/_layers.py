@@ -33,7 +33,7 @@ def is_heights(layer: str) -> bool:
 
 
 def titled(layer: str, label: str = "", *, is_empty: bool = False) -> str:
-    """Return `label`, or else the layer name with its unit; append a note if `is_empty`."""
+    """Return the title of a color bar: `label`, or else the layer name with its unit."""
     unit = " [m]" if is_heights(layer) else " [rad]" if _SLOPES.match(layer) else ""
     return (label or layer + unit) + (": all cells unknown" if is_empty else "")
 

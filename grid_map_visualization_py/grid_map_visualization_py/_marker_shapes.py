@@ -24,7 +24,7 @@ def pose_of(marker: Any) -> Positions:
 
 
 def points_of(marker: Any, pose: Positions) -> Positions:
-    """Return the points (N, 3) of a marker [m], in the frame of its header."""
+    """Return the points (N, 3) [m] of a marker in the frame of the marker header."""
     points = np.array([(p.x, p.y, p.z) for p in marker.points], float).reshape(-1, 3)
     with np.errstate(invalid="ignore"):
         return points @ pose[:3, :3].T + pose[:3, 3]

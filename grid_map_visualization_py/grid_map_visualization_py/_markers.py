@@ -47,7 +47,6 @@ class LineMarker:
         """Return a serialized `visualization_msgs/Marker` in the map frame.
 
         Args:
-            grid_map: the map.
             points: (N, 3) x, y, z [m]. `kind` determines which points are connected.
             kind: `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
             namespace: namespace (`ns`) of the marker.

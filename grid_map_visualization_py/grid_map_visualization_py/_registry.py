@@ -26,7 +26,7 @@ class Visualization(Protocol):
     message_type: ClassVar[type]
 
     def __call__(self, grid_map: GridMap) -> Any:
-        """Convert a map to a message of `message_type`, or to its CDR bytes, ready to publish.
+        """Convert a map to a message of type `message_type`, or to the CDR bytes of the message.
 
         Raises:
             LayerNotFoundError: the map lacks a layer.

@@ -197,8 +197,9 @@ class Surface:
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
     """Yield (mask, offsets) for each of four groups of triangles.
 
-    The triangles of a group omit the same corner of their squares. `mask` (flattened) marks the
-    first cells of these squares. `offsets` are the index differences from there to the corners.
+    Each triangle omits one corner of a square of four cells, the same corner within a group. `mask`
+    (flattened) marks the first cells of the squares. The index of a first cell plus `offsets` gives
+    the three corners of the triangle.
     """
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)

@@ -185,7 +185,7 @@ class McapFile:
             start = after
 
     def _seek(self, stream: BinaryIO, offset: int, code: int) -> int:
-        """Move the stream to the content of the record at `offset`; return the content length."""
+        """Seek the content of the record at `offset`, and return its length [bytes]."""
         stream.seek(offset)
         found, length = _RECORD.unpack(stream.read(_RECORD.size))
         if found != code:
@@ -193,7 +193,7 @@ class McapFile:
         return int(length)
 
     def _unpacked(self, offset: int) -> BinaryIO:
-        """Return a stream of the decompressed chunk at `offset`; the last chunk is cached."""
+        """Return the decompressed chunk at `offset` as a stream."""
         if self._chunk is None or self._chunk[0] != offset:
             self._seek(self._file, offset, _CHUNK)
             size, checksum, length = _CHUNK_HEAD.unpack(self._file.read(_CHUNK_HEAD.size))

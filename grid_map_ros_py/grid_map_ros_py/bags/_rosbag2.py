@@ -28,8 +28,8 @@ def _opened(kind: str, uri: Path, preset: str = "") -> Any:
 class Rosbag2File:
     """An MCAP file, open for reading.
 
-    `Entry.place` is (number of the message among those that `entries` found, topic, number of
-    earlier messages on the topic with the same time). The quality of service is not read.
+    `Entry.place` is (index of the message in reading order, topic, number of earlier messages on
+    the topic with the same time). `Topic.qos` stays empty.
     """
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
@@ -42,7 +42,7 @@ class Rosbag2File:
         }
 
     def entries(self, topics: Collection[str]) -> list[tuple[Entry, str]]:
-        """Read the whole file; return (entry, topic) of each message on `topics`, in time order."""
+        """Return (entry, topic) of each message on `topics`, in time order."""
         self._seek(0, topics)
         found, counts = list[tuple[Entry, str]](), Counter[tuple[str, int]]()
         while self._reader.has_next():
@@ -95,10 +95,7 @@ class Rosbag2Writer:
         self._writer.write(topic, data, time)
 
     def finish(self, _: object) -> None:
-        """Close the file and move it to `path`.
-
-        The argument is ignored, because `rosbag2_py` writes the metadata itself.
-        """
+        """Close the file and move it to `path`."""
         self._writer.close()
         file = self._folder / self._path.name
         # The writer does not report a full disk, but the truncated file cannot be opened.

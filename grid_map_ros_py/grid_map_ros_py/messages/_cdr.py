@@ -63,16 +63,13 @@ def serialize(
     arrays: Mapping[str, npt.NDArray[Any]] = _NONE,
     message_type: MessageType | None = None,
 ) -> bytes:
-    """Serialize a message to CDR; `arrays` can supply the values of sequence fields.
-
-    Publishers accept the bytes in place of a message. For long sequences, pass `arrays`, so that no
-    Python object is created for each element.
+    """Serialize a message to CDR, which publishers accept in place of a message.
 
     Args:
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
-        arrays: values of sequence fields, by field name; replace the fields of `message`. The shape
-            is (N,) for a sequence of N numbers. It is (N, k) for a sequence of N messages with k
-            numbers each. The dtype must be that of the numbers in the field.
+        arrays: values that replace sequence fields of `message`, by field name. Arrays are faster
+            for long sequences. The shape is (N,) for a sequence of N numbers, or (N, k) for a
+            sequence of N messages with k numbers each. The dtype must match the field.
         message_type: type of the message, as for `view`; None means the class of `message`.
     """
     for name in arrays:
@@ -85,13 +82,14 @@ def serialize(
 def view(data: Buffer, message_type: MessageType) -> Any:
     """Deserialize a CDR message to an object with the attributes of the message.
 
-    Nested messages become such objects too. Sequences and arrays of numbers become NumPy arrays,
-    which share the memory of `data` if it is little-endian. Bytes after the message are ignored.
+    Nested messages are converted in the same way. Sequences and arrays of numbers become NumPy
+    arrays; those of a little-endian message are views of `data`. Bytes after the message are
+    ignored.
 
     Args:
         data: the serialized message, little- or big-endian.
-        message_type: class of the message, or the type name, such as "grid_map_msgs/GridMap". Types
-            that `grid-map view` shows need no message package.
+        message_type: class of the message. For types that `grid-map view` shows, the type name,
+            such as "grid_map_msgs/GridMap", is enough and requires no message package.
     """
     return _struct(message_type).read(_Reader(data))
 
@@ -100,7 +98,7 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 class Reordered:
     """Values (N,) that are serialized in another order.
 
-    `write` is called with an array (N,), and copies the values to it in the new order.
+    `write(array)` copies the values to an array (N,) in the new order.
     """
 
     values: npt.NDArray[Any]
@@ -171,7 +169,7 @@ class _Reader:
         self._end = 0
 
     def step(self, size: int, alignment: int = 1, field: str = "") -> int:
-        """Align the position, skip `size` bytes, and return the offset of the skipped bytes."""
+        """Skip the next `size` bytes after alignment, and return their offset."""
         begin = self._end + -self._end % alignment
         if size > self._size - begin:
             raise MessageError(field, f"{size} bytes more", max(self._size - begin, 0))

@@ -41,7 +41,7 @@ COSTS = CostRange(FREE, LETHAL)
 
 @dataclass(frozen=True, eq=False)
 class _Occupancies:
-    """Codec of occupancies; `costs` (102,) holds the costs of 0 to 100 and of -1 (unknown)."""
+    """Codec of occupancies; `costs` (102,) lists the costs of 0 to 100, then of -1 (unknown)."""
 
     costs: Costs
 

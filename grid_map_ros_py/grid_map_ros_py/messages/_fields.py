@@ -131,7 +131,7 @@ def check_finite(
 ) -> Any:
     """Return `rows` (N, k); raise a `MessageError` if some values are not finite.
 
-    The error shows the first row with such a value, or the same row of `found` if given.
+    The error shows the first invalid row, or that row of `found` if `found` is given.
     """
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
@@ -249,7 +249,7 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
 
 
 def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
-    """Return the (4, 4) matrix of `message` or, if present, of its innermost field `inner`."""
+    """Return the (4, 4) matrix of a pose or transform, which may be nested in fields `inner`."""
     from scipy.spatial.transform import Rotation  # slow to import
 
     path = ""

@@ -32,15 +32,15 @@ BLOCK = 8192
 
 
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
-    """Select cells by their values, and convert these cells to `nav_msgs/GridCells`.
+    """Convert the cells with values between two bounds to `nav_msgs/GridCells`.
 
     For large maps, `to_serialized_grid_cells` is faster, because it creates no object per cell.
 
     Args:
         grid_map: the map.
         layer: layer whose values are compared with the bounds.
-        lower, upper: inclusive bounds of the selected values, rounded to float32. NaN and infinite
-            values are never selected.
+        lower, upper: inclusive bounds, rounded to float32. Cells with NaN or infinite values are
+            always omitted.
     """
     message = _without_cells(grid_map)
     centers = centers_between(grid_map, layer, lower, upper).tolist()
@@ -68,7 +68,7 @@ def from_grid_cells(
         message: the cells; z is ignored.
         layer: name of the layer.
         resolution: cell size [m]; must equal the cell width in the message up to float32 rounding.
-            None means the decimal value of that width, such as exactly 0.1.
+            None means the cell width, with the same decimal form, such as exactly 0.1.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
             None means the smallest grid that covers all cells. For messages from `to_grid_cells`,
             the cells of this grid coincide with the original cells.

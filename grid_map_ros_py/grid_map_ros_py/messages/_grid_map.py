@@ -101,9 +101,9 @@ def to_info(geometry: GridGeometry) -> "GridMapInfo":
 
 
 def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> SimpleNamespace:
-    """Return the content of the map message as a plain object with the same attributes.
+    """Return an object with the attributes of a map message that has the start index `start`.
 
-    The start index is `start`. If `start` exceeds uint16, the layers are in map order.
+    If `start` exceeds uint16, the start index is (0, 0).
     """
     names = select_layers(grid_map.layers, layers)
     say_crs_is_lost(grid_map, "a message", stacklevel=4)
@@ -303,7 +303,7 @@ def from_info(info: "GridMapInfo") -> GridGeometry:
 
 
 def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
-    """Return views of the layers in the message, after checking names, sizes and data."""
+    """Return views of the layers by name; raise `MessageError` if the message is invalid."""
     names = list(message.layers)
     if len(message.data) != len(names):
         expected = f"{len(names)} arrays, one for each of layers {names}"

@@ -169,8 +169,8 @@ def _encoding_of(name: str) -> Encoding:
 def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[Any], Order]:
     """Return the pixels (rows, cols, channels) of an image, and their color order.
 
-    The pixels are a view of the message data, or a copy if the data is not aligned. Their byte
-    order is that of the sender. `size` is the required size (rows, cols); None accepts any size.
+    The pixels are a view of the message data, or a copy if the data is not aligned. They keep the
+    byte order of the message. `size` is the required size (rows, cols); None accepts any size.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

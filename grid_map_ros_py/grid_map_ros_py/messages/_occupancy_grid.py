@@ -49,9 +49,9 @@ def to_occupancy_grid(
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
             Values outside this range are clamped; NaN becomes -1 (unknown). Required if
             `codec` is None.
-        codec: conversion of layer values to costs, which replaces `data_min` and `data_max`. The
-            message contains the occupancies that Nav2 publishes for these costs. For a layer of
-            costs, pass `CostRange()`.
+        codec: converts layer values to costs, in place of `data_min` and `data_max`. The message
+            contains the occupancies that Nav2 publishes for these costs. For a layer of costs,
+            pass `CostRange()`.
     """
     if codec is None:
         stored = occupancies(grid_map[layer], data_min, data_max)
@@ -90,7 +90,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, or -1 for NaN.
 
-    The computation uses float32, so that the results match the C++ library.
+    The computation uses float32, so that the results match the C++ grid_map.
     """
     data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):

@@ -73,9 +73,9 @@ def from_octomap(
 ) -> GridMap:
     """Create an elevation map from the highest occupied voxel of each column of an octree.
 
-    The height of a column is the z of the center of its highest occupied voxel within the bounds,
-    or NaN for a column without such a voxel. The map extends to the bounds. On sides without a
-    bound, the map extends to the edge of the tree, including free space.
+    The height of a column is the z coordinate of its highest occupied voxel center within the
+    bounds. Columns without such a voxel are NaN. The map extends to the bounds. On sides without a
+    bound, it extends to the edge of the tree, including free space.
 
     Args:
         message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or
@@ -83,8 +83,8 @@ def from_octomap(
         layer: name of the layer.
         resolution: cell size [m]; None means the voxel size. A cell larger than a voxel gets the
             maximum height of the columns whose centers it contains. Smaller cells are an error.
-        min_bound, max_bound: smallest and largest x, y, z (3,) [m] of the centers of the voxels to
-            use; NaN means no bound.
+        min_bound, max_bound: (3,) smallest and largest x, y, z [m] of the voxel centers; voxels
+            beyond these bounds are ignored. NaN means no bound.
     """
     leaves = _leaves(message)
     timestamp = from_stamp(message.header.stamp)
@@ -183,7 +183,7 @@ def _leaves(message: "Octomap") -> Leaves:
 def _box(
     leaves: Leaves, resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
 ) -> tuple[Voxel, Voxel]:
-    """Return the first and last voxel (3,) within the bounds; NaN means the edge of the tree."""
+    """Return the first and last voxel (3,) within the bounds; NaN bounds mean the tree edge."""
     bounds = np.empty((2, 3))
     for row, name, bound in ((0, "min_bound", min_bound), (1, "max_bound", max_bound)):
         values = as_array(bound, np.float64, name)

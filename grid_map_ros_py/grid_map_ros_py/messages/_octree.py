@@ -13,8 +13,6 @@ The root is a cube around the origin with 65536 voxels per side. A voxel is a no
 
 Children are numbered from 0 to 7. Bit 0 of the number is set if the child is in the half of its
 parent with the larger x. Bits 1 and 2 stand for y and z in the same way.
-
-The reader first checks the whole tree, then reads all nodes of one depth at a time.
 """
 
 from collections.abc import Iterator
@@ -98,10 +96,9 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield (depth, positions (M,) of the nodes at this depth, keys (3, M) of the nodes).
+    """Yield (depth, indices (M,) of the nodes at this depth, keys (3, M) of these nodes).
 
-    A position is an index in the stored order. `children` (N, 8) marks the children of each node
-    that are stored as nodes.
+    `children` (N, 8) marks the children of each node that are stored as nodes.
     """
     if not len(children):
         return
@@ -168,8 +165,8 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
     """Return the z index of the highest occupied voxel in each column of a box.
 
-    The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The axes of the
-    result are x and y, counted from `first`. Columns without an occupied voxel have the value -1.
+    The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The result has the
+    axes x and y, starting at `first`. Columns without an occupied voxel have the value -1.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):

@@ -18,8 +18,5 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
 
 
 def set_array(message: Any, values: "array.array[Any]") -> None:
-    """Set the field `data` of a message to an array without copying.
-
-    The array must have the type of the field. The constructor and the setter would copy the array.
-    """
+    """Set the field `data` of a message to an array of the field type, without copying."""
     message._data = values

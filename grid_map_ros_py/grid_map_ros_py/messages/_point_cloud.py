@@ -100,7 +100,7 @@ def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2"
 def _interleaved(
     grid_map: GridMap, names: tuple[str, ...], point_layer: str, valid: Mask
 ) -> "array.array[int]":
-    """Return the little-endian float32 bytes of an array (N, fields), one row per valid cell."""
+    """Return the fields of all valid cells as little-endian float32 bytes, cell by cell."""
     rows, columns = grid_map.size
     with np.errstate(over="ignore"):
         x, y = (axis.astype(FLOAT) for axis in grid_map.axes())
@@ -164,7 +164,7 @@ def from_point_cloud(
     max_height: float = np.inf,
     tight: bool = False,
 ) -> GridMap:
-    """Create a map with statistics of the heights and other fields of the points in each cell.
+    """Create a map from a point cloud: statistics of heights and other fields in each cell.
 
     Points outside the map and points with a non-finite coordinate are ignored. The map has the
     frame and the timestamp of the cloud.
@@ -175,8 +175,8 @@ def from_point_cloud(
         resolution: cell size [m].
         reduction: statistic of the heights in a cell: `max`, `min`, `mean`, `median`, `first`,
             `last`, `variance` or `count`.
-        onto: geometry of the result, which replaces `resolution`, `length` and `position`. If it is
-            a map, the map must be in the frame of the cloud, and its other layers are kept.
+        onto: geometry of the result, or a map in the frame of the cloud to which the layers are
+            added; replaces `resolution`, `length` and `position`.
         more_layers: statistics of the heights for additional layers, by layer name.
         fields: names of the fields that become layers, besides the heights; None means all fields
             with one number per point. The packed colors `rgb` or `rgba` become the layer `color`
@@ -272,10 +272,10 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return the name of the layer for each field of a cloud.
+    """Return the layer name of each field of a cloud, by field name.
 
-    Layers have the names of the fields, with one exception: the field `rgb`, or else `rgba`,
-    becomes the layer `color`, unless the cloud has a field `color`.
+    Layers are named like the fields, except that the field `rgb`, or else `rgba`, becomes the layer
+    `color` unless the cloud has a field `color`.
     """
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
@@ -313,7 +313,7 @@ def check_layout(message: "PointCloud2") -> None:
 def _view(
     message: "PointCloud2", first: "PointField", count: int | None = None
 ) -> npt.NDArray[Any]:
-    """Return `count` numbers of each point, starting at field `first`, as (N,) or (N, count)."""
+    """Return a view (N,) or (N, count) of `count` numbers per point, starting at field `first`."""
     count = first.count if count is None else count
     shape = (count,) if count > 1 else ()
     rows, dtype = (message.height, message.width), TYPES[first.datatype]

@@ -79,7 +79,7 @@ def with_cells(grid: Any, values: npt.NDArray[np.uint8], header: Any) -> Any:
 
 
 def is_same_grid(before: Any, after: Any) -> bool:
-    """Return whether frame, size, resolution and (up to rounding) origin are equal."""
+    """Return whether two grids have equal frame, size, resolution and origin (up to rounding)."""
     (_, one, _), (_, other, _) = _read(before), _read(after)
     if (before.header.frame_id, one.size) != (after.header.frame_id, other.size):
         return False
@@ -104,7 +104,7 @@ def filled(update: Any, before: Any, after: Any) -> Any:
 
 
 def _read(grid: Any) -> tuple[npt.NDArray[np.uint8], GridGeometry, tuple[str, str, str, str]]:
-    """Return the cells as a uint8 view (height, width), the geometry, and `GRID` or `COSTMAP`."""
+    """Return a uint8 view (height, width) of the cells, the geometry, and `GRID` or `COSTMAP`."""
     names = COSTMAP if hasattr(grid, COSTMAP[0]) else GRID
     check_fields(grid, "nav_msgs/OccupancyGrid or nav2_msgs/Costmap", "data", names[0])
     geometry = check_grid(names[0], getattr(grid, names[0]), names[1:3], len(grid.data))

@@ -27,7 +27,7 @@ PATIENCE = 1.0
 
 @dataclass
 class Health:
-    """State of a node that is reported on `/diagnostics`: counts of its inputs, and errors.
+    """State of a node for `/diagnostics`: input counts and errors.
 
     Attributes:
         inputs: plural noun for the inputs, such as "maps".
@@ -180,7 +180,7 @@ class LogThrottle:
             self._logger.info(line)
 
     def _line(self, text: str, level: str) -> str:
-        """Return the line to log, or "" if the message is suppressed; count suppressed messages."""
+        """Return the line to log, or "" if the message must be suppressed."""
         text, now = cut(text), self._clock()
         key = level, *text.split(": ")[:2]
         logged, held_back = self._recent.get(key, (-math.inf, 0))

@@ -82,12 +82,11 @@ def read_fields(
     defaults: Mapping[str, object] | None = None,
     read_only: bool = True,
 ) -> T:
-    """Create a dataclass whose fields are read from ROS parameters of the same names.
+    """Create an instance of a dataclass from ROS parameters that are named after its fields.
 
     The parameter descriptions are those in the `Attributes:` section of the dataclass.
 
     Args:
-        node: the node.
         cls: the dataclass; all fields must have defaults.
         prefix: prefix of the parameter names, such as `input_sources.front.`.
         defaults: default values by field name, which override the defaults of the dataclass.
@@ -119,7 +118,6 @@ def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> Non
     If the dataclass rejects a change, the parameters keep their values.
 
     Args:
-        node: the node.
         settings: result of `read_fields` without a prefix and with `read_only=False`.
         apply: called with the new settings, unless they equal the previous ones.
     """
@@ -195,7 +193,7 @@ def read_parameter_tree(
             `radius: 1` can be changed to 1.5.
         description: text that `ros2 param describe` shows for each parameter.
         describe: function that takes the result and returns descriptions by name (without prefix);
-            `description` is used for all other parameters.
+            parameters that it does not describe get `description`.
 
     Raises:
         ConfigError: a name has both a value and parameters below it.
@@ -249,7 +247,7 @@ def _declare(
 
 
 def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning about parameter files that have no section for a node, or ""."""
+    """Return a warning about parameter files without a section for a node; "" if none."""
     name, texts = node.get_fully_qualified_name(), []
     # In section names, `*` stands for one name and `**` for any number of names.
     wildcards = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
@@ -265,7 +263,7 @@ def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
 
 
 def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning about parameters that are set but not declared, or "".
+    """Return a warning about parameters that are set but not declared; "" if there are none.
 
     Sections with wildcards, such as `/**`, may contain parameters of other nodes and are ignored.
     """

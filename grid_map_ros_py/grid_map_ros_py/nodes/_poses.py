@@ -45,7 +45,7 @@ LONGEST_JITTER = NANOSECONDS
 
 @dataclass(frozen=True)
 class Placement:
-    """Pose of a scan and of the robot.
+    """Poses of a scan and of the robot at the time of the scan.
 
     Attributes:
         transform: (4, 4) transform from the frame of the scan to the map frame.
@@ -61,7 +61,7 @@ class Placement:
 
 
 class Poses:
-    """Base class of pose sources; an instance of this class accepts only scans in the map frame.
+    """Pose source for scans that are already in the map frame; base class of other sources.
 
     Attributes:
         map_frame: frame of the map.
@@ -135,7 +135,7 @@ class PoseHistory(Poses):
         return f"{what} on {topic}" if topic else what
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
-        """Return a source for another sensor of the same robot; both sources share their poses."""
+        """Return a pose source with the same poses for another sensor of the robot."""
         other = copy.copy(self)
         other._sensor = sensor
         return other
@@ -220,7 +220,7 @@ class PoseHistory(Poses):
         return (1 - share) * begin + share * end
 
     def _around(self, stamp: int) -> tuple[int, int, float]:
-        """Return the indices of the poses before and after a time, and the weight of the latter."""
+        """Return the indices of the poses around a time, and the weight of the second pose."""
         last = len(self._stamps) - 1
         after = min(bisect_left(self._stamps, stamp), last) if stamp else last
         if after == 0 or stamp == 0 or stamp >= self._stamps[after]:
@@ -282,7 +282,7 @@ def has_tf() -> bool:
 
 
 def chosen_source(name: str, without_tf: str) -> str:
-    """Return `name`, except that `auto` becomes `tf` or, if tf2 is missing, `without_tf`."""
+    """Replace the pose source `auto` with `tf` or, if tf2 is missing, with `without_tf`."""
     if name == "auto":
         return "tf" if has_tf() else without_tf
     return name
@@ -297,7 +297,7 @@ def subscribe_to_poses(
     log: LogThrottle,
     depth: int = 1,
 ) -> None:
-    """Subscribe to a pose topic; add each pose to a history, then call `then`."""
+    """Subscribe to a pose topic; for each pose, add it to `history` and call `then`."""
 
     def add(message: Any) -> None:
         history.add(message)

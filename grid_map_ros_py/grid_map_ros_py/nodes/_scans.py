@@ -37,7 +37,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Number of fused and dropped scans, and total points and processing time [s] of the former."""
+    """Numbers of fused and dropped scans; total points and processing time [s] of fused scans."""
 
     fused: int = 0
     dropped: int = 0
@@ -92,9 +92,9 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return a warning with causes and a remedy, or "" if enough points are used.
+        """Return a warning with causes and a remedy if too few points are used; "" otherwise.
 
-        Enough means at least the fraction `FEW` of all points. `unused` contains the number of
+        Too few means less than the fraction `FEW` of all points. `unused` contains the number of
         unused points for each reason.
         """
         total = len(self) + self.missing
@@ -115,7 +115,7 @@ class Cloud:
 
 @dataclass
 class ScanQueue:
-    """Queue of scans of one sensor, which wait for their poses.
+    """Queue of the scans of one sensor that wait for their poses.
 
     A scan more than `LONGEST_JITTER` earlier than the previous scan means that time was reset, for
     example because a bag restarted. Waiting scans and outdated poses are then discarded.
@@ -127,7 +127,7 @@ class ScanQueue:
         fuse: called with a scan and its placement. It returns the number of unused points by
             reason, or None, and raises `GridMapError` if the scan is invalid.
         report: called with an error message when a scan is dropped.
-        what: term for a sensor message in these error messages, such as "a cloud".
+        what: name of a scan in error messages, such as "a cloud".
         timeout: maximum time a scan waits for its pose [s].
         queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
         clock: returns the time [s]; the default clock continues while a simulation is paused.
@@ -221,7 +221,6 @@ class ScanInputs:
     """Subscribes to scan topics and passes the scans to their queues.
 
     Args:
-        node: the node.
         log: logs dropped messages and silent sensors.
         prepare: called before waiting scans are fused.
 
@@ -309,7 +308,7 @@ class ScanInputs:
 
 @dataclass
 class _Sensor:
-    """Sensor; `heard` is the time of its last message [s], or infinity after a silence warning."""
+    """State of a sensor; `heard` is the time [s] of the last message, or infinity if silent."""
 
     name: str
     topic: str

@@ -62,10 +62,9 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     the current callback. A second signal interrupts the callback. An ignored SIGHUP, as under
     `nohup`, stays ignored.
 
-    Some errors are logged as one message: a `GridMapError` or a ROS error from `create_node`, such
-    as an invalid name, and a `NodeFailedError` from a callback. All other exceptions propagate.
-    Parameters that are set but not declared cause a warning. The node reports its state on
-    `/diagnostics`; see `Health`.
+    The function logs a `NodeFailedError` from a callback, and a `GridMapError` or a ROS error from
+    `create_node`, such as an invalid name. All other exceptions propagate. Parameters that are set
+    but not declared cause a warning. The node reports its state on `/diagnostics`; see `Health`.
 
     Args:
         create_node: class of the node, or a function that returns the node.

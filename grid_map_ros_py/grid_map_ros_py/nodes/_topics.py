@@ -49,7 +49,7 @@ def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
 
 
 def describe_topic(node: Node, topic: str, message_type: type) -> str:
-    """Return the full name of a topic with its publisher count or, without publishers, a hint."""
+    """Return the full name of a topic, with its publisher count or a hint why there is none."""
     name, package = node.resolve_topic_name(topic), message_type.__module__.partition(".")[0]
     kind = f"{package}/msg/{message_type.__name__}"
     types = [info.topic_type for info in node.get_publishers_info_by_topic(name)]
@@ -77,8 +77,8 @@ def listen(
 ) -> Callable[[], str]:
     """Subscribe to a topic (best effort); drop and log messages that the callback rejects.
 
-    Unlike in a `LatchedSubscription`, the messages are not counted in the `Health` of the node.
-    Returns a function that describes the topic, for warnings about missing messages.
+    The messages are not counted in the `Health` of the node. Returns a function that describes the
+    topic, for warnings about missing messages.
     """
 
     def receive(message: Any) -> None:
@@ -280,12 +280,10 @@ def offer_service(
     """Create the service `~/name`, and log the errors of its requests.
 
     Args:
-        node: the node.
         kind: class of the service.
         name: name of the service, relative to the node.
         action: function that takes the request and an empty response to fill. If it raises a
             `GridMapError` or a `MemoryError`, the error is logged and an empty response is sent.
-        log: logs the errors.
     """
 
     def respond(request: Any, response: Any) -> Any:

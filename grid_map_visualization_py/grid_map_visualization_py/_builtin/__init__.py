@@ -2,7 +2,8 @@
 """Built-in visualizations.
 
 Each module contains one visualization and is named after its YAML type. The YAML parameters of a
-visualization are the keyword arguments of its class. Calling it with a map returns a message.
+visualization are the keyword arguments of its class. Visualizations are called with a map and
+return a message.
 """
 
 from ._contours import ContoursVisualization as ContoursVisualization

@@ -31,7 +31,7 @@ class ContoursVisualization(LineMarker):
     Attributes:
         layer: layer to draw, usually heights [m].
         interval: spacing of the contour values, which are multiples of `interval`.
-        levels: contour values in any order; replaces `interval`.
+        levels: contour values in any order; if set, `interval` is ignored.
         flat: draw all lines at height zero; useful for layers without heights.
 
     Raises:

@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
-    """Return the map; if possible, as a tiled map, so that only the drawn parts are read."""
+    """Open the map, if possible as a tiled map, so that only the drawn parts are read."""
     # Without Dask, only maps that are too large for memory are opened as tiled maps.
     tiled_map = tiled_source(options, also_small=find_spec("dask") is not None)
     if tiled_map is not None:

@@ -30,8 +30,7 @@ from .._commands.plot import add_style, check_style, draw
 class SnapshotNode(Node):
     """Node that draws the next map or, if the topic is latched, the last published map.
 
-    Args:
-        options: command-line options, as returned by `parsed`.
+    `options` is the result of `parsed`.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:

@@ -22,7 +22,7 @@ PATH_COLOR = (255, 0, 200)
 
 @dataclass(frozen=True)
 class Placed:
-    """Rerun archetypes of a message or a part of it, with their entity path, frame and time.
+    """Rerun archetypes of a message or of a message part, with entity path, frame and time.
 
     Attributes:
         time: time in the message header [ns]; 0 if there is none.
@@ -31,8 +31,8 @@ class Placed:
         archetypes: function that returns the archetypes, with positions relative to a given
             origin (3,) in `frame` [m]. It raises `MessageError` if the message is invalid.
         is_global: True if the path starts at the root, not at the topic.
-        kept: None if the archetypes are logged. A set of paths below the topic means that all other
-            earlier paths are cleared instead.
+        kept: None to log the archetypes. Otherwise, nothing is logged, and all earlier paths below
+            the topic are cleared except those in `kept`.
     """
 
     time: int

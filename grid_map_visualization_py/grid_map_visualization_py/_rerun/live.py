@@ -46,7 +46,7 @@ class LiveScene:
 
     Attributes:
         shown: number of written messages.
-        replaced: number of messages that were replaced by newer messages before they were written.
+        replaced: number of queued messages that were never written, because newer ones arrived.
         problem: error message if Rerun currently accepts no data; empty otherwise.
     """
 

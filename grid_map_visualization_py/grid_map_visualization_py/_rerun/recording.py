@@ -52,7 +52,7 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
 
 @contextmanager
 def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
-    """Yield the path of a pipe that a thread copies to `target`, and a list of write errors.
+    """Yield the path of a pipe and a list of write errors; a thread copies the pipe to `target`.
 
     Without the pipe, Rerun would block forever if a write failed, for example on a full disk.
     """

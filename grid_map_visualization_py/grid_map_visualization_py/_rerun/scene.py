@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Write maps and messages to a Rerun recording, and create a viewer layout that shows them.
 
-Each topic becomes an entity path, such as `grid_map` for `/grid_map`. Below it, a map consists of:
+Each topic becomes an entity path, such as `grid_map` for `/grid_map`. A map has these subpaths:
 
 - `surface`: a mesh with one set of vertex colors per layer.
 - `layers/NAME/color`: image of a layer (x right, y up); cells without a value are transparent.
@@ -11,8 +11,8 @@ Each topic becomes an entity path, such as `grid_map` for `/grid_map`. Below it,
 - `missing/NAME`: curve of the percentage of missing values.
 
 Each ROS frame becomes a Rerun frame. The 3-D view has its own frame, `view`, whose origin is near
-the first map, because graphics hardware computes in float32. Heights are scaled by `exaggeration`
-only in `view`. All logged data is true to scale.
+the first map, because float32, which graphics hardware uses, is imprecise for large coordinates.
+Heights are scaled by `exaggeration` only in `view`. All logged data is true to scale.
 """
 
 import math
@@ -100,14 +100,14 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return `height_layer` or, if empty, the default one; "" for a map without layers."""
+        """Return the height layer: `height_layer`, or else the default; "" without layers."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
     def coloring(self, layer: str, *, is_chosen: bool = True) -> Coloring:
-        """Return the coloring of a layer; names that end in `color` indicate packed colors.
+        """Return the coloring of a layer: packed colors if the layer name ends in `color`.
 
-        If `is_chosen` is false, other layers use the default color map instead of `color_map`.
+        Other layers use `color_map` if `is_chosen` is true, and the default color map otherwise.
         """
         if layer.endswith("color"):
             return Coloring(mode="color", layer=layer)
@@ -406,7 +406,7 @@ class Scene:
     def _place(
         self, frame: str, position: npt.NDArray[np.float64] | None = None
     ) -> tuple[str, npt.NDArray[np.float64]]:
-        """Return a Rerun frame whose origin is near the maps, and that origin in `frame` [m]."""
+        """Return a Rerun frame near the maps, and the position of its origin in `frame` [m]."""
         name = frame or _NO_FRAME
         is_new = frame not in self._origins
         if is_new and position is None:

@@ -56,7 +56,7 @@ class Server:
     Args:
         host: host name or IP address at which the page is served.
         port: port of the page; 0 means any free port.
-        memory_limit: maximum size of the stored messages, such as `512MB`, or `20%` of all memory.
+        memory_limit: maximum size of the stored messages, such as `512MB` or `20%` (of all memory).
         allowed_hosts: additional host names under which browsers may open the page.
 
     Attributes:

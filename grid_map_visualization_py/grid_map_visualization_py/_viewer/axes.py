@@ -33,7 +33,7 @@ class Axes:
         return np.multiply(self.low, self.steps)
 
     def lines(self) -> npt.NDArray[np.float32]:
-        """Return the grid and the z axis as lines (N, 2, 3), relative to the corner [m]."""
+        """Return the grid and the z axis as lines (N, 2, 3), relative to `corner` [m]."""
         x, y, z = (
             step * np.arange(last - first + 1)
             for step, first, last in zip(self.steps, self.low, self.high, strict=True)
@@ -43,7 +43,7 @@ class Axes:
         return np.array([*along_y, *along_x, [(0, y[-1], 0), (0, y[-1], z[-1])]], np.float32)
 
     def labels(self) -> list[tuple[str, tuple[float, ...], str]]:
-        """Return the text, position relative to the corner [m], and anchor of each axis label."""
+        """Return the text, position relative to `corner` [m], and anchor of each axis label."""
         # Labels are placed outside the map, on the sides that face the initial camera.
         back = (self.high[1] - self.low[1]) * self.steps[1]
         starts = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, back, 0.0)])
@@ -63,11 +63,9 @@ class Axes:
 
 
 def axes_around(low: Positions, high: Positions, exaggeration: float) -> Axes:
-    """Return the axes around the bounding box of a map.
+    """Return the axes around a box with the corners `low` and `high` (3,) [m].
 
-    Args:
-        low, high: (3,) corners of the box [m].
-        exaggeration: factor by which drawn heights are scaled.
+    `exaggeration` is the factor by which drawn heights are scaled.
     """
     length, width, height = (high - low).tolist()
     wide = round_step(max(length, width) / TICKS)

@@ -161,9 +161,8 @@ class Page:
     def load(self, scene: SurfaceScene, settings: ViewSettings, *, replaces: bool) -> None:
         """Load a scene into the browsers, but leave it hidden until the next `turn`.
 
-        The previous scene stays visible while the browsers load the new surface. If `replaces` is
-        true, `turn` then removes the previous scene, because both scenes show the same map. If not,
-        `turn` keeps the previous scene in the history.
+        The previous scene stays visible while the browsers load the new one. If `replaces` is true,
+        `turn` removes the previous scene. Otherwise, `turn` keeps it in the history.
         """
         # A scene that was loaded but never shown is also replaced.
         self._replaces = replaces and (self._loading is None or self._replaces)
@@ -327,7 +326,7 @@ class Page:
         return frame
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
-        """Return points (..., 3) whose heights above the base are scaled by the exaggeration."""
+        """Return points (..., 3) with the heights above the base scaled by the exaggeration."""
         lifted = np.array(points, np.float64)
         lifted[..., 2] = self._base + self._exaggeration * (lifted[..., 2] - self._base)
         return lifted

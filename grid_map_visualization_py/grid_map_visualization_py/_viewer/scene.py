@@ -84,10 +84,7 @@ class View:
         return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
     def loses(self, other: "View") -> bool:
-        """Return True if the camera must move to show the map of `other`.
-
-        This is the case if that map is out of view, or more than 3 times larger or smaller.
-        """
+        """Return True if the map of `other` is out of view, or over 3 times larger or smaller."""
         # Heights are ignored, because outliers would make the camera jump.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / 3 < other.reach / self.reach < 3
@@ -233,17 +230,15 @@ def _vectors(surface: Surface, mesh: Mesh, settings: ViewSettings) -> Points:
 
 
 def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
-    """Return the first point (3,) [m, map frame] where a ray hits a mesh, from either side.
+    """Return the first point (3,) [m, map frame] where a ray hits a mesh, or None if it misses.
+
+    Triangles are hit from either side.
 
     Source: Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997.
 
     Args:
-        mesh: the surface.
         start: (3,) start of the ray [m], map frame.
         direction: (3,) direction of the ray, with any nonzero length.
-
-    Returns:
-        The point, or None if the ray misses the mesh.
     """
     direction = np.asarray(direction, dtype=np.float64)
     direction = direction / np.linalg.norm(direction)

@@ -45,7 +45,6 @@ def status(
     """Return the HTML table with the status of the map.
 
     Args:
-        grid_map: the map.
         shown: number of shown rows and columns.
         rate: received maps per second.
         silence: time since the last map was received [s].
@@ -94,11 +93,9 @@ def legend(coloring: Coloring, bounds: tuple[float, float], title: str) -> str:
 
 
 def readout(grid_map: GridMap, position: Positions) -> str:
-    """Return the HTML table of the cell at a position, with the values of all layers.
+    """Return the HTML table of the cell at `position` (2,) [m, map frame], with all layer values.
 
-    Args:
-        grid_map: the map, unwrapped, with all layers.
-        position: (2,) x, y [m], map frame.
+    The map must be unwrapped and contain all layers.
     """
     place = [("x", f"{position[0]:.3f} m"), ("y", f"{position[1]:.3f} m")]
     if not grid_map.is_inside(position):

@@ -31,7 +31,7 @@ RATE_WINDOW = 3.0
 
 
 def rate_of(arrivals: Iterable[float], now: float) -> float:
-    """Return the rate [Hz] of the arrivals in the last `RATE_WINDOW`; 0 for fewer than two."""
+    """Return the arrival rate [Hz] in the last `RATE_WINDOW`; 0 for fewer than two arrivals."""
     recent = [at for at in arrivals if now - at <= RATE_WINDOW]
     return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
 

@@ -133,8 +133,8 @@ def save_animation(
         path: path of the .gif or .mp4 file; an existing file is replaced.
         speed: playback speed relative to the recording.
         dpi: pixels per inch.
-        progress: called after each map that is read or drawn, with the number of finished maps and
-            the total number of maps.
+        progress: called with the number of drawn maps and the total number of maps, after each map
+            that is read or drawn.
         options: keyword arguments of `plot`, except `ax`.
 
     Raises:

@@ -61,10 +61,7 @@ class Blocks(NamedTuple):
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
     """Return the side length [cells] of the square blocks that are drawn as one pixel each.
 
-    Args:
-        axes: axes on which the map is drawn.
-        size: number of rows and columns of the map.
-        max_drawn_cells: see `plot`.
+    `size` is the number of rows and columns of the map. For `max_drawn_cells`, see `plot`.
     """
     if max_drawn_cells is not None:
         return max(1, math.ceil(math.sqrt(size[0] * size[1] / (max_drawn_cells or math.inf))))
@@ -81,8 +78,6 @@ def paint(
     """Draw a map on axes, and set the axis limits to the map.
 
     Args:
-        axes: axes on which the map is drawn.
-        grid_map: the map.
         coloring: colors of the cells.
         side: side length [cells] of the square blocks that are drawn as one pixel each.
         heights: height layer for hillshading; empty means no hillshading.
@@ -136,7 +131,7 @@ def paint(
 
 
 def add_color_bar(axes: Any, coloring: Coloring, values: Layer, label: str, **look: Any) -> Any:
-    """Add a color bar with the title of the layer; omit the ticks if the value range is unknown."""
+    """Add a color bar for a layer, without ticks if the value range is unknown."""
     without = is_empty(coloring, values)
     look["label"] = titled(coloring.layer, label, is_empty=without)
     look |= {"ticks": []} if without else {}
@@ -223,9 +218,7 @@ def lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> 
 def add_scale_bar(axes: Any, *, has_north: bool) -> None:
     """Add a scale bar of 1, 2 or 5 times a power of ten meters, at most 1/4 of the axes wide.
 
-    Args:
-        axes: axes on which the map is drawn.
-        has_north: also add a north arrow, which points along +y (grid north).
+    If `has_north` is true, also add a north arrow, which points along +y (grid north).
     """
     x0, x1 = axes.get_xlim()
     most = (x1 - x0) / 4

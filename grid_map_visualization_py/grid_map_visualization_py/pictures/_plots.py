@@ -307,12 +307,9 @@ def _opened(grid_map: AnyMap) -> "GridMap | TiledMap":
 
 
 def _loaded(site: "GridMap | TiledMap", layers: set[str], cells: float) -> "GridMap":
-    """Return a `GridMap` unchanged, or load a tiled map, thinned out if it is large.
+    """Return a `GridMap` unchanged, or load `layers` of a tiled map.
 
-    Args:
-        site: the map.
-        layers: names of the layers to load.
-        cells: minimum number of cells to keep when thinning out; infinite keeps all cells.
+    A large tiled map is thinned out, but keeps at least `cells` cells.
     """
     if isinstance(site, GridMap):
         return site
