@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Covariances of the sensor pose, and the points of a scan with their map cells."""
+"""Pose covariances, and the points of a scan that are within all limits."""
 
 from __future__ import annotations
 
@@ -117,9 +117,9 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
     """Return the covariance that the motion from one pose to the next adds.
 
-    The old covariance is propagated to the new position: there, a tilt error has lifted the sensor
-    by `roll * dy - pitch * dx`, and a yaw error has moved it by `yaw * (-dy, dx)`. The propagated
-    covariance is subtracted from the new covariance. Negative eigenvalues become 0.
+    The old covariance is propagated to the new position and subtracted from the new covariance.
+    During the motion, a tilt error lifts the sensor by `roll * dy - pitch * dx`, and a yaw error
+    shifts it by `yaw * (-dy, dx)`. Negative eigenvalues become 0.
 
     Args:
         old, new: covariances of the previous and the new pose.
@@ -184,10 +184,8 @@ class Scan:
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n).
-
-    A matrix product is not used, because its rounding depends on the index of a point.
-    """
+    """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n)."""
+    # The rounding of a matrix product would depend on the index of a point.
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -217,7 +215,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 
 
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
-    """Check additional point values, and return them as arrays (count,) by layer name."""
+    """Return validated additional point values as arrays (count,) by layer name."""
     columns = {}
     check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():
@@ -242,8 +240,6 @@ def located(
         cloud: (N, 3) or wider, sensor frame [m].
         transform: (4, 4) from the sensor to the map frame.
         noise: pose covariance, shared by all points; None means an exact pose.
-        sensor: noise model of the sensor.
-        geometry: geometry of the map.
         given: parameters that contain the range and height limits.
     """
     count, kept, dropped = len(cloud), 0, dict[str, int]()
