@@ -95,7 +95,7 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
     Args:
         name: subject of the error message.
-        size: numbers of rows and columns, which may be infinite.
+        size: numbers of rows and columns; may be infinite.
         layers: number of layers to allocate; 0 if the input already contains the layer data.
     """
     cells = size[0] * size[1]

@@ -156,7 +156,7 @@ def from_north_up(image: Image) -> Image:
 
 
 def encode_image(image: Image, ending: str) -> bytes:
-    """Encode an image in the format of the file name ending `ending`, such as ".png"."""
+    """Encode an image in the format of files with the ending `ending`, such as ".png"."""
     done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")

@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    The attributes are Python numbers, because NumPy scalars are several times slower. As an
-    exception, the result of `both_axes` has arrays for all attributes except `resolution`.
+    The attributes are Python numbers. In an axis from `both_axes`, all attributes except
+    `resolution` are arrays.
 
     Attributes:
         size: number of cells.
@@ -62,9 +62,8 @@ class Axis:
     def steps(self, x: Coordinate) -> Coordinate:
         """Return the distances of coordinates from the + border [cells].
 
-        The distances are fractional. As in the C++ library, floating-point rounding differs from
-        that of `contains`: even for a coordinate on the map, the result may be slightly below 0, or
-        equal to `size`.
+        The distances are fractional. As in the C++ library, rounding errors are possible: for a
+        coordinate on the map, the result may be slightly below 0, or equal to `size`.
         """
         steps = x - self.half
         steps -= self.center
@@ -125,7 +124,7 @@ class Axis:
         return cell, t
 
     def overlapped(self, lower: float, upper: float) -> slice:
-        """Return the slice of the cells that an interval overlaps; it may be empty.
+        """Return the slice of the cells that an interval overlaps, which may be empty.
 
         A cell counts only if the interval extends into it by more than `BORDER_TOLERANCE`.
         """

@@ -2,7 +2,7 @@
 """Geometry of a grid: conversion between positions and cell indices.
 
 Cells are counted from the corner with the largest x and y, rows towards -x and columns towards -y,
-for any start index. `_axis` does the arithmetic. `_ring_buffer` converts cells to buffer indices.
+for any start index.
 """
 
 from __future__ import annotations
@@ -282,7 +282,7 @@ class GridGeometry:
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point on the map nearest to each position (..., 2) [m]; NaN is an error."""
+        """Return the point on the map nearest to each position (..., 2) [m]. NaN is an error."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
