@@ -296,7 +296,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._reference[1]
 
     def _in_crs(self, crs: Any) -> GridMap:
-        """Return this map or, if `crs` is given, a map with the same layers and this `crs`."""
+        """Return a map with the same layers and this `crs`, or this map if `crs` is empty."""
         result = self._with(self._layers) if crs else self
         result._reference = (as_crs(crs), (0.0, 0.0)) if crs else self._reference
         return result
@@ -385,7 +385,7 @@ class GridMap(MutableMapping[str, Layer]):
             self[name] = value
 
     def setdefault(self, layer: str, default: ArrayLike = np.nan) -> Layer:
-        """Return a layer; if it is missing, first add it with the value `default`."""
+        """Return a layer. If it is missing, add it first with the value `default`."""
         if layer not in self:
             self[layer] = default
         return self[layer]
@@ -414,7 +414,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._sharing({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
-        """Return a new map without the named layers. It shares the others, as in `with_layers`."""
+        """Return a new map without the named layers. It shares all others, as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
         return self._sharing({n: data for n, data in self._layers.items() if n not in dropped})
 
@@ -590,7 +590,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Moving and cutting
 
     def move(self, position: ArrayLike) -> list[BufferRegion]:
-        """Move the map to a new center; data keeps its position in the frame.
+        """Move the map to a new center. Data keeps its position in the frame.
 
         The map moves by whole cells, so the new center is within half a cell of `position`. Data
         that leaves the map is lost, and new cells are NaN in all layers. No data is copied.
@@ -857,13 +857,13 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`; a `GridMap` is first reordered to the start index of this map."""
+        """Return `layers`. A `GridMap` is first reordered to the start index of this map."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
 
     def _aligned(self, name: str, value: Any) -> ArrayLike:
-        """Return `value`, after aligning an xarray array with the buffer by its coordinates."""
+        """Align an xarray array with the buffer by its coordinates. Other values stay unchanged."""
         if not getattr(value, "dims", ()):
             return value  # type: ignore[no-any-return]
         x, y = (axis + start for axis, start in zip(self.axes(), self.origin, strict=True))
@@ -900,7 +900,7 @@ class GridMap(MutableMapping[str, Layer]):
         geometry: GridGeometry | None = None,
         start: Size | None = None,
     ) -> GridMap:
-        """Return a map with these layers; the other attributes are copied without checks."""
+        """Return a map with these layers. The other attributes are copied without checks."""
         result = GridMap.__new__(GridMap)
         result._put(
             geometry or self._geometry,
@@ -914,7 +914,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Reorder `data` to the start index `start`; if nothing changes, return `data` itself."""
+        """Reorder `data` from this map's start index to `start`. If both are equal, return `data`."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

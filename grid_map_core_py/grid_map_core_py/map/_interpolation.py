@@ -132,8 +132,7 @@ class Surface:
     Args:
         geometry: the grid.
         start: start index of the layer.
-        layer: (rows, cols) values of the layer, or of a block in map order that contains all cells
-            needed.
+        layer: (rows, cols) values of the layer, or a block in map order with all required cells.
         corner: row and column of the map at which `layer` begins.
     """
 
@@ -216,10 +215,10 @@ class Surface:
 
 
 def _shape(method: Interpolation) -> tuple[int, bool]:
-    """Return the number of cells that a method uses along an axis, and its `closed_above`.
+    """Return the number of cells that a method uses along an axis, and the argument `closed_above`.
 
-    If a coordinate is exactly at a cell center, `CUBIC` interpolates in the interval below the
-    center, as in C++. The other methods use the interval above it. See `Axis.between`.
+    If a coordinate is exactly at a cell center, `CUBIC` uses the interval below the center, as in
+    C++. The other methods use the interval above the center. See `Axis.between`.
     """
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 
@@ -270,15 +269,15 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Change the outer weights so that the slope at the border cell continues beyond the border.
+    """Return outer weights with which the slope at the border cell continues beyond the border.
 
-    The outer neighbor on the map has the weight `far`; the one beyond the border has `near`.
+    `far` is the weight of the outer neighbor on the map, `near` of the one beyond the border.
     """
     return far - near, 2.0 * near
 
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return the flat buffer offsets of cells -2 to count + 1, clamped to the cells of the map."""
+    """Return the flat buffer offsets of cells -2 to `count` + 1, with the border cells repeated."""
     cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
     return (cells + start) % count * stride

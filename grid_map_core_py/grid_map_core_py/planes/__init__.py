@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Planar regions, which describe the flat parts of a map as planes with outlines, for footholds.
+"""Planar regions: flat parts of a map, with planes and outlines, for planning footholds.
 
 - `extract_planes` returns the `PlanarRegions` of a map. Regions keep their ids from map to map.
 - `PlanarRegion`: a plane with covariance, an outer polygon and holes.
