@@ -914,7 +914,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Reorder `data` from this map's start index to `start`. If both are equal, return `data`."""
+        """Reorder `data` from the start index of this map to `start`. May return `data` itself."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

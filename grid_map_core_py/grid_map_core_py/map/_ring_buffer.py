@@ -36,7 +36,7 @@ class BufferRegion:
 
 @lru_cache(maxsize=16)
 def lines(size: int, start: int) -> Integers:
-    """Return the buffer row (or column) of each map row (or column), as a read-only array (size,)."""
+    """Return the buffer row (or column) of each map row (or column): (size,), read-only."""
     numbers = np.concatenate((np.arange(start, size), np.arange(start)))
     numbers.flags.writeable = False
     return numbers
@@ -76,7 +76,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Return (buffer, block) slices of the 1 to 4 parts of a block, split where the buffer wraps."""
+    """Return (buffer, block) slices of the 1 to 4 parts of a block, cut where the buffer wraps."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
