@@ -123,9 +123,7 @@ def most_bytes(packed: float) -> float:
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
     """Raise `LimitError` if compressed data exceeds `max_bytes` or `max_ratio` when unpacked.
 
-    Args:
-        name: subject of the error message.
-        unpacked, packed: sizes of the data after and before unpacking [bytes].
+    `unpacked` and `packed` are sizes [bytes]. `name` is the subject of the error message.
     """
     if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")

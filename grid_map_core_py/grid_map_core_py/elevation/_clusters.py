@@ -53,7 +53,7 @@ class Sorted:
 
 
 def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: int) -> Sorted:
-    """Sort points (n,) by cell, descending height and variance. The map has `size` cells."""
+    """Sort points (n,) as described in `Sorted`. The map has `size` cells."""
     if compiled := deal.compiled():
         count = len(cells)
         order, dealt = np.empty(count, np.int64), np.empty((2, count))
@@ -178,9 +178,7 @@ class Clusters:
 
         A cluster agrees if its mean differs from the height by at most
         `max(threshold * sqrt(height variance + cluster variance + spread), relief)`.
-
-        Args:
-            heights, variances: (m,) map values in the cells with points; unknown heights are NaN.
+        `heights` and `variances` (m,) are those of the cells with points; unknown values are NaN.
         """
         gate = self.threshold * np.sqrt(variances[self.groups] + self.variances + self.spreads)
         away = np.abs(self.means - heights[self.groups])

@@ -335,9 +335,9 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return the first row (or column) of a beam, its exit value, and the increase per row.
+    """Return a beam's first row, the beam parameter at the end of this row, and the step per row.
 
-    Exit value and increase refer to the beam parameter (0: sensor, 1: point).
+    The same applies to columns.
     """
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:

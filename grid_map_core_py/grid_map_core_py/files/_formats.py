@@ -165,7 +165,6 @@ def find_format(
     """Return the first format that matches a path and accepts all options.
 
     Args:
-        path: the file or folder.
         options: names of the options that the format must accept.
         name: name of the format; None selects the format by the path.
         writes: True to write to the path, False to read it.

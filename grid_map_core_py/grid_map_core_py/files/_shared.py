@@ -155,7 +155,6 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
     """Yield an empty temporary folder; on success, it replaces the folder at `path`.
 
     Args:
-        path: path of the folder.
         check_old: function that raises an error if the existing file or folder must not be
             replaced; called before anything is written, and again before the replacement.
 

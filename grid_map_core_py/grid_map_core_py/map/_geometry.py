@@ -229,9 +229,7 @@ class GridGeometry:
     def check_indices(self, cells: ArrayLike, name: str = "index") -> Cells:
         """Return cells as (rows, cols) after checking that all are on the map.
 
-        Args:
-            cells: (rows, cols), or (N, 2).
-            name: name of the parameter, for error messages.
+        `cells` is (rows, cols) or (N, 2). `name` is the name of the parameter in error messages.
         """
         cells = as_cells(cells, name)
         if not cells[0].size or all(

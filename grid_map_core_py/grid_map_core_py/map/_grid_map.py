@@ -400,7 +400,7 @@ class GridMap(MutableMapping[str, Layer]):
         self[layer] = value
 
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
-        """Return a new map with these layers added or replaced.
+        """Return a new map in which `layers` are added or replaced.
 
         The new map shares all other layers with this map. A shared layer is copied on first access
         as `new[layer]`. Float32 arrays in Fortran order are used without a copy. Other arrays in
@@ -888,7 +888,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers. Layers of this map are copied on first access."""
+        """Return a map with the given layers. Layers of this map are copied on first access."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}
@@ -900,7 +900,7 @@ class GridMap(MutableMapping[str, Layer]):
         geometry: GridGeometry | None = None,
         start: Size | None = None,
     ) -> GridMap:
-        """Return a map with these layers. The other attributes are copied without checks."""
+        """Return a map with the given layers. The other attributes are copied without checks."""
         result = GridMap.__new__(GridMap)
         result._put(
             geometry or self._geometry,

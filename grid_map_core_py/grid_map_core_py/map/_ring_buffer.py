@@ -36,7 +36,7 @@ class BufferRegion:
 
 @lru_cache(maxsize=16)
 def lines(size: int, start: int) -> Integers:
-    """Return the buffer row (or column) of each map row (or column): (size,), read-only."""
+    """Return the buffer row or column (size,) of each map row or column. The array is read-only."""
     numbers = np.concatenate((np.arange(start, size), np.arange(start)))
     numbers.flags.writeable = False
     return numbers

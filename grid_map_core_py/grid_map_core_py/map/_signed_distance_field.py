@@ -222,7 +222,6 @@ class SignedDistanceField:
         """Return the node coordinates of points, and the first node that each point needs.
 
         Args:
-            points: (N, 3).
             rounded: rounding function, such as `np.floor`.
             width: number of nodes needed along each axis, including the first node.
 
