@@ -30,13 +30,12 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 
     The height and the variance are the weighted mean and variance over a cell and its neighbors.
     The upper bound is the 99 % quantile of the upper bounds of these cells, and the lower bound is
-    the 1 % quantile of their lower bounds. Neighbors that are unknown, or more than four cells away
-    along an axis, have no weight.
+    the 1 % quantile of their lower bounds. Neighbors are at most four cells away along each axis.
+    Unknown neighbors are ignored.
 
     Args:
         heights, variances: heights [m] and their variances [m^2]; unknown heights are NaN.
         horizontal: horizontal variance of each cell, used along both x and y [m^2].
-        resolution: side of a cell [m].
 
     Raises:
         LimitError: the neighbors of all cells would take too much memory.

@@ -44,11 +44,11 @@ class Covariance:
     level: NDArray[np.float64]
 
     def of_points(self, x: Any, y: Any) -> Any:
-        """Return the height variance [m^2] of points at `x`, `y` due to the uncertainty of the pose.
+        """Return the height variance [m^2] of points due to the uncertainty of the pose.
 
-        A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
-        result is the variance of this lift plus the variance of z. `x` and `y` [m] are relative to
-        the sensor, in directions of the map axes.
+        A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`, where `x`
+        and `y` [m] are relative to the sensor, along the map axes. The result is the variance of this
+        lift plus the variance of z.
         """
         (height, _, _), (_, roll, both), (_, _, pitch) = self.matrix.tolist()
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
@@ -116,9 +116,9 @@ def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covaria
     """Return the covariance that the motion from one pose to the next adds.
 
     The covariance `old` of the previous pose is propagated to the new position, and subtracted from
-    the covariance `new`. During the motion (`dx`, `dy`) [m] in the map frame, a tilt error lifts the
-    sensor by `roll * dy - pitch * dx`, and a yaw error shifts it by `yaw * (-dy, dx)`. Negative
-    eigenvalues become 0.
+    `new`. During the motion (`dx`, `dy`) [m] in the map frame, a tilt error lifts the sensor by
+    `roll * dy - pitch * dx`, and a yaw error shifts it by `yaw * (-dy, dx)`. Negative eigenvalues
+    become 0.
     """
     tilt = np.array([[1.0, dy, -dx], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     turn = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])

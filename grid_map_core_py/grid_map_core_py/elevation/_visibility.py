@@ -274,10 +274,8 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
 
     Args:
         ways: x, y and z of the vectors from the sensor to the points of the beams [m].
-        count: number of beams.
         frame: row, column and height of the sensor, the resolution, the sine of
             `cleanup_min_angle`, and `max_ray_length`.
-        size: rows and columns of the map.
         table: result of `cover`.
         surface: the following seven arrays. Candidates are the cells that may be cleared.
             ceilings: for each cell, the height below which a beam can clear the cell.

@@ -130,7 +130,6 @@ class Surface:
     """Interpolated layer, evaluated at coordinates (2, N): a row of x and a row of y.
 
     Args:
-        geometry: the grid.
         start: start index of the layer.
         layer: (rows, cols) values of the layer, or a block in map order with all required cells.
         corner: row and column of the map at which `layer` begins.
