@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Largest variance [m^2] that relief or the pose may add, so that cells stay known."""
+        """Upper limit of the variance that relief or the pose adds, so that cells stay known [m^2]."""
         return 0.25 * self.largest_variance
 
 

@@ -46,9 +46,9 @@ class Covariance:
     def of_points(self, x: Any, y: Any) -> Any:
         """Return the height variance [m^2] of points due to the uncertainty of the pose.
 
-        A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`, where `x`
-        and `y` [m] are relative to the sensor, along the map axes. The result is the variance of this
-        lift plus the variance of z.
+        A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
+        result is the variance of this lift plus the variance of z. The positions `x` and `y` [m]
+        are relative to the sensor, along the axes of the map.
         """
         (height, _, _), (_, roll, both), (_, _, pitch) = self.matrix.tolist()
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)

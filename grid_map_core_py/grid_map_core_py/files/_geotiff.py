@@ -269,7 +269,7 @@ def checked_crs(crs: Any) -> str:
 
 
 def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, Any]:
-    """Return the rasterio options for storing `layers` layers of a map in a north-up raster."""
+    """Return the rasterio options for a north-up raster of a map with `layers` bands."""
     geometry, step = described.geometry, described.resolution
     west, north = geometry.position + described.origin + [-0.5, 0.5] * geometry.length
     profile = {

@@ -151,7 +151,7 @@ def to_north_up(image: Image) -> Image:
 
 
 def from_north_up(image: Image) -> Image:
-    """Rotate an image with +y up and +x right to map order; the inverse of `to_north_up`."""
+    """Rotate an image with +y up and +x right to map order. Inverse of `to_north_up`."""
     return image[:, ::-1].swapaxes(0, 1)
 
 

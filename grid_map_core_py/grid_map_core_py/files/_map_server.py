@@ -268,7 +268,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the image path of an existing map if `save_map_server` wrote the image, else None."""
+    """Return the image path of an existing map, or None if `save_map_server` did not write it."""
     if not file.exists():
         return None
     document = load_yaml(file)

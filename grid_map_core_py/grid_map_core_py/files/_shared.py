@@ -143,7 +143,7 @@ class StoredMap:
 
 @contextmanager
 def new_file(path: str | PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path; on success, the file written there replaces the file at `path`."""
+    """Yield a temporary path. On success, the file at this path replaces the file at `path`."""
     with _beside(path) as (temporary, target):
         yield temporary
         _sync(temporary)
@@ -152,7 +152,7 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -> Iterator[Path]:
-    """Yield an empty temporary folder; on success, it replaces the folder at `path`.
+    """Yield an empty temporary folder. On success, this folder replaces the folder at `path`.
 
     Args:
         check_old: function that raises an error if the existing file or folder must not be

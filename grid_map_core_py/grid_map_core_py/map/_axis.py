@@ -86,7 +86,7 @@ class Axis:
         return lower, upper
 
     def cell_at(self, x: float) -> int:
-        """Return the cell that contains a coordinate on the map; a cell includes its + border."""
+        """Return the cell that contains a coordinate on the map. A cell includes its + border."""
         return min(max(int(self.steps(x)), 0), self.size - 1)
 
     def center_of(self, cell: Coordinate) -> Coordinate:

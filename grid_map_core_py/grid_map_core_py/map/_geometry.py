@@ -274,7 +274,7 @@ class GridGeometry:
         return rows, columns
 
     def cropped(self, rows: slice, columns: slice) -> GridGeometry:
-        """Return the geometry of a block of cells; the slices are in map order."""
+        """Return the geometry of a block of cells, given as slices in map order."""
         return self._of(
             self._x.block(rows.start, rows.stop), self._y.block(columns.start, columns.stop)
         )

@@ -165,7 +165,7 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: str = "",
         timestamp: int = 0,
     ) -> GridMap:
-        """Create a map with the grid `geometry`; other arguments are as in the constructor."""
+        """Create a map with the grid `geometry`. See the constructor for the other arguments."""
         grid_map = cls.__new__(cls)
         grid_map._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
         grid_map._fill(layers, basic_layers)
@@ -574,7 +574,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return x, y and value of a cell, (3,) [m], or three NaN if the value is not finite."""
+        """Return the x, y and value of a cell as (3,) [m]. All are NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))

@@ -144,7 +144,7 @@ class Surface:
         self._corner = corner
 
     def at(self, points: Positions, method: Interpolation) -> Positions:
-        """Return the values (N,) at positions (N, 2); raise `OutOfMapError` outside the map."""
+        """Return the values (N,) at positions (N, 2). Raises `OutOfMapError` outside the map."""
         values = np.empty(len(points))
         # Infinity times a weight of 0 is NaN. The values are then computed with a simpler method.
         with np.errstate(invalid="ignore"):

@@ -125,7 +125,7 @@ def lines_under(
 
 
 def _runs(inside: Mask) -> list[slice]:
-    """Return a slice for each run of True in a (n,) mask; runs do not wrap around the end."""
+    """Return a slice for each run of True in a mask (n,). Runs do not wrap around the end."""
     padded = np.concatenate(([False], inside, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
     return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

@@ -24,7 +24,7 @@ _FLAGS = {
 
 
 def resize_flag(interpolation: Interpolation | str | int) -> int:
-    """Return OpenCV's `resize` flag for a name or an `Interpolation`; a flag stays unchanged."""
+    """Return OpenCV's `resize` flag for a name or an `Interpolation`. A flag is returned as is."""
     if isinstance(interpolation, int):
         return interpolation
     name = interpolation.value if isinstance(interpolation, Interpolation) else interpolation

@@ -43,7 +43,7 @@ def lines(size: int, start: int) -> Integers:
 
 
 def place(numbers: Integers, start: int, size: int) -> None:
-    """Convert rows or columns of the map (N,) to buffer indices, in place."""
+    """Convert map rows or columns (N,) to buffer indices, in place."""
     if start and numbers.size < _FEW:
         lines(size, start).take(numbers, mode="clip", out=numbers)
     elif start:
@@ -86,7 +86,7 @@ def copies(
 
 
 def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy of a layer in map order; `start` is the start index of the layer."""
+    """Return a copy of a layer in map order. `start` is the start index of the layer."""
     rows, columns = layer.shape
     return block(layer, start, slice(0, rows), slice(0, columns), out)
 

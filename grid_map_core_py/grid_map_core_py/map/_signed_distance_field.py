@@ -252,7 +252,7 @@ class SignedDistanceField:
         return index.astype(np.intp)
 
     def _corners(self, cells: _Coordinates, out: Nodes) -> Nodes:
-        """Write the distances (8, N) at the corners of cells to `out`; x changes slowest."""
+        """Write the distances (8, N) at the corners of cells to `out`. x changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._corner_nodes, strict=True):
             # All indices are valid. Unlike "raise", the mode "clip" needs no temporary buffer.
