@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Upper limit of the variance that relief or the pose adds, so that cells stay known [m^2]."""
+        """Largest variance [m^2] that relief or the pose may add. This limit keeps cells known."""
         return 0.25 * self.largest_variance
 
 

@@ -86,7 +86,7 @@ class Covariance:
 
 
 def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Covariance | None:
-    """Convert a pose covariance (6, 6) to a `Covariance`; None stays None.
+    """Convert a pose covariance (6, 6) to a `Covariance`. None stays None.
 
     Raises:
         GeometryError: the shape is wrong, or the matrix is not symmetric, finite and positive
@@ -145,7 +145,7 @@ class Scan:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
         variances: (n,) variances of z from the sensor noise alone [m^2].
-        cells: (n,) cell index of each point (column-major, in map order), or OUTSIDE.
+        cells: (n,) column-major cell index of each point in map order, or OUTSIDE.
         places: (n,) indices of the points in the cloud.
         horizontal: (n,) horizontal variances, averaged over x and y [m^2]; empty if not requested.
         dropped: number of dropped points for each reason.

@@ -252,7 +252,7 @@ def load_yaml(path: str | PathLike[str]) -> Any:
 
 
 def parse_yaml(text: str | bytes, name: object) -> Any:
-    """Parse a YAML text; `name` identifies the text in errors.
+    """Parse a YAML text. `name` identifies the text in errors.
 
     Raises:
         GridMapError: the text is not valid YAML, or a key occurs twice.

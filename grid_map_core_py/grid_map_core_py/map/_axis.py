@@ -47,7 +47,7 @@ class Axis:
         self.first = center + 0.5 * (self.length - resolution)
 
     def contains(self, x: Coordinate) -> bool | Mask:
-        """Return whether coordinates are on the map; False for NaN.
+        """Return whether coordinates are on the map. The result is False for NaN.
 
         The border with the larger coordinate (the + border) belongs to the map; the other border
         does not. Coordinates near a border are rounded as in the C++ library.

@@ -574,7 +574,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return the x, y and value of a cell as (3,) [m]. All are NaN if the value is not finite."""
+        """Return the x, y and value (3,) of a cell [m]. All are NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
@@ -716,7 +716,7 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map gets the values of the `other` cell that contains its center.
+        Each cell of this map gets the values that `other` has at the center of the cell.
         Values that are not finite are not copied. A map without `crs` adopts the `crs` of `other`.
 
         Args:
@@ -741,8 +741,8 @@ class GridMap(MutableMapping[str, Layer]):
 
         Each cell with a finite height becomes a 3-D point with the values of the other layers. If a
         cell of the new map contains several points, the highest one is used. Among equally high
-        points, the one whose original cell is last in column-major map order is used. Points
-        outside the new map are dropped.
+        points, the point from the last cell in column-major map order is used. Points outside the
+        new map are dropped.
 
         Args:
             transform: (4, 4) rotation and translation [m] from the frame of this map to the new
