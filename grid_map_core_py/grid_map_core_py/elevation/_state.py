@@ -125,7 +125,7 @@ class State:
         return layers
 
     def keep_horizontal(self, variances: Numbers, points: Sorted, used: Mask) -> None:
-        """Set the horizontal variance of each cell to the mean over its points in the mask `used`."""
+        """Set the horizontal variance of cells to the mean over their points in the mask `used`."""
         groups, order = points.groups[used], in_one_order(points, variances)[used]
         counts = np.bincount(groups, minlength=len(points.cells))
         seen = np.flatnonzero(counts)
