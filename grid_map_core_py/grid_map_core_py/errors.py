@@ -108,7 +108,7 @@ def short(value: object) -> str:
 
 
 def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
-    """Return `; did you mean a or b?` with at most `most` similar names; "" if none is similar."""
+    """Return `; did you mean a or b?` with up to `most` similar names, or "" if none is similar."""
     # A ROS message may contain any number of names, so only the first ones are compared.
     close = difflib.get_close_matches(str(wrong)[:_LONGEST], islice(known, _MOST_NAMES), most)
     return f"; did you mean {' or '.join(close)}?" if close else ""

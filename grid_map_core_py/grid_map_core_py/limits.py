@@ -95,7 +95,7 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
     Args:
         name: subject of the error message.
-        size: numbers of rows and columns, which may be infinite.
+        size: numbers of rows and columns; may be infinite.
         layers: number of layers to allocate; 0 if the input already contains the layer data.
     """
     cells = size[0] * size[1]
@@ -123,9 +123,7 @@ def most_bytes(packed: float) -> float:
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
     """Raise `LimitError` if compressed data exceeds `max_bytes` or `max_ratio` when unpacked.
 
-    Args:
-        name: subject of the error message.
-        unpacked, packed: sizes of the data after and before unpacking [bytes].
+    `unpacked` and `packed` are sizes [bytes]. `name` is the subject of the error message.
     """
     if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")

@@ -79,7 +79,7 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
 
 
 def mean_color(cells: Integers, values: npt.NDArray[Any], size: int) -> _Flat:
-    """Return the mean color of each cell, with the mean of each channel rounded."""
+    """Return the mean color of each cell; each channel is rounded to an integer."""
     numbers = np.bincount(cells, minlength=size)
     means = [
         (np.bincount(cells, channel, size) + numbers // 2) // np.maximum(numbers, 1)

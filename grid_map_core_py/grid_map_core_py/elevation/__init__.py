@@ -4,8 +4,8 @@
 `ElevationMapper` fuses range sensor scans into heights with variances, and clears cells that beams
 pass through. `UpdateReport` summarizes one update.
 
-Each of these models describes the noise of a sensor: `LaserModel`, `StructuredLightModel`,
-`StereoModel`, `ConstantModel`, and `PerfectModel` (no noise). Other models implement `SensorModel`.
+The sensor noise models are `LaserModel`, `StructuredLightModel`, `StereoModel`, `ConstantModel` and
+`PerfectModel` (no noise). A custom noise model implements `SensorModel`.
 
 `RollingMap` keeps the largest, smallest, mean or last height in each cell.
 """

@@ -53,7 +53,7 @@ class Sorted:
 
 
 def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: int) -> Sorted:
-    """Sort points (n,) as in `Sorted`. `size` is the number of cells of the map."""
+    """Sort points (n,) as described in `Sorted`. The map has `size` cells."""
     if compiled := deal.compiled():
         count = len(cells)
         order, dealt = np.empty(count, np.int64), np.empty((2, count))
@@ -71,7 +71,7 @@ def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: 
 
 
 def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
-    """Return `points.order`, with points of equal height and variance sorted by `values` (n,)."""
+    """Return `points.order`, with `values` (n,) as tie-breaker for equal heights and variances."""
     order = points.order
     same = np.zeros(len(order) + 1, np.bool_)
     same[1:-1] = (np.diff(points.heights) == 0) & (np.diff(points.variances) == 0)
@@ -89,10 +89,9 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
 def deal(
     cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Sort points by cell, then by descending height, then by variance, as in `Sorted`.
+    """Compiled version of `sorted_by_cell`.
 
     Args:
-        cells: (count,) cell index of each point.
         points: (count,) heights and variances of the points.
         size: number of cells of the map.
         borders: (size + 1,) zeros. On return, `borders[i]` is the end (exclusive) of cell i.
@@ -119,7 +118,7 @@ def deal(
 
 
 def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) -> None:
-    """Sort a slice of points by descending height, then by variance, with Shellsort.
+    """Shellsort a slice of points by descending height, then by variance.
 
     Args:
         begin, end: start and end (exclusive) of the slice.
@@ -148,8 +147,8 @@ class Clusters:
 
     Attributes:
         points: the points on the map.
-        threshold: height difference that `agree` accepts [standard deviations].
-        relief: height difference that `agree` always accepts [m].
+        threshold: largest height difference that `agree` accepts [standard deviations].
+        relief: height difference up to which `agree` always accepts a cluster [m].
         groups: (q,) index of each cluster's cell in `points.cells`.
         firsts: (q,) index in `points` of each cluster's highest point.
         counts: (q,) number of points in each cluster.
@@ -179,9 +178,7 @@ class Clusters:
 
         A cluster agrees if its mean differs from the height by at most
         `max(threshold * sqrt(height variance + cluster variance + spread), relief)`.
-
-        Args:
-            heights, variances: (m,) map values in the cells with points; unknown heights are NaN.
+        `heights` and `variances` (m,) are those of the cells with points; unknown values are NaN.
         """
         gate = self.threshold * np.sqrt(variances[self.groups] + self.variances + self.spreads)
         away = np.abs(self.means - heights[self.groups])
@@ -189,18 +186,18 @@ class Clusters:
         return fits
 
     def first(self, chosen: Mask) -> Integers:
-        """Return each cell's highest cluster (m,) among those in the mask `chosen`, or `NONE`."""
+        """Return the index (m,) of each cell's highest cluster in the mask `chosen`, or `NONE`."""
         return self.last(chosen, -1)
 
     def last(self, chosen: Mask, step: int = 1) -> Integers:
-        """Return each cell's lowest cluster (m,) among those in the mask `chosen`, or `NONE`."""
+        """Return the index (m,) of each cell's lowest cluster in the mask `chosen`, or `NONE`."""
         found = np.full(len(self.points.cells), NONE)
         numbers = np.flatnonzero(chosen)[::step]
         found[self.groups[numbers]] = numbers
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the joined point indices of k clusters, and where each cluster starts in them."""
+        """Return the concatenated point indices of k clusters, and each cluster's offset (k,)."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -209,8 +206,7 @@ class Clusters:
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
     """Group the points of each cell into clusters of consistent heights.
 
-    `common` (m,) is the height variance [m^2] that the pose causes in each cell of `points.cells`.
-    All points of a cell share this variance.
+    `common` (m,) is the height variance [m^2] due to the pose, shared by all points of a cell.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances
@@ -240,7 +236,7 @@ def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Param
 def _grow_arrays(
     points: Sorted, threshold: float, relief: float, counts: Integers, sums: Numbers
 ) -> None:
-    """NumPy version of `grow_clusters`: grow one cluster per cell in each pass."""
+    """NumPy version of `grow_clusters`, vectorized over cells."""
     z, r = points.heights, points.variances
     starts, stops = points.begins, points.ends
     while len(starts):
@@ -268,10 +264,11 @@ def _grow_arrays(
 
 @loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
-    """Form clusters, and store the results of each cluster at the index of its first point.
+    """Group the points of each cell into clusters.
 
-    `counts` receives the number of points. `sums` receives the sums of w, w h and w h^2 over the
-    points, where w is the inverse variance of a point, and h its height above the first point.
+    The outputs are stored at the index of each cluster's first point. `counts` receives the number
+    of points. `sums` receives the sums of w, w h and w h^2 over the points, where w is the inverse
+    variance of a point, and h is its height above the first point.
     """
     begins, ends = borders
     z, r = points

@@ -12,8 +12,8 @@ defines when a cluster agrees with this height. Each cell with points has one of
   height and the cluster are fused with inverse-variance weights.
 - `STARTED`: the height was unknown. The cell gets the height of the surface.
 - `RAISED`: the surface is above the height and replaces it. A smaller cluster above the surface is
-  a candidate. A candidate replaces the height after three scans within half a second contained it
-  at the same height, with at least `conflict_points` points each.
+  a candidate. It replaces the height after three scans within half a second contained it at the
+  same height, each time with at least `conflict_points` points.
 - `LOWERED`: the surface is below the height and replaces it, in one of two cases:
   - (a) The height was not confirmed for `scanning_duration`, and the beams of at least
     `conflict_points` points of the surface entered the cell above the height.
@@ -61,9 +61,9 @@ LEVEL = 0.03
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
     """Return the vertical offset of a scan from the map [m], or 0 if the cells do not agree.
 
-    Near steps and edges, points and map differ even without drift. Therefore, a cell votes only if
-    its variance is small, and its eight neighbors are known and about as high. Each cluster in such
-    a cell has one vote: its offset from the map.
+    Near steps and edges, scan and map differ even without drift. Therefore, only level cells vote:
+    cells with a small variance, whose eight neighbors are known and have about the same height.
+    Each cluster in such a cell has one vote, which is its vertical offset from the map.
 
     The tolerance of a vote is `threshold * sqrt(height variance + cluster variance)`. Votes that
     exceed `max_drift` by more than their tolerance are ignored. Votes agree if they differ from the
@@ -106,7 +106,7 @@ class Outcome(IntEnum):
 
 @dataclass
 class Fusion:
-    """Fuses the clusters of a scan into the cells of a map, which are modified in place.
+    """Fusion of the clusters of a scan into the map state, which is modified in place.
 
     Attributes:
         entries: function that accepts point indices, and returns the heights [m] at which the beams
@@ -159,7 +159,7 @@ class Fusion:
         return used
 
     def _decide(self, surface: Integers, is_large: Mask) -> None:
-        """Set `outcomes` and `chosen` without regard to candidates, which `_merge` adds later."""
+        """Set `outcomes` and `chosen`, ignoring candidates."""
         clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
         agrees = clusters.agree(old, self.state.variances[self._cells])
         smaller = is_large & (self._numbers < surface[groups])
@@ -176,7 +176,7 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return a mask (k,) of the cells in `lower` whose cluster may replace the height."""
+        """Return a mask (k,) of the cells `lower` whose chosen cluster may replace the height."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
         # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
@@ -231,9 +231,9 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the candidate (m,) of each cell if enough scans contained it, otherwise `NONE`.
+        """Return the index (m,) of each cell's candidate if enough scans contained it, or `NONE`.
 
-        If more scans must contain a candidate, the state keeps it for the next scans.
+        Other candidates are kept for the next scans.
         """
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
@@ -258,9 +258,9 @@ class Fusion:
         return np.where(done, again, NONE)
 
     def _overhangs(self, is_large: Mask) -> Integers:
-        """Find overhangs, and return the lowest overhanging cluster (m,) of each cell, or `NONE`.
+        """Return the lowest overhanging cluster (m,) of each cell, or `NONE`.
 
-        The layer `overhang` is updated. Cells that hold the height of an overhang become NaN.
+        Updates the layer `overhang`. Heights in the map that belong to an overhang become NaN.
         """
         clusters, state, cells = self.clusters, self.state, self._cells
         groups, heights = clusters.groups, clusters.points.heights

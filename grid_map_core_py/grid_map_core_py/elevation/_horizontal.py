@@ -30,13 +30,12 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 
     The height and the variance are the weighted mean and variance over a cell and its neighbors.
     The upper bound is the 99 % quantile of the upper bounds of these cells, and the lower bound is
-    the 1 % quantile of their lower bounds. Neighbors that are unknown, or more than four cells away
-    along an axis, have no weight.
+    the 1 % quantile of their lower bounds. Neighbors are at most four cells away along each axis.
+    Unknown neighbors are ignored.
 
     Args:
         heights, variances: heights [m] and their variances [m^2]; unknown heights are NaN.
         horizontal: horizontal variance of each cell, used along both x and y [m^2].
-        resolution: side of a cell [m].
 
     Raises:
         LimitError: the neighbors of all cells would take too much memory.
@@ -64,7 +63,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield the weights, heights and variances (k,) of all neighbors at one offset at a time."""
+    """For each offset, yield the weights, heights and variances (k,) of known cells' neighbors."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
@@ -89,7 +88,7 @@ def _share(step: int, deviations: Cells) -> Cells:
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the quantile (k,) above which the values of a cell together weigh at most `_TAIL`."""
+    """Return the weighted quantile (k,) of each cell's values, at the level `1 - _TAIL`."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.argmax(above > _TAIL, axis=0)

@@ -163,9 +163,9 @@ class ElevationMapper:
         sensor: SensorModel | None = None,
         limits: Parameters | None = None,
     ) -> UpdateReport:
-        """Fuse the points of a scan into the map; if an error occurs, the map stays unchanged.
+        """Fuse the points of a scan into the map.
 
-        The result does not depend on the order of the points.
+        If an error occurs, the map stays unchanged. The order of the points has no effect.
 
         The map clock restarts at `timestamp` if the time jumps by more than `max_time_jump`, or if
         scans arrive with earlier timestamps for more than a second. All cells then count as just
@@ -333,7 +333,7 @@ class ElevationMapper:
     # Stages
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
-        """Let all cells age, and return the start of the clock and the time of the scan [ns]."""
+        """Age all cells, and return the start of the map clock and the time of the scan [ns]."""
         start = stamp if self._start is None else self._start
         first = stamp if self._late is None else self._late
         self._late = first if stamp < last else None

@@ -56,8 +56,8 @@ class Parameters:
         ignore_points_below: smallest height of points relative to the sensor [m].
         min_range: smallest distance of points from the sensor [m].
         max_range: largest distance of points from the sensor [m].
-        horizontal_variances: add the layer `horizontal_variance`, with which
-            `ElevationMapper.fused_map` accounts for horizontal uncertainty.
+        horizontal_variances: add the layer `horizontal_variance`, which `ElevationMapper.fused_map`
+            needs.
         exponential_alpha: weight of the last scan in `exponential` fusion, 0 to 1.
     """
 
@@ -114,7 +114,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Largest variance [m^2] that relief or the pose may add, so that cells stay known."""
+        """Largest variance [m^2] that relief or the pose may add. This limit keeps cells known."""
         return 0.25 * self.largest_variance
 
 
@@ -133,8 +133,8 @@ class SensorModel(Protocol):
         Args:
             points: (3, n) x, y, z [m], sensor frame.
             distances: (n,) distances from the sensor [m], more than 0.
-            axis: (3,) unit vector of the axis, sensor frame: the map's vertical, or another axis,
-                such as the map's x axis for horizontal variances.
+            axis: (3,) unit vector, sensor frame: the vertical axis of the map, or its x or y axis
+                for horizontal variances.
 
         Returns:
             Variances [m^2]; NaN for points that the sensor cannot measure, which are then dropped.
@@ -142,7 +142,7 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Base class that raises an error if an attribute is not finite or has a forbidden sign."""
+    """Base class of sensor models. Checks that each attribute is finite and has a valid sign."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""
@@ -188,7 +188,7 @@ class LaserModel(_Model):
 
 
 class _Camera(_Model):
-    """Base class of cameras, with noise along and across the optical axis (z of the sensor)."""
+    """Base class of cameras with noise along and across the optical axis (z, sensor frame)."""
 
     def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
         del distances

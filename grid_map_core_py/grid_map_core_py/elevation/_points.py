@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Covariances of the sensor pose, and the points of a scan with their map cells."""
+"""Pose covariances, and the points of a scan that are within all limits."""
 
 from __future__ import annotations
 
@@ -47,10 +47,8 @@ class Covariance:
         """Return the height variance [m^2] of points due to the uncertainty of the pose.
 
         A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
-        result is the variance of this lift plus the variance of z.
-
-        Args:
-            x, y: positions relative to the sensor [m], map frame.
+        result is the variance of this lift plus the variance of z. The positions `x` and `y` [m]
+        are relative to the sensor, along the axes of the map.
         """
         (height, _, _), (_, roll, both), (_, _, pitch) = self.matrix.tolist()
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
@@ -88,7 +86,7 @@ class Covariance:
 
 
 def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Covariance | None:
-    """Convert a pose covariance (6, 6) to a `Covariance`; None stays None.
+    """Convert a pose covariance (6, 6) to a `Covariance`. None stays None.
 
     Raises:
         GeometryError: the shape is wrong, or the matrix is not symmetric, finite and positive
@@ -117,13 +115,10 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
     """Return the covariance that the motion from one pose to the next adds.
 
-    The old covariance is propagated to the new position: there, a tilt error has lifted the sensor
-    by `roll * dy - pitch * dx`, and a yaw error has moved it by `yaw * (-dy, dx)`. The propagated
-    covariance is subtracted from the new covariance. Negative eigenvalues become 0.
-
-    Args:
-        old, new: covariances of the previous and the new pose.
-        dx, dy: motion of the sensor [m], map frame.
+    The covariance `old` of the previous pose is propagated to the new position, and subtracted from
+    `new`. During the motion (`dx`, `dy`) [m] in the map frame, a tilt error lifts the sensor by
+    `roll * dy - pitch * dx`, and a yaw error shifts it by `yaw * (-dy, dx)`. Negative eigenvalues
+    become 0.
     """
     tilt = np.array([[1.0, dy, -dx], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     turn = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
@@ -150,7 +145,7 @@ class Scan:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
         variances: (n,) variances of z from the sensor noise alone [m^2].
-        cells: (n,) cell index of each point (column-major, in map order), or OUTSIDE.
+        cells: (n,) column-major cell index of each point in map order, or OUTSIDE.
         places: (n,) indices of the points in the cloud.
         horizontal: (n,) horizontal variances, averaged over x and y [m^2]; empty if not requested.
         dropped: number of dropped points for each reason.
@@ -184,10 +179,8 @@ class Scan:
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n).
-
-    A matrix product is not used, because its rounding depends on the index of a point.
-    """
+    """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n)."""
+    # The rounding of a matrix product would depend on the index of a point.
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -217,7 +210,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 
 
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
-    """Check additional point values, and return them as arrays (count,) by layer name."""
+    """Return validated additional point values as arrays (count,) by layer name."""
     columns = {}
     check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():
@@ -242,8 +235,6 @@ def located(
         cloud: (N, 3) or wider, sensor frame [m].
         transform: (4, 4) from the sensor to the map frame.
         noise: pose covariance, shared by all points; None means an exact pose.
-        sensor: noise model of the sensor.
-        geometry: geometry of the map.
         given: parameters that contain the range and height limits.
     """
     count, kept, dropped = len(cloud), 0, dict[str, int]()

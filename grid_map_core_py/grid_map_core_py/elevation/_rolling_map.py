@@ -103,7 +103,7 @@ class RollingMap:
         position: ArrayLike | None = None,
         timestamp: int | None = None,
     ) -> dict[str, int]:
-        """Fuse the points of a cloud into the map; if an error occurs, the map stays unchanged.
+        """Fuse the points of a cloud into the map. An error leaves the map unchanged.
 
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
@@ -180,7 +180,7 @@ def _newer(old: Layer, new: Layer) -> Layer:
 
 
 def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
-    """Return the mean, variance and count of the old and new points combined.
+    """Return the mean, variance and count of old and new points together.
 
     Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
     """

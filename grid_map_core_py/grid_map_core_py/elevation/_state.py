@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Working copy of the elevation map layers during an update, and neighborhood functions."""
+"""Working copy of the layers of an elevation map, and functions on cell neighborhoods."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class State:
         return layers
 
     def keep_horizontal(self, variances: Numbers, points: Sorted, used: Mask) -> None:
-        """Set each cell's horizontal variance to the mean variance of its `used` points."""
+        """Set the horizontal variance of cells to the mean over their points in the mask `used`."""
         groups, order = points.groups[used], in_one_order(points, variances)[used]
         counts = np.bincount(groups, minlength=len(points.cells))
         seen = np.flatnonzero(counts)

@@ -38,7 +38,7 @@ FUSIONS = ("average", "latest", "exponential", "max", "color", "class_bayesian")
 
 @dataclass(frozen=True)
 class Chosen:
-    """Points of a scan, with a mask of those that were fused into the heights of their cells.
+    """Points of a scan, and which of them were fused into the heights of their cells.
 
     Attributes:
         points: all points on the map.
@@ -175,7 +175,7 @@ def _forgotten(
 def _used(
     chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
 ) -> tuple[Integers, NDArray[Any], Numbers]:
-    """Return cells, values and weights of the fused points, independent of the scan's order."""
+    """Return the cells, values and weights of the fused points, in the order of `in_one_order`."""
     points = chosen.points
     # Packed colors are compared as bits, because many colors are NaN as float32.
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)

@@ -47,7 +47,7 @@ from ._state import State, highest_around
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
     """Return the heights (k,) [m] at which beams entered the cells of their points.
 
-    `order` (n,) contains the scan indices of the points on the map; `chosen` (k,) indexes `order`.
+    `order` (n,) contains the scan indices of the points on the map. `chosen` (k,) indexes `order`.
     """
     chosen = order[chosen]
     rows = geometry.size[0]
@@ -122,7 +122,7 @@ def cleared_cells(
 
 
 def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any) -> None:
-    """NumPy version of `trace`: advance all beams one cell at a time."""
+    """NumPy version of `trace`, vectorized over beams."""
     ceilings, places, floors, normals, guards, proofs, crossed = surface
     start, limits = np.array(frame[:2])[:, None], np.array(size)[:, None]
     with np.errstate(all="ignore"):
@@ -186,10 +186,7 @@ def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -
 
 
 def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
-    """Return whether a beam meets a surface at an angle whose sine is at least `sine`.
-
-    The sine of the angle is the beam's component along the normal, divided by the beam length.
-    """
+    """Return whether the sine of the angle between a beam and a surface is at least `sine`."""
     x, y = x * resolution, y * resolution
     across = x * normals[place] + y * normals[place + 1] + rise * normals[place + 2]
     return abs(across) >= sine * np.sqrt(x * x + y * y + rise * rise)
@@ -210,7 +207,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the width [cells] at which `RINGS` rings cover the map within `max_ray_length`."""
+    """Return the ring width [cells] at which `RINGS` rings cover all cells that beams can clear."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -218,7 +215,7 @@ def ring_width(frame: Any, size: Any) -> Any:
 
 @loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
 def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
-    """Set each bin of the polar grid `table` to the largest `lowest` of cells that overlap it."""
+    """Set each bin of the polar grid `table` to the maximum of `lowest` over overlapping cells."""
     width = ring_width(frame, size)
     for i in range(count):
         x = cells[i] % size[0] + 0.5 - frame[0]
@@ -251,7 +248,7 @@ def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
 
 
 def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
-    """Return the beam parameter (0: sensor, 1: point) up to which a beam can clear cells."""
+    """Return the beam parameter (0: sensor, 1: point) beyond which a beam clears no cells."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     ring = math.floor(min(last * distance / width, RINGS - 1))
@@ -277,10 +274,8 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
 
     Args:
         ways: x, y and z of the vectors from the sensor to the points of the beams [m].
-        count: number of beams.
         frame: row, column and height of the sensor, the resolution, the sine of
             `cleanup_min_angle`, and `max_ray_length`.
-        size: rows and columns of the map.
         table: result of `cover`.
         surface: the following seven arrays. Candidates are the cells that may be cleared.
             ceilings: for each cell, the height below which a beam can clear the cell.
@@ -338,9 +333,9 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return the first row (or column) of a beam, and the beam parameters of its borders.
+    """Return a beam's first row, the beam parameter at the end of this row, and the step per row.
 
-    The parameters are the value where the beam leaves the row, and the increase per row.
+    The same applies to columns.
     """
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:

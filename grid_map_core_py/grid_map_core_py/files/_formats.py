@@ -76,7 +76,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return a function's option names: all parameters except the first `given` parameters."""
+    """Return the names of a function's parameters, except the first `given` ones."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 
@@ -165,8 +165,7 @@ def find_format(
     """Return the first format that matches a path and accepts all options.
 
     Args:
-        path: the file or folder.
-        options: names of options that the format must accept.
+        options: names of the options that the format must accept.
         name: name of the format; None selects the format by the path.
         writes: True to write to the path, False to read it.
 

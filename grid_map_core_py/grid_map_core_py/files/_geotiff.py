@@ -3,8 +3,7 @@
 
 The description of a band is the name of its layer. NaN means no data. Raster rows run towards -y
 and columns towards +x. A tag stores the frame, time and basic layers. The geotransform defines the
-position, so a raster that another program has cropped is loaded correctly. The functions for open
-rasters also serve `grid_map_core_py.tiled`, which reads and writes windows.
+position, so a raster that another program has cropped is loaded correctly.
 """
 
 import json
@@ -119,7 +118,7 @@ def gdal(path: str | PathLike[str], **options: Any) -> Any:
 
 
 def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
-    """Open a file with rasterio, at full resolution or as an overview (0 is the most detailed)."""
+    """Open a file with rasterio. `overview` 0 is the most detailed; None means full resolution."""
     level = {} if overview is None else {"overview_level": overview}
     return import_module("rasterio").open(os.fspath(path), **level)
 
@@ -213,7 +212,6 @@ def read_pixels(
     """Read a window of several bands, set masked pixels to NaN, and apply scales and offsets.
 
     Args:
-        raster: the open dataset.
         bands: band numbers, starting at 1.
         window: line and pixel slices of the raster.
         images: output arrays (lines, pixels) float32, one per band, with any strides.
@@ -259,7 +257,7 @@ def _warn_of_fill(raster: Any, values: Layer) -> None:
 
 
 def checked_crs(crs: Any) -> str:
-    """Return a reference system as text; raise `ConfigError` if rasterio does not recognize it."""
+    """Return a reference system as text, or raise `ConfigError` if rasterio rejects it."""
     if text := as_crs(crs):
         rasterio = required("rasterio", "crs")
         try:
@@ -271,7 +269,7 @@ def checked_crs(crs: Any) -> str:
 
 
 def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, Any]:
-    """Return the rasterio options for storing `layers` layers of a map in a north-up raster."""
+    """Return the rasterio options for a north-up raster of a map with `layers` bands."""
     geometry, step = described.geometry, described.resolution
     west, north = geometry.position + described.origin + [-0.5, 0.5] * geometry.length
     profile = {
@@ -294,7 +292,7 @@ def describe_raster(raster: Any, described: Any, layers: Sequence[str]) -> None:
     """Write band names and map metadata to an open raster.
 
     Args:
-        raster: the open dataset.
+        raster: the open raster.
         described: a `GridMap` or a tiled map. If its frame and its reference system have different
             origins, `crs` and `origin` [m] are also stored.
         layers: names of the bands.

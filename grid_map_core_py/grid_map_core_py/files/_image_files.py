@@ -151,12 +151,12 @@ def to_north_up(image: Image) -> Image:
 
 
 def from_north_up(image: Image) -> Image:
-    """Rotate an image with +y up and +x right to map order; the inverse of `to_north_up`."""
+    """Rotate an image with +y up and +x right to map order. Inverse of `to_north_up`."""
     return image[:, ::-1].swapaxes(0, 1)
 
 
 def encode_image(image: Image, ending: str) -> bytes:
-    """Encode an image in the format of the file name ending `ending`, such as ".png"."""
+    """Encode an image in the format of files with the ending `ending`, such as ".png"."""
     done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")

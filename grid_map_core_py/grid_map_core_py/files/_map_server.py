@@ -249,7 +249,7 @@ def _as_occupancies(
 
 
 def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
-    """Convert occupancies to the pixels of an image, which `_occupancy` can convert back."""
+    """Convert occupancies to image pixels. `_occupancy` is the inverse."""
     known = ~np.isnan(values)
     rounded = np.where(known, np.rint(values.astype(np.float64)), 0.0)
     if mode == "raw":
@@ -268,7 +268,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the image path of an existing map if `save_map_server` wrote the image, else None."""
+    """Return the image path of an existing map, or None if `save_map_server` did not write it."""
     if not file.exists():
         return None
     document = load_yaml(file)

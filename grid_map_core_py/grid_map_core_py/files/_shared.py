@@ -32,7 +32,7 @@ _KNOWN = (
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
-    """Raise `GridMapError` if a path has a known file name ending other than those in `own`."""
+    """Raise `GridMapError` if the ending of a path is known, but not in `own`."""
     ending = Path(path).suffix.lower()
     if ending in _KNOWN and ending not in own:
         raise GridMapError(f"{path}: expected a name that ends in {' or '.join(own)}, got {ending}")
@@ -42,9 +42,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
     """Replace errors from reading or writing a file with a `GridMapError` that names the file.
 
-    Args:
-        file: path of the file.
-        doing: "read" or "written", for the error message.
+    `doing` is "read" or "written", for the error message.
     """
     try:
         yield
@@ -65,7 +63,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 
 def similar(file: Path) -> str:
-    """Return a hint with a similar name in the folder of a missing file, or "" without a match."""
+    """Return a hint that names a file similar to the missing `file`, or "" if there is none."""
     known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
     # Names that have only the ending in common are not similar.
     names = (one.name for one in known if errors.hint(one.stem, [file.stem]))
@@ -83,12 +81,12 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Import a package that a kind of file needs, or raise an error that says how to install it."""
+    """Import the package `name`, or raise an error that says how to install it."""
     return errors.required(name, f"{path}: {kind}")
 
 
 def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
-    """Warn if a map has a reference system, because the file or message cannot store the system."""
+    """Warn that a file or message cannot store the reference system of a map, if it has one."""
     if grid_map.crs:
         text = f"crs: {kind} cannot hold the coordinate reference system of the map; it is lost. "
         warnings.warn(f"{text}A GeoTIFF, Zarr or .npz file keeps it", stacklevel=stacklevel)
@@ -145,7 +143,7 @@ class StoredMap:
 
 @contextmanager
 def new_file(path: str | PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path; on success, the file written there replaces the file at `path`."""
+    """Yield a temporary path. On success, the file at this path replaces the file at `path`."""
     with _beside(path) as (temporary, target):
         yield temporary
         _sync(temporary)
@@ -154,10 +152,9 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -> Iterator[Path]:
-    """Yield an empty temporary folder; on success, it replaces the folder at `path`.
+    """Yield an empty temporary folder. On success, this folder replaces the folder at `path`.
 
     Args:
-        path: path of the folder.
         check_old: function that raises an error if the existing file or folder must not be
             replaced; called before anything is written, and again before the replacement.
 
@@ -179,7 +176,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Rename `target` to a hidden name, then `temporary` to `target`, and remove the old folder."""
+    """Replace the folder `target` with `temporary`. After an error, `target` is restored."""
     old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
     target.rename(old)
     try:
@@ -255,7 +252,7 @@ def load_yaml(path: str | PathLike[str]) -> Any:
 
 
 def parse_yaml(text: str | bytes, name: object) -> Any:
-    """Parse a YAML text; `name` identifies the text in errors.
+    """Parse a YAML text. `name` identifies the text in errors.
 
     Raises:
         GridMapError: the text is not valid YAML, or a key occurs twice.

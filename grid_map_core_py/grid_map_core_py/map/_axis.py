@@ -24,8 +24,8 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    The attributes are Python numbers, because NumPy scalars are several times slower. As an
-    exception, the result of `both_axes` has arrays for all attributes except `resolution`.
+    The attributes are Python numbers. In an axis from `both_axes`, all attributes except
+    `resolution` are arrays.
 
     Attributes:
         size: number of cells.
@@ -47,7 +47,7 @@ class Axis:
         self.first = center + 0.5 * (self.length - resolution)
 
     def contains(self, x: Coordinate) -> bool | Mask:
-        """Return whether coordinates are on the map; False for NaN.
+        """Return whether coordinates are on the map. The result is False for NaN.
 
         The border with the larger coordinate (the + border) belongs to the map; the other border
         does not. Coordinates near a border are rounded as in the C++ library.
@@ -62,9 +62,8 @@ class Axis:
     def steps(self, x: Coordinate) -> Coordinate:
         """Return the distances of coordinates from the + border [cells].
 
-        The distances are fractional. As in the C++ library, floating-point rounding differs from
-        that of `contains`: even for a coordinate on the map, the result may be slightly below 0, or
-        equal to `size`.
+        The distances are fractional. As in the C++ library, rounding errors are possible: for a
+        coordinate on the map, the result may be slightly below 0, or equal to `size`.
         """
         steps = x - self.half
         steps -= self.center
@@ -87,7 +86,7 @@ class Axis:
         return lower, upper
 
     def cell_at(self, x: float) -> int:
-        """Return the cell that contains a coordinate on the map; a cell includes its + border."""
+        """Return the cell that contains a coordinate on the map. A cell includes its + border."""
         return min(max(int(self.steps(x)), 0), self.size - 1)
 
     def center_of(self, cell: Coordinate) -> Coordinate:
@@ -125,7 +124,7 @@ class Axis:
         return cell, t
 
     def overlapped(self, lower: float, upper: float) -> slice:
-        """Return the slice of the cells that an interval overlaps; it may be empty.
+        """Return the slice of the cells that an interval overlaps, which may be empty.
 
         A cell counts only if the interval extends into it by more than `BORDER_TOLERANCE`.
         """

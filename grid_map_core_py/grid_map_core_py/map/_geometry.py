@@ -2,7 +2,7 @@
 """Geometry of a grid: conversion between positions and cell indices.
 
 Cells are counted from the corner with the largest x and y, rows towards -x and columns towards -y,
-for any start index. `_axis` does the arithmetic. `_ring_buffer` converts cells to buffer indices.
+for any start index.
 """
 
 from __future__ import annotations
@@ -229,9 +229,7 @@ class GridGeometry:
     def check_indices(self, cells: ArrayLike, name: str = "index") -> Cells:
         """Return cells as (rows, cols) after checking that all are on the map.
 
-        Args:
-            cells: (rows, cols), or (N, 2).
-            name: name of the parameter, for error messages.
+        `cells` is (rows, cols) or (N, 2). `name` is the name of the parameter in error messages.
         """
         cells = as_cells(cells, name)
         if not cells[0].size or all(
@@ -276,13 +274,13 @@ class GridGeometry:
         return rows, columns
 
     def cropped(self, rows: slice, columns: slice) -> GridGeometry:
-        """Return the geometry of a block of cells; the slices are in map order."""
+        """Return the geometry of a block of cells, given as slices in map order."""
         return self._of(
             self._x.block(rows.start, rows.stop), self._y.block(columns.start, columns.stop)
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point on the map nearest to each position (..., 2) [m]; NaN is an error."""
+        """Return the point on the map nearest to each position (..., 2) [m]. NaN is an error."""
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")

@@ -165,7 +165,7 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: str = "",
         timestamp: int = 0,
     ) -> GridMap:
-        """Create a map with the grid `geometry`; other arguments are as in the constructor."""
+        """Create a map with the grid `geometry`. See the constructor for the other arguments."""
         grid_map = cls.__new__(cls)
         grid_map._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
         grid_map._fill(layers, basic_layers)
@@ -296,7 +296,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._reference[1]
 
     def _in_crs(self, crs: Any) -> GridMap:
-        """Return this map or, if `crs` is given, a map with the same layers and this `crs`."""
+        """Return a map with the same layers and this `crs`, or this map if `crs` is empty."""
         result = self._with(self._layers) if crs else self
         result._reference = (as_crs(crs), (0.0, 0.0)) if crs else self._reference
         return result
@@ -385,7 +385,7 @@ class GridMap(MutableMapping[str, Layer]):
             self[name] = value
 
     def setdefault(self, layer: str, default: ArrayLike = np.nan) -> Layer:
-        """Return a layer; if it is missing, first add it with the value `default`."""
+        """Return a layer. If it is missing, add it first with the value `default`."""
         if layer not in self:
             self[layer] = default
         return self[layer]
@@ -400,7 +400,7 @@ class GridMap(MutableMapping[str, Layer]):
         self[layer] = value
 
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
-        """Return a new map with these layers added or replaced.
+        """Return a new map in which `layers` are added or replaced.
 
         The new map shares all other layers with this map. A shared layer is copied on first access
         as `new[layer]`. Float32 arrays in Fortran order are used without a copy. Other arrays in
@@ -414,7 +414,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._sharing({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
-        """Return a new map without the named layers. It shares the others, as in `with_layers`."""
+        """Return a new map without the named layers. It shares all others, as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
         return self._sharing({n: data for n, data in self._layers.items() if n not in dropped})
 
@@ -574,7 +574,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return x, y and value of a cell, (3,) [m], or three NaN if the value is not finite."""
+        """Return the x, y and value (3,) of a cell [m]. All are NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
@@ -590,7 +590,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Moving and cutting
 
     def move(self, position: ArrayLike) -> list[BufferRegion]:
-        """Move the map to a new center; data keeps its position in the frame.
+        """Move the map to a new center. Data keeps its position in the frame.
 
         The map moves by whole cells, so the new center is within half a cell of `position`. Data
         that leaves the map is lost, and new cells are NaN in all layers. No data is copied.
@@ -716,7 +716,7 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map gets the values of the `other` cell that contains its center.
+        Each cell of this map gets the values that `other` has at the center of the cell.
         Values that are not finite are not copied. A map without `crs` adopts the `crs` of `other`.
 
         Args:
@@ -741,8 +741,8 @@ class GridMap(MutableMapping[str, Layer]):
 
         Each cell with a finite height becomes a 3-D point with the values of the other layers. If a
         cell of the new map contains several points, the highest one is used. Among equally high
-        points, the one whose original cell is last in column-major map order is used. Points
-        outside the new map are dropped.
+        points, the point from the last cell in column-major map order is used. Points outside the
+        new map are dropped.
 
         Args:
             transform: (4, 4) rotation and translation [m] from the frame of this map to the new
@@ -857,13 +857,13 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`; a `GridMap` is first reordered to the start index of this map."""
+        """Return `layers`. A `GridMap` is first reordered to the start index of this map."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
 
     def _aligned(self, name: str, value: Any) -> ArrayLike:
-        """Return `value`, after aligning an xarray array with the buffer by its coordinates."""
+        """Align an xarray array with the buffer by its coordinates. Other values stay unchanged."""
         if not getattr(value, "dims", ()):
             return value  # type: ignore[no-any-return]
         x, y = (axis + start for axis, start in zip(self.axes(), self.origin, strict=True))
@@ -888,7 +888,7 @@ class GridMap(MutableMapping[str, Layer]):
         return as_layer(self._aligned(name, data), self.size, name)
 
     def _sharing(self, layers: dict[str, Layer]) -> GridMap:
-        """Return a map with these layers. Layers of this map are copied on first access."""
+        """Return a map with the given layers. Layers of this map are copied on first access."""
         result, mine = self._with(layers), {*map(id, self._layers.values())}
         # Read-only arrays need no copy.
         result._shared = {n for n, d in layers.items() if id(d) in mine and d.flags.writeable}
@@ -900,7 +900,7 @@ class GridMap(MutableMapping[str, Layer]):
         geometry: GridGeometry | None = None,
         start: Size | None = None,
     ) -> GridMap:
-        """Return a map with these layers; the other attributes are copied without checks."""
+        """Return a map with the given layers. The other attributes are copied without checks."""
         result = GridMap.__new__(GridMap)
         result._put(
             geometry or self._geometry,
@@ -914,7 +914,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Reorder `data` to the start index `start`; if nothing changes, return `data` itself."""
+        """Reorder `data` from the start index of this map to `start`. May return `data` itself."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

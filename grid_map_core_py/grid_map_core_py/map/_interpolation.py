@@ -130,10 +130,8 @@ class Surface:
     """Interpolated layer, evaluated at coordinates (2, N): a row of x and a row of y.
 
     Args:
-        geometry: the grid.
         start: start index of the layer.
-        layer: (rows, cols) values of the layer, or of a block in map order that contains all cells
-            needed.
+        layer: (rows, cols) values of the layer, or a block in map order with all required cells.
         corner: row and column of the map at which `layer` begins.
     """
 
@@ -146,7 +144,7 @@ class Surface:
         self._corner = corner
 
     def at(self, points: Positions, method: Interpolation) -> Positions:
-        """Return the values (N,) at positions (N, 2); raise `OutOfMapError` outside the map."""
+        """Return the values (N,) at positions (N, 2). Raises `OutOfMapError` outside the map."""
         values = np.empty(len(points))
         # Infinity times a weight of 0 is NaN. The values are then computed with a simpler method.
         with np.errstate(invalid="ignore"):
@@ -216,10 +214,10 @@ class Surface:
 
 
 def _shape(method: Interpolation) -> tuple[int, bool]:
-    """Return the number of cells that a method uses along an axis, and its `closed_above`.
+    """Return the number of cells that a method uses along an axis, and the argument `closed_above`.
 
-    If a coordinate is exactly at a cell center, `CUBIC` interpolates in the interval below the
-    center, as in C++. The other methods use the interval above it. See `Axis.between`.
+    If a coordinate is exactly at a cell center, `CUBIC` uses the interval below the center, as in
+    C++. The other methods use the interval above the center. See `Axis.between`.
     """
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 
@@ -270,15 +268,15 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Change the outer weights so that the slope at the border cell continues beyond the border.
+    """Return outer weights with which the slope at the border cell continues beyond the border.
 
-    The outer neighbor on the map has the weight `far`; the one beyond the border has `near`.
+    `far` is the weight of the outer neighbor on the map, `near` of the one beyond the border.
     """
     return far - near, 2.0 * near
 
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return the flat buffer offsets of cells -2 to count + 1, clamped to the cells of the map."""
+    """Return the flat buffer offsets of cells -2 to `count` + 1, with the border cells repeated."""
     cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
     return (cells + start) % count * stride

@@ -82,9 +82,7 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
 def check_frames(grid_map: Any, other: GridMap) -> None:
     """Raise `GridMapError` if two maps name different frames or reference systems.
 
-    Args:
-        grid_map: a map or a tiled map.
-        other: the map to merge into it.
+    `grid_map` may be a tiled map.
     """
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {short(other)}")
@@ -115,11 +113,9 @@ def lines_under(
 
     Args:
         centers: (N,) x of rows, or y of columns, of another grid [m].
-        other: the map to look up cells in.
-        axis: 0 for rows, 1 for columns.
 
     Returns:
-        lines: (N,) buffer rows or columns of `other`; for centers outside, the nearest one.
+        lines: (N,) buffer rows or columns; outside `other`, the nearest row or column.
         inside: (N,) mask of the centers that are on `other` along this axis.
     """
     positions = np.tile(other.position, (centers.size, 1))
@@ -129,7 +125,7 @@ def lines_under(
 
 
 def _runs(inside: Mask) -> list[slice]:
-    """Return a slice for each run of True in a (n,) mask; runs do not wrap around the end."""
+    """Return a slice for each run of True in a mask (n,). Runs do not wrap around the end."""
     padded = np.concatenate(([False], inside, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
     return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

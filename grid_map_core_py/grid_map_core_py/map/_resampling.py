@@ -24,7 +24,7 @@ _FLAGS = {
 
 
 def resize_flag(interpolation: Interpolation | str | int) -> int:
-    """Return OpenCV's `resize` flag for a name or an `Interpolation`; a flag stays unchanged."""
+    """Return OpenCV's `resize` flag for a name or an `Interpolation`. A flag is returned as is."""
     if isinstance(interpolation, int):
         return interpolation
     name = interpolation.value if isinstance(interpolation, Interpolation) else interpolation
@@ -35,7 +35,7 @@ def resize_flag(interpolation: Interpolation | str | int) -> int:
 
 
 def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Layer:
-    """Interpolate a layer with OpenCV's `resize`; both grids begin at the same corner.
+    """Interpolate a layer with OpenCV's `resize`. Both grids begin at the same corner.
 
     A target cell whose nearest source cell is NaN or infinite gets that value. All
     other target cells are finite: they are computed from finite source cells only.

@@ -36,19 +36,14 @@ class BufferRegion:
 
 @lru_cache(maxsize=16)
 def lines(size: int, start: int) -> Integers:
-    """Return a read-only array (size,): the buffer row (or column) of each map row (or column).
-
-    Args:
-        size: number of cells of the map along this axis.
-        start: start index along this axis.
-    """
+    """Return the buffer row or column (size,) of each map row or column. The array is read-only."""
     numbers = np.concatenate((np.arange(start, size), np.arange(start)))
     numbers.flags.writeable = False
     return numbers
 
 
 def place(numbers: Integers, start: int, size: int) -> None:
-    """Convert rows or columns of the map (N,) to buffer indices, in place."""
+    """Convert map rows or columns (N,) to buffer indices, in place."""
     if start and numbers.size < _FEW:
         lines(size, start).take(numbers, mode="clip", out=numbers)
     elif start:
@@ -62,7 +57,7 @@ def place(numbers: Integers, start: int, size: int) -> None:
 def block(
     layer: Layer, start: Size, rows: slice, columns: slice, out: Layer | None = None
 ) -> Layer:
-    """Copy a block of map cells out of the buffer, in map order.
+    """Return a copy of a block of map cells, in map order.
 
     Args:
         layer: (rows, cols), the whole buffer.
@@ -81,7 +76,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Return (buffer, block) slices of the 1 to 4 pieces of a block, cut where the buffer wraps."""
+    """Return (buffer, block) slices of the 1 to 4 parts of a block, cut where the buffer wraps."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
@@ -91,7 +86,7 @@ def copies(
 
 
 def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy of a layer in map order; `start` is the start index of the layer."""
+    """Return a copy of a layer in map order. `start` is the start index of the layer."""
     rows, columns = layer.shape
     return block(layer, start, slice(0, rows), slice(0, columns), out)
 
@@ -111,7 +106,7 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
 
 
 def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
-    """Return (buffer, block) slices of each run of map rows or columns, cut where they wrap."""
+    """Return (buffer, block) slices of map rows or columns, split where the buffer wraps."""
     count, done, pieces = cells.stop - cells.start, 0, []
     for first, length in _runs(cells.start + start, count, size):
         pieces.append((slice(first, first + length), slice(done, done + length)))
@@ -120,7 +115,7 @@ def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
 
 
 def _runs(first: int, count: int, size: int) -> list[tuple[int, int]]:
-    """Return the runs (first, count) of buffer rows or columns, split where they wrap at `size`."""
+    """Return runs (first, count) of buffer rows or columns, split where they wrap at `size`."""
     first %= size
     before_end = size - first
     if count <= before_end:

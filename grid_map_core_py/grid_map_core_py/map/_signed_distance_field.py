@@ -142,7 +142,7 @@ class SignedDistanceField:
         return float(values[0]) if given.ndim == 1 else values
 
     def nearest_value(self, points: ArrayLike) -> float | Positions:
-        """Return the distance at the node nearest to each point, faster than `value`."""
+        """Return the distance at the node nearest to each point. Faster than `value`."""
         given, flat = _as_points(points)
         values = np.empty(len(flat))
         for part in slices(len(flat), CHUNK):
@@ -168,7 +168,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return the results of `value` and `gradient`, as fast as `gradient` alone."""
+        """Return `value` and `gradient` at points, as fast as `gradient` alone."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
         for part in slices(len(flat), CHUNK):
@@ -219,17 +219,15 @@ class SignedDistanceField:
     def _located(
         self, points: Positions, rounded: Callable[[Positions], Positions], width: int
     ) -> tuple[_Coordinates, _Coordinates]:
-        """Convert points to node coordinates, and find the first node that each point needs.
+        """Return the node coordinates of points, and the first node that each point needs.
 
         Args:
-            points: (N, 3).
             rounded: rounding function, such as `np.floor`.
             width: number of nodes needed along each axis, including the first node.
 
         Returns:
             places: node coordinates, in units of the node spacing; NaN where a point is not finite.
-            cells: first node of each point, which is the rounded place, clamped so that all nodes
-                exist.
+            cells: rounded places, clamped so that all needed nodes exist.
         """
         places, cells = [], []
         for axis, size in enumerate(self._counts):
@@ -246,7 +244,7 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the flat memory index (N,) of each cell, computed in float64 without rounding."""
+        """Return the flat memory index (N,) of each cell."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -254,7 +252,7 @@ class SignedDistanceField:
         return index.astype(np.intp)
 
     def _corners(self, cells: _Coordinates, out: Nodes) -> Nodes:
-        """Write the distances (8, N) at the corners of cells to `out`; x changes slowest."""
+        """Write the distances (8, N) at the corners of cells to `out`. x changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._corner_nodes, strict=True):
             # All indices are valid. Unlike "raise", the mode "clip" needs no temporary buffer.

@@ -83,8 +83,6 @@ def _seen_from_above(
     Among equally high points, the one from the last source cell is kept.
 
     Args:
-        grid_map: the map to transform.
-        height_layer: name of the layer with the heights.
         geometry: the new grid.
         matrix: (3, 4) rotation and translation.
         steps: offsets (dx, dy) [m] of a cell's points from its center.

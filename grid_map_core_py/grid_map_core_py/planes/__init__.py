@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Planar regions, which describe the flat parts of a map as planes with outlines, for footholds.
+"""Planar regions, which describe the flat parts of a map for foothold planning.
 
 - `extract_planes` returns the `PlanarRegions` of a map. Regions keep their ids from map to map.
 - `PlanarRegion`: a plane with covariance, an outer polygon and holes.
 - `convex_inside`: a large convex polygon inside a region.
-- `PlaneParameters`: thresholds, which can be read from `parameters.yaml` of
+- `PlaneParameters`: thresholds. They can be read from `parameters.yaml` of the ROS package
   convex_plane_decomposition.
 """
 

@@ -25,8 +25,8 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
     The sides of the polygon are straight lines that separate it from the edges of the region. As in
     IRIS (Deits and Tedrake, "Computing large convex regions of obstacle-free space through
     semidefinite programming", 2015), the nearest edge is separated first. IRIS measures distances
-    from an ellipse. Here, distances are measured from a segment that leads from the position
-    half-way to the outline. Several segments are tried, and the largest polygon is returned.
+    from an ellipse. This function measures them from a segment that starts at the position and ends
+    half-way to the outline. It tries several segments, and returns the largest polygon.
 
     Args:
         region: the region; its holes are avoided.
@@ -62,10 +62,9 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
 
 
 def _grown(edges: Positions, x: float, y: float) -> Positions:
-    """Return a convex polygon (K, 2), free of edges, around the segment from the origin to x, y.
+    """Return a convex polygon (K, 2), clear of edges, around the segment from (0, 0) to (x, y).
 
-    Args:
-        edges: (4, E) edges that enclose the origin and do not cross the segment.
+    `edges` (4, E) enclose the origin and do not cross the segment.
     """
     # The nearest points of a segment and an edge include an end of one of them.
     ways = [to_edges(edges, *end) for end in ((0.0, 0.0), (x, y))]
@@ -94,7 +93,7 @@ def _area(corners: Positions) -> float:
 
 
 def _reduced(corners: Positions, count: int) -> Positions:
-    """Drop the corners that add the least area until `count` remain, but keep the origin inside."""
+    """Remove the corners that add the least area until `count` remain. The origin stays inside."""
     while len(corners) > count:
         before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
         lost = _cross(corners - before, after - before)
