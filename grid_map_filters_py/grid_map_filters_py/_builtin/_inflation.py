@@ -32,8 +32,8 @@ class Inflation(LayerFilter):
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
-            the footprint. Nav2 approximates a round robot with a polygon of 16 corners. Without
-            `footprint_padding`, the inscribed radius of this polygon is 0.9808 `robot_radius`.
+            the footprint. For a round robot, Nav2 uses a polygon of 16 corners, so this radius is
+            0.9808 times `robot_radius` (without `footprint_padding`).
         footprint: corners [x, y] of the padded footprint [m]; replaces `inscribed_radius`. The
             value is a list or, as in Nav2, a string.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.

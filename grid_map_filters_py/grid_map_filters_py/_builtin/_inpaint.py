@@ -56,11 +56,11 @@ class Inpaint(LayerFilter):
     """Fill the non-finite cells of a layer from surrounding cells.
 
     The filter uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV.
-    Finite cells keep their values. Non-finite cells that touch, even at corners, form one hole. A
-    layer without finite cells is copied unchanged, with a warning.
+    Finite cells keep their values. A layer without finite cells is copied, with a warning.
+    Non-finite cells that touch, even if only at corners, form one hole.
 
     Attributes:
-        radius: radius of the neighborhood used to fill a cell [m]; clamped to [1, 100] cells.
+        radius: radius of the neighborhood used to fill a cell [m], limited to 1 to 100 cells.
         enclosed_holes_only: if true, holes that reach the map border are not filled.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
@@ -211,7 +211,10 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the cells in wanted holes; hole i has the label i + 1."""
+    """Return a mask of the cells in wanted holes.
+
+    Hole i, wanted if `wanted[i]`, consists of the cells with the label i + 1.
+    """
     mask: Mask = np.append(False, wanted)[labels]
     return mask
 
@@ -278,15 +281,16 @@ def _fill(
 
 
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
-    """Yield (columns, mask) for strips of a layer whose holes can be filled independently.
+    """Yield strips of columns, each with a mask of the holes that are filled together.
 
-    Holes that are more than `near` cells apart do not affect each other. `columns` includes a
-    border around the holes in `mask`.
+    The value of a filled cell depends only on the cells within the radius and on their neighbors.
+    Groups of holes that are more than `near` cells apart are therefore independent. Filling only
+    the columns around a group gives exactly the same values as filling the whole layer.
 
     Args:
         holes: (rows, columns) mask of all holes.
         near: distance within which holes affect each other [cells].
-        count: maximum number of strips; there are fewer if holes are wide.
+        count: maximum number of strips; there are fewer if groups are wide.
     """
     columns = holes.shape[1]
     if count == 1:

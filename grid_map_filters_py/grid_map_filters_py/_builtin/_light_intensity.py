@@ -24,8 +24,7 @@ class LightIntensity(CellFilter):
     Attributes:
         input_layers_prefix: prefix of the normal layers, which end in `x`, `y` and `z`.
         output_layer: layer for the result.
-        light_direction: direction (x, y, z) in which the light travels. Its length must not be 0,
-            but has no other effect.
+        light_direction: vector (x, y, z) along which the light travels, of any nonzero length.
     """
 
     input_layers_prefix: str

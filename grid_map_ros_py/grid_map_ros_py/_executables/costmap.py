@@ -46,10 +46,10 @@ class CostmapSettings:
         frame_id: frame of the costmap; empty means the frame of the grid map. Other frames require
             tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
-        origin_grid: spacing of possible costmap borders [cells], counted from the frame origin. The
-            map is cropped to these borders, so a moving map requires fewer full grids.
-        unknown: rank of unknown cells, if a costmap cell gets the worst cost of several map cells.
-            `worst`: worse than every cost. `above_free`: worse than cost 0 only.
+        origin_grid: spacing of the lines to which the map is cropped [cells], counted from the
+            frame origin. With a larger spacing, a moving map requires fewer full grids.
+        unknown: how bad unknown map cells are, if a costmap cell gets the worst of several map
+            cells. `worst`: worse than every cost. `above_free`: worse than cost 0 only.
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
             never.
         always_send_full: send only full grids.
@@ -72,8 +72,9 @@ class CostmapSettings:
 class Output:
     """Publisher of full grids of type `kind`, and of updates if `update` is not None.
 
-    Full grids and updates are latched. A late subscriber could apply an old update to a newer full
-    grid. Therefore, an update expires after `period` [s], and two full grids follow it, one per
+    Full grids and updates are latched. A late subscriber may therefore receive an old update after
+    a newer full grid, and apply the update to that grid by mistake. Two measures limit such
+    mistakes: an update expires after `period` [s], and two full grids follow each update, one per
     period.
     """
 
@@ -172,7 +173,10 @@ class CostmapNode(ConfiguredNode):
     # --- parameters -------------------------------------------------------------------------------
 
     def _apply(self, settings: CostmapSettings) -> None:
-        """Apply changed settings; resubscribe to receive a latched map again."""
+        """Use the changed settings for later maps.
+
+        The node subscribes again, so a latched map arrives once more and gets the new settings.
+        """
         before, self._settings = self._settings, settings
         self._waiting.clear()
         self._subscription.destroy()
