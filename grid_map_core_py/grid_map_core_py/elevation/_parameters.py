@@ -170,7 +170,7 @@ class LaserModel(_Model):
     Attributes:
         min_radius: standard deviation along the beam [m].
         beam_constant: standard deviation across the beam at distance 0 [m].
-        beam_angle: growth of the standard deviation across the beam with distance [rad].
+        beam_angle: increase of the standard deviation across the beam per meter of distance [rad].
     """
 
     min_radius: float = 0.018
