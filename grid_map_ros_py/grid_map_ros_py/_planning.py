@@ -33,8 +33,7 @@ class PlannerSettings:
         footprint: corners of the robot in `base_frame` [m], as in Nav2: `[[x, y], ...]`.
         robot_radius: radius of the robot [m] if `footprint` is empty; 0 means a point.
         neighbors: number of directions in which paths can leave a cell.
-        unknown: treatment of cells with unknown cost (NaN): `blocked`, or `free`, which means cost
-            0.
+        unknown: treatment of cells whose cost is NaN; `free` means cost 0.
         tolerance: maximum distance from a blocked goal to the end of the plan [m].
         base_frame: tf2 frame of the robot. If empty, or without tf2, plans start at `initial_pose`.
         stale_after: time without a usable map after which the last map is discarded and planning

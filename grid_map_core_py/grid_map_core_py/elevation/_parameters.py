@@ -30,8 +30,8 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: largest difference at which a point agrees with a height
-            [standard deviations].
+        mahalanobis_distance_threshold: largest difference between a point and a height that
+            agree [standard deviations].
         multi_height_noise: variance added to a cell whose height a scan contradicts [m^2].
         time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
@@ -50,7 +50,7 @@ class Parameters:
         enable_drift_compensation: shift the map vertically to match the scans.
         max_drift: largest offset between scan and map that is compensated [m].
         drift_compensation_alpha: share of the offset that each scan corrects, 0 to 1.
-        drift_compensation_variance_inlier: largest variance of cells that vote on the offset [m^2].
+        drift_compensation_variance_inlier: largest variance of cells used for the offset [m^2].
         min_drift_cells: number of cells that must agree on the offset.
         ignore_points_above: largest height of points relative to the sensor [m].
         ignore_points_below: smallest height of points relative to the sensor [m].
@@ -170,7 +170,7 @@ class LaserModel(_Model):
     Attributes:
         min_radius: standard deviation along the beam [m].
         beam_constant: standard deviation across the beam at distance 0 [m].
-        beam_angle: growth of the standard deviation across the beam with distance [rad].
+        beam_angle: increase of the standard deviation across the beam per meter of distance [rad].
     """
 
     min_radius: float = 0.018

@@ -61,8 +61,7 @@ class Settings:
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: coordinate of the initial map center [m].
         resolution: cell size [m].
-        visibility_cleanup_rate: 0 disables visibility cleanup; other values have no effect, unlike
-            in C++.
+        visibility_cleanup_rate: 0 disables visibility cleanup; other values have no effect.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
@@ -175,7 +174,10 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine may take seconds to compile code."""
+    """Create the fusion.
+
+    The first call on a machine may take several seconds, because it compiles code.
+    """
     geometry = GridGeometry(
         np.array([settings.length_in_x, settings.length_in_y]),
         settings.resolution,
