@@ -33,7 +33,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Preprocessing(Section):
-    """Median filter that removes outliers before the search for planes.
+    """Parameters of the median filter that removes outliers before the search for planes.
 
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
@@ -105,7 +105,7 @@ class PlaneParameters:
     """Parameters of `extract_planes`, grouped as in the C++ package convex_plane_decomposition.
 
     The defaults are those of the C++ package, except that `marginSize` is in cells and is 0. The
-    sections `ransac_plane_refinement` and `postprocessing` are accepted without effect.
+    sections `ransac_plane_refinement` and `postprocessing` have no effect.
 
     Example:
         >>> parameters = {"contour_extraction": {"marginSize": 1}}

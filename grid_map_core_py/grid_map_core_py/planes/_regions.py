@@ -187,7 +187,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return result
 
     def _to_polygons(self, positions: Positions) -> Positions:
-        """Return vectors (N, R, 2) from positions (N, 2) to the nearest points of R polygons."""
+        """Return vectors (N, R, 2) from positions (N, 2) to R polygons; 0 inside a polygon."""
         firsts = self._first_edges[:-1]
         ahead_x, ahead_y, crossed = to_edges(self._edges, *positions.T[:, :, None])
         squares = ahead_x**2 + ahead_y**2
@@ -222,10 +222,10 @@ def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np
 
 
 def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Return the vectors x, y from positions to edges (4, E), and a mask of the crossed edges.
+    """Return vectors x, y from positions to the nearest points of edges (4, E), and a mask.
 
-    A vector leads to the nearest point of the edge [m]. An edge is crossed by a ray from the
-    position towards +x. Inside a polygon, the number of crossed edges is odd (even-odd rule).
+    The mask contains the edges that a ray from the position towards +x crosses. Inside a polygon,
+    the number of crossed edges is odd (even-odd rule).
     """
     start_x, start_y, end_x, end_y = edges
     step_x, step_y = end_x - start_x, end_y - start_y

@@ -138,7 +138,7 @@ class TravelGraph:
         check(elevation is not None or not needs_heights, "elevation", expected, elevation)
 
         def padded(layer: str | None) -> Floats:
-            """Return a layer, or zeros for None, in map order with a border of NaN."""
+            """Return a flat layer in map order (zeros if `layer` is None), padded with NaN."""
             values = np.zeros(grid_map.size) if layer is None else grid_map.unwrapped(layer)
             return np.pad(values.astype(np.float64), BORDER, constant_values=np.nan).ravel()
 
@@ -244,7 +244,7 @@ class TravelGraph:
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
-        """Return the center (2,) and distance [m] of the cell nearest to a pose; inf if none."""
+        """Return the center (2,) [m] of the cell nearest to a pose, and its distance [m]."""
         centers = self._ground.to_positions(self._ground.cells(cells))
         centers = np.append(centers, [[np.inf, np.inf]], axis=0)
         distances = np.hypot(*(centers - pose[:2]).T)
@@ -273,7 +273,7 @@ class TravelGraph:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CostField:
-    """Least cost from every cell to the nearest goal; `TravelGraph.cost_to` returns one.
+    """Least cost from every cell to the nearest goal, as returned by `TravelGraph.cost_to`.
 
     Attributes:
         costs: (rows, cols) float64, inf where no path leads to a goal. The cells are in buffer

@@ -49,7 +49,7 @@ class SlopeLimits:
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
     def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
-        """Return a mask of the allowed lines (L,); `across` (N, L) are tangents of cross slopes."""
+        """Return a mask (L,) of the allowed lines; `across` (N, L) holds the slopes across them."""
         up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
         is_level = np.abs(across).max(axis=0) <= cross
         return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
@@ -105,7 +105,7 @@ class Ground:
         return self.geometry.corner - (points.T + 0.5) * self.geometry.resolution
 
     def free_at(self, yaw: float) -> Mask:
-        """Return the passable cells (S,) at whose center the footprint is free in a direction."""
+        """Return a mask (S,) of the passable cells at which a footprint with `yaw` is free."""
         if self.footprint is None:
             return self.passable
         free = cv2.erode(
@@ -157,7 +157,7 @@ class Ground:
         (i, j), margin = move, self.flat(0, 0)
 
         def at(values: Any, cell: tuple[int, int]) -> Any:
-            """Return the values that are `cell` (rows, columns) away from each start of a move."""
+            """Return the values at the offset `cell` (rows, columns) from each start of a move."""
             offset = margin + self.stride * cell[0] + cell[1]
             return values[offset : values.size - 2 * margin + offset]
 
@@ -211,7 +211,7 @@ class Ground:
         return total, pieces
 
     def _over_pieces(self, begin: Floats, extent: Floats) -> tuple[Floats, Mask]:
-        """Return the costs (T,) of pieces of at most one cell, and a mask of the allowed pieces."""
+        """Return the costs (T,) of pieces up to one cell long, and a mask of allowed pieces."""
         end = begin + extent
         before, after = np.floor(begin + 0.5), np.floor(end + 0.5)
         crossing = (np.maximum(before, after) - 0.5 - begin) / extent
