@@ -57,9 +57,9 @@ class SlopeLimits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """The cells of a map and a border around them, as flat arrays (S,) in map order.
+    """The cells of a map and of a border around it, as flat arrays (S,) in map order.
 
-    Points are in cells: (2.0, 3.0) is the center of row 2, column 3 of the map.
+    Points are given in cells: (2.0, 3.0) is the center of row 2, column 3 of the map.
 
     Attributes:
         geometry: geometry of the map, without the border.
@@ -182,7 +182,7 @@ class Ground:
     def straight(
         self, begin: Floats, end: Floats, most: Floats | float = math.inf
     ) -> tuple[Floats, Floats]:
-        """Return the cost of each straight line, and the number of equal pieces to divide it into.
+        """Return the cost of each straight line, and the number of its equal pieces.
 
         The cost is infinite if a line is not allowed, costs more than `most`, or has no length.
 
@@ -240,12 +240,12 @@ class Ground:
         return np.hypot(run, rise) * mean, allowed
 
     def shortened(self, points: Floats, lines: Floats, tested: Mask) -> tuple[Floats, Floats]:
-        """Drop each waypoint if a straight line between its two neighbors does not cost more.
+        """Drop each waypoint if a straight line between its neighbors does not cost more.
 
         Args:
             points: (2, K) waypoints [cells].
             lines: (2, K - 1) cost and number of pieces of each line, as returned by `straight`.
-            tested: (K,) mask of waypoints to keep without a test, unless a neighbor is dropped.
+            tested: (K,) mask of waypoints that are tested only if a neighbor is dropped.
         """
         odd, tested[[0, -1]] = 0, True
         # Waypoints that are not neighbors are independent, so every other one is tested at once.

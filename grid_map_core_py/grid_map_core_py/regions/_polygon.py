@@ -268,7 +268,7 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at `y` of edges from `start` to `end` (2, ...), rounded as in C++ grid_map."""
+    """Return x at `y` on edges from `start` to `end` (2, ...), rounded as in C++ grid_map."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -295,11 +295,10 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return points (n, 2) on a counter-clockwise arc around the origin.
+    """Return `n` points (n, 2) on a counter-clockwise arc around the origin.
 
     Args:
         start: x, y of the first point.
-        n: number of points.
         turns: angle of the arc [full turns].
     """
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
@@ -309,7 +308,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return the lower half of the hull of ascending points, or the upper half if they descend."""
+    """Return the lower convex hull of points in ascending order, or the upper if descending."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

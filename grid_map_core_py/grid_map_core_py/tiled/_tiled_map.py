@@ -128,7 +128,7 @@ class TiledMap(TiledData):
         return self._map(geometry, names, self.source.read(window, names))
 
     def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
-        """Return a map in memory with the frame and time of this map; `layers` are not copied."""
+        """Return a map in memory with the given layers, without copying them."""
         empty = GridMap.from_geometry(geometry, frame_id=self.frame_id, timestamp=self.timestamp)
         empty._reference = self.crs, self.origin
         grid_map = empty.with_layers(dict(zip(names, layers, strict=True)))
@@ -210,8 +210,8 @@ class TiledMap(TiledData):
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
         Each tile becomes one chunk, which is computed only once, even if several layers are used
-        together. If a filter needs statistics of the whole map, the call computes them immediately.
-        In all other respects, the dataset equals the result of `GridMap.to_xarray`.
+        together. If a filter of this map needs statistics of the whole map, this method computes
+        them immediately. In all other respects, the dataset equals that of `GridMap.to_xarray`.
 
         Args:
             layers: names of the layers; None means all.
@@ -223,7 +223,7 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        The cells of the result are `step` times as wide. Each has the value of the original cell at
+        Each cell of the result is `step` times as wide and has the value of the cell of this map at
         its center. If the map is a raster with a suitable overview, cells are copied from the
         overview. If more than about 4000 tiles would be read, a larger step is used.
 
