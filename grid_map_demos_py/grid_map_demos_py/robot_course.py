@@ -113,7 +113,7 @@ class RobotCourse:
     def terrain_at(self, seconds: float) -> GridMap:
         """Return the terrain, including the person if present.
 
-        The layer `person` contains the height of the person [m], and NaN where no person is.
+        The layer `person` contains the height of the person [m], NaN in all other cells.
         """
         # The person appears once per lap (54.4 s at 0.6 m/s).
         walk, terrain = seconds % 54.4 - 4.5, self.ground
@@ -161,7 +161,7 @@ def drifted(pose: Matrix, seconds: float) -> Matrix:
 
 
 def covariance_at(seconds: float) -> Matrix:
-    """Return the covariance (6, 6) of the odometry, which grows with time."""
+    """Return the covariance (6, 6) of the odometry, which grows with the time since the start."""
     return np.diag([WALK**2 * seconds] * 3 + [1e-6] * 3)
 
 
@@ -172,7 +172,7 @@ def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -
         ground: true terrain in the world frame.
         position: (2,) center of the square in the world frame [m].
         length: side length of the square [m].
-        seconds: time since the start, which determines the drift [s].
+        seconds: time since the start [s]; the drift is proportional to it.
     """
     block = ground.get_submap(position, (length, length))
     block.position = block.position + DRIFT[:2] * seconds
@@ -195,7 +195,7 @@ class Walker:
         self.plan: Matrix = np.empty((0, 2))
 
     def follow(self, plan: Matrix) -> None:
-        """Follow another plan (N, 2), from its point nearest to the robot."""
+        """Follow a new plan (N, 2), starting at the plan's point nearest to the robot."""
         distances = np.hypot(*(plan - self.position).T)
         self.plan = plan[distances.argmin() :] if len(plan) else plan
 
