@@ -63,7 +63,7 @@ def register_profiles() -> None:
 
 
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
-    """Return a copy of a map with another start index, as if the map had been moved."""
+    """Return an equal copy of a map with another start index, as if the map had been moved."""
     result = grid_map.copy()
     shift = np.subtract(start_index, grid_map.start_index)
     for layer in result:

@@ -17,7 +17,7 @@ class Demo(ConfiguredNode):
     """Node with helper methods for file paths and for publishing maps."""
 
     def read_path(self, name: str, default: str, description: str, *, data: str = "") -> Path:
-        """Return a path parameter; if it is empty, return the demo data file named `data`, if any.
+        """Return a path parameter, or the demo data file `data` if the parameter is empty.
 
         A leading `~` is expanded.
         """

@@ -2,7 +2,7 @@
 """Node `normal_filter_comparison_demo`: compares two algorithms that compute normals.
 
 The surface is given by a formula, so its true normals are known. The demo adds noise and outliers
-to the heights, smooths them, and runs a filter chain that computes the normals with the algorithms
+to the heights, and smooths the result. A filter chain then computes the normals with the algorithms
 `area` and `raster`. The error of a normal is 1 minus the cosine of its angle to the true normal.
 
 At startup, the node prints a table of angular errors for all shapes. It then publishes `grid_map`

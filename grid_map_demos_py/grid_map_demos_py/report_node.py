@@ -268,10 +268,10 @@ class ElevationMappingReportNode(ReportNode):
 
 
 def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
-    """Return a map with `truth`, `estimate`, `error` and `deviation`, and accuracy tables.
+    """Return a map of the layers `truth`, `estimate`, `error` and `deviation`, and accuracy tables.
 
     Args:
-        estimate: map with `elevation` and `variance`.
+        estimate: map with the layers `elevation` and `variance`.
         truth: map with the true `elevation`, in the same frame.
 
     Raises:
@@ -310,7 +310,7 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
 
 
 def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
-    """Return table rows with the times [s] of the person on the terrain and in the map."""
+    """Return table rows with the times when the person was on the terrain and in the map."""
     # Times are in seconds since `begin` [ns]. `delays` are the times for which cells stay high in
     # the map after the person has left them.
     way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
@@ -428,7 +428,7 @@ class CourseReportNode(ReportNode):
 
     Attributes:
         walk: list of the robot positions (2,) so far [m].
-        truth: the true terrain; None until a map of it is received.
+        truth: the true terrain; None until it is received.
     """
 
     def __init__(self, name: str) -> None:

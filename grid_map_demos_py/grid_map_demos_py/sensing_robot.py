@@ -24,7 +24,6 @@ class SensingRobot(Demo):
     """Node that publishes odometry, the clouds of both sensors, and the true terrain.
 
     Args:
-        name: name of the node.
         speed: default speed [m/s].
         rate: default scan rate [Hz].
         max_range: range of the sensors [m].

@@ -64,7 +64,7 @@ def cells_to_filter(grid_map: GridMap) -> Cells:
 
 
 def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
-    """Add `elevation_filtered`, which is smoothed at `cells`, and its absolute `error`."""
+    """Add the layers `elevation_filtered` (smoothed at `cells`) and `error` (absolute error)."""
     noisy = grid_map["elevation_noisy"]
     grid_map["elevation_filtered"] = noisy
     # OpenCV processes a layer as an image, so no loop over the cells is needed.

@@ -36,10 +36,10 @@ def extract_planes(
     The start index has no influence.
 
     Args:
-        grid_map: the map. If it has a layer `variance` [m^2] with positive and finite values in a
-            whole region, the plane fit weights each cell with 1 / variance, and the covariance of
-            the plane follows from the variances. Otherwise, all cells have the same weight, and the
-            covariance follows from the residuals.
+        grid_map: the map, with an optional layer `variance` [m^2]. In regions where all variances
+            are positive and finite, the plane fit weights each cell with 1 / variance, and the
+            covariance of the plane follows from the variances. In other regions, all cells have the
+            same weight, and the covariance follows from the residuals.
         layer: name of the height layer [m].
         parameters: thresholds; None means the defaults.
         previous: regions of an earlier map with the same frame and resolution; the map may have

@@ -25,7 +25,7 @@ _CHUNK = 2**16  # pairs of points and edges per chunk
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanarRegion:
-    """Connected cells on one plane. Lengths are in meters, and coordinates refer to `frame`.
+    """Region of connected cells on one plane; lengths in meters, coordinates in `frame`.
 
     Attributes:
         id: number of the region, 1 or more.
@@ -60,8 +60,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
     """The planar regions of a map, a sequence of `PlanarRegion` in the order of their ids.
 
     Attributes:
-        labels: (rows, cols) int32 in map order: id of the region that each cell belongs to, or 0.
-            Read-only.
+        labels: (rows, cols) int32 in map order: region id of each cell, 0 for none. Read-only.
         planarity: (rows, cols) float32 in map order: 1 for cells with planar surroundings, 0 for
             other cells, NaN for cells without a height. Read-only.
         geometry: geometry of the map.
@@ -140,12 +139,11 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return self.nearest(position, 0.0)
 
     def nearest(self, position: ArrayLike, max_distance: float) -> PlanarRegion | None:
-        """Return the region whose polygon is nearest to a position x, y [m], or None.
+        """Return the region whose polygon is nearest to a position, or None if all are too far.
 
         Args:
             position: (2,) x, y [m].
-            max_distance: largest horizontal distance from the polygon [m]; may be infinite. If all
-                polygons are farther away, the result is None.
+            max_distance: largest horizontal distance from the polygon [m]; may be infinite.
         """
         limit = as_number(max_distance, "max_distance")
         if not limit >= 0:

@@ -137,7 +137,6 @@ def fit_planes(
     Args:
         groups: (N,) group of each point, 0 to `count` - 1.
         points: (3, N) x, y, z.
-        weights: (N,) positive weights.
 
     Returns:
         planes: (3, count) dz/dx, dz/dy, and z at x = y = 0; NaN if a plane is not unique.
@@ -257,7 +256,7 @@ class Splitter:
         """Return a mask of the cells near the plane of their group that have an inlier neighbor.
 
         A cell counts as its own neighbor. Windows at the edge of a surface contain cells beyond the
-        edge, which tilts their planes, so cells at the edge are rarely inliers themselves.
+        edge, which tilts the fitted planes, so cells at the edge are rarely inliers themselves.
         """
         image = np.zeros(self.shape, np.uint8)
         is_close, image.reshape(-1)[cells.places] = self._judged(cells, groups, planes)

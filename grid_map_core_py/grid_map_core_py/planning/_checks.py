@@ -107,10 +107,9 @@ def check_pose(
     map, or if its value (or its height in `surface`) is not finite.
 
     With `surface`, the robot stands on a flat sole with the outline of the footprint. The sole
-    rests on the convex hull of the known heights under the footprint. Its plane is the upper facet
-    of the hull at the mean position of the known cells. If these cells are on a line, the sole is
-    level across the line. The underside of the body is level, `body_height` above the sole at the
-    pose.
+    rests on the convex hull of the known heights under the footprint, in the plane of the upper
+    facet at the mean position of the known cells. If these cells are on a line, the sole is level
+    across the line. The underside of the body is level, `body_height` above the sole at the pose.
 
     Args:
         pose: (3,) x, y [m] and yaw [rad] of the footprint, map frame.
@@ -125,7 +124,7 @@ def check_pose(
 
     Raises:
         LayerNotFoundError: a layer does not exist.
-        ConfigError: an argument is invalid, or needs the missing `surface` or `body_height`.
+        ConfigError: an argument is invalid or requires another argument, which is not given.
         GeometryError: the pose is not finite.
         LimitError: the footprint is larger than the largest permitted map.
 

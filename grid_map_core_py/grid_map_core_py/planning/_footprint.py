@@ -141,7 +141,7 @@ def touched_cells(
 
 
 def kernel_of(footprint: Footprint, resolution: float, yaw: float) -> NDArray[np.uint8]:
-    """Return a mask of the cells under a footprint at the mask's center; its sides are odd."""
+    """Return an odd-sized mask of the cells under a footprint at the center of the mask."""
     one_cell, pose = GridGeometry((resolution, resolution), resolution), np.array([[0.0, 0.0, yaw]])
     ((_, _, cells),) = touched_cells(footprint, one_cell, pose)
     reach = np.abs(cells).max(axis=1, keepdims=True, initial=0)

@@ -49,10 +49,10 @@ class NoPathError(GridMapError, ValueError):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
-    """A least-cost path.
+    """Least-cost path from a start to a goal.
 
     Attributes:
-        positions: (N, 2) x, y [m], map frame, from start to goal; at most 2.3 cells apart.
+        positions: (N, 2) x, y [m], map frame; at most 2.3 cells apart.
         heights: (N,) height [m]; 0 if the graph has no elevation.
         yaws: (N,) direction of travel [rad]; at the ends, the yaws of the start and the goal if
             they are given.
@@ -68,7 +68,7 @@ class Path:
 
 
 class TravelGraph:
-    """Moves of a robot between the cells of a map, with their costs.
+    """Graph of the moves of a robot between the cells of a map, with the cost of each move.
 
     Moves lead from the center of a free cell to 8 or 16 neighbors. Diagonal moves and knight's
     moves (two cells along, one across) pass between two other cells. Both of these cells must be
@@ -244,7 +244,7 @@ class TravelGraph:
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
-        """Return the center (2,) [m] of the cell nearest to a pose, and its distance [m]."""
+        """Return the center (2,) and distance [m] of the cell nearest to a pose; inf if no cells."""
         centers = self._ground.to_positions(self._ground.cells(cells))
         centers = np.append(centers, [[np.inf, np.inf]], axis=0)
         distances = np.hypot(*(centers - pose[:2]).T)

@@ -72,12 +72,12 @@ class Polygon:
 
     @classmethod
     def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
-        """Approximate a circle with `n` counter-clockwise vertices; the last one equals the first.
+        """Return a polygon that approximates a circle.
 
         Args:
             center: (2,) center [m].
             radius: radius of the circle [m].
-            n: number of vertices, at least 2.
+            n: number of counter-clockwise vertices, at least 2. The last one equals the first.
         """
         start = as_finite(radius, "radius", least=0.0), 0.0
         return cls(np.array(as_pair(center, "center")) + _arc(start, _number(n, 2), 1.0))
@@ -109,7 +109,7 @@ class Polygon:
         """Return the counter-clockwise convex hull of polygons.
 
         The first vertex has the smallest x, and the smallest y of all vertices with this x.
-        Vertices in the middle of an edge are omitted (Andrew's monotone chain).
+        Vertices in the middle of an edge are omitted. The algorithm is Andrew's monotone chain.
 
         Args:
             polygons: polygons, or (V, 2) vertices of polygons [m].

@@ -157,8 +157,7 @@ def _crossing(start: float, step: float, patch: int) -> float:
     """Return the range at which a beam leaves a patch along one axis; inf if it never does.
 
     Args:
-        start: row (or column) of the beam at range 0.
-        step: change of the row (or column) per meter.
+        start, step: row (or column) of the beam at range 0, and its change per meter.
         patch: row (or column) of the patch.
     """
     if step == 0.0:

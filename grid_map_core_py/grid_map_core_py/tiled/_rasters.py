@@ -177,7 +177,7 @@ def _open(
 
 
 def _warped(raster: Any, crs: str, **cells: Any) -> Any:
-    """Return a raster that GDAL reprojects to `crs` on read, with bilinear interpolation."""
+    """Return a virtual raster that GDAL reprojects to `crs` with bilinear interpolation on read."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
     return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)
@@ -316,7 +316,7 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
     """Return the sides of a raster in the grid of a mosaic: west, north, east, south [cells].
 
     Args:
-        first: header of the first raster of the mosaic, whose north-west corner is (0, 0).
+        first: header of the first raster in the mosaic; its north-west corner is (0, 0).
         exact: whether the raster must lie on the grid. Otherwise, the sides are rounded outwards.
 
     Raises:
