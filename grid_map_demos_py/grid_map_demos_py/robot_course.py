@@ -70,11 +70,7 @@ ARRIVED = 0.35
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the demo terrain, scaled up, without holes, and with obstacles on the robot's path.
-
-    Raises:
-        GridMapError: the file cannot be read or holds no heights.
-    """
+    """Return the demo terrain, scaled up, without holes, and with obstacles on the robot's path."""
     ground = load_terrain(path, RESOLUTION, holes=False).without_layers(["color"])
     ground = with_stairs(ground, (4.0, 1.5), (1.6, 1.2), 0.6, 4, yaw=0.5 * math.pi)
     ground = with_ramp(ground, (7.7, 1.5), (2.4, 1.2), 0.5, yaw=0.5 * math.pi)
@@ -87,9 +83,6 @@ def load_cliff(path: Path) -> GridMap:
     """Return the demo terrain without holes, with a cliff of 1 m between `START` and `GOAL`.
 
     Walls at the borders keep the robot on the terrain.
-
-    Raises:
-        GridMapError: the file cannot be read or holds no heights.
     """
     ground = load_terrain(path, RESOLUTION, holes=False).without_layers(["color"])
     ground = with_box(ground, (4.6, 3.7), (5.4, 0.6), 1.0, yaw=0.54)
@@ -170,8 +163,7 @@ def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -
 
     Args:
         ground: true terrain in the world frame.
-        position: (2,) center of the square in the world frame [m].
-        length: side length of the square [m].
+        position, length: center (2,) in the world frame and side length of the square [m].
         seconds: time since the start [s]; the drift is proportional to it.
     """
     block = ground.get_submap(position, (length, length))

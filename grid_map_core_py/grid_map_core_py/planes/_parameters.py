@@ -38,7 +38,7 @@ class Preprocessing(Section):
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
         numberOfRepeats: number of times the median filter is applied.
-        resolution, increasing: no effect.
+        resolution, increasing: accepted, but without effect.
     """
 
     resolution: float = 0.04
@@ -63,7 +63,7 @@ class SlidingWindow(Section):
             plane, along z [m].
         global_plane_fit_angle_error_threshold_degrees: largest angle between window plane and
             region plane.
-        connectivity, include_ransac_refinement: no effect.
+        connectivity, include_ransac_refinement: accepted, but without effect.
     """
 
     kernel_size: int = 3
@@ -105,7 +105,7 @@ class PlaneParameters:
     """Parameters of `extract_planes`, grouped as in the C++ package convex_plane_decomposition.
 
     The defaults are those of the C++ package, except that `marginSize` is in cells and is 0. The
-    sections `ransac_plane_refinement` and `postprocessing` have no effect.
+    sections `ransac_plane_refinement` and `postprocessing` are accepted, but without effect.
 
     Example:
         >>> parameters = {"contour_extraction": {"marginSize": 1}}

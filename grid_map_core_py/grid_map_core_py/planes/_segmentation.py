@@ -222,7 +222,7 @@ class Splitter:
         return near
 
     def _best_hypotheses(self, cells: Cells, groups: Groups) -> Numbers:
-        """Return the window plane with the most inliers (3, C) for each of C components."""
+        """Return the window planes (3, C) with the most inliers in each of C components."""
         # A random sample of each component, of which the first cells offer their local planes.
         random = np.random.default_rng(0).random(groups.size)
         sample = np.flatnonzero(random * np.bincount(groups)[groups] < _SCORED)
@@ -263,7 +263,7 @@ class Splitter:
         return is_close & cv2.dilate(image, _CROSS).reshape(-1)[cells.places].view(np.bool_)
 
     def _components(self, places: NDArray[np.int64]) -> tuple[Groups, NDArray[np.int64]]:
-        """Return the component (N,) of the cells at flat indices (N,), and the component sizes."""
+        """Return the component numbers of the cells at flat indices (N,), and the component sizes."""
         image = np.zeros(self.shape, np.uint8)
         image.reshape(-1)[places] = 1
         _, labels = cv2.connectedComponents(image, connectivity=4, ltype=cv2.CV_32S)

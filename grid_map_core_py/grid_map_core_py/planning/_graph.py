@@ -244,14 +244,14 @@ class TravelGraph:
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
-        """Return the center (2,) and distance [m] of the cell nearest to a pose; inf if no cells."""
+        """Return the center (2,) and distance [m] of the cell nearest to a pose; inf if none."""
         centers = self._ground.to_positions(self._ground.cells(cells))
         centers = np.append(centers, [[np.inf, np.inf]], axis=0)
         distances = np.hypot(*(centers - pose[:2]).T)
         return centers[distances.argmin()], float(distances.min())
 
     def _cell(self, values: ArrayLike, name: str) -> int:
-        """Return the flat index of the cell of a start or goal; raise `NoPathError` if not free."""
+        """Return the flat index of the start or goal cell; raise `NoPathError` if it is not free."""
         pose, ground = _as_pose(values, name), self._ground
         place, cell = as_text(pose[:2]), ground.geometry.cell_at((pose[0], pose[1]))
         if cell is None:
