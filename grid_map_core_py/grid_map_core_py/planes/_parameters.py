@@ -56,8 +56,7 @@ class SlidingWindow(Section):
         planarity_opening_filter: radius of the morphological opening of the planar cells [cells].
         plane_inclination_threshold_degrees: largest inclination of a region.
         local_plane_inclination_threshold_degrees: largest inclination of a window's plane.
-        plane_patch_error_threshold: largest root-mean-square deviation of a window from its plane
-            [m].
+        plane_patch_error_threshold: largest RMS deviation of a window from its plane [m].
         min_number_points_per_label: smallest number of cells per region.
         global_plane_fit_distance_error_threshold: largest distance of a cell from its region's
             plane, along z [m].

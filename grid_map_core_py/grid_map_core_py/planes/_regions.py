@@ -209,7 +209,7 @@ def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np
     """Return the edges of C closed outlines, each given as an array (V, 2) of vertices.
 
     Returns:
-        edges: (4, E) x and y of the start and x and y of the end of each edge.
+        edges: (4, E) start x, start y, end x and end y of each edge.
         starts: (C + 1,) index of each outline's first edge, followed by E.
     """
     vertices = np.concatenate([np.empty((0, 2), np.int32), *outlines]).T

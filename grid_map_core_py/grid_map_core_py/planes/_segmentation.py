@@ -263,7 +263,7 @@ class Splitter:
         return is_close & cv2.dilate(image, _CROSS).reshape(-1)[cells.places].view(np.bool_)
 
     def _components(self, places: NDArray[np.int64]) -> tuple[Groups, NDArray[np.int64]]:
-        """Return the component numbers of the cells at flat indices (N,), and the component sizes."""
+        """Return the component numbers (N,) of the cells `places` (N,), and the component sizes."""
         image = np.zeros(self.shape, np.uint8)
         image.reshape(-1)[places] = 1
         _, labels = cv2.connectedComponents(image, connectivity=4, ltype=cv2.CV_32S)

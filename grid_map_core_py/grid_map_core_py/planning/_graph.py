@@ -240,7 +240,7 @@ class TravelGraph:
         return self.cost_to([*nearest, *pose[2:]]).path(start)
 
     def _free_in(self, pose: Floats) -> Mask:
-        """Return the free cells; for a pose with a yaw, only the cells free at this yaw."""
+        """Return a mask of the free cells; for a pose with a yaw, of the cells free at this yaw."""
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
@@ -251,7 +251,7 @@ class TravelGraph:
         return centers[distances.argmin()], float(distances.min())
 
     def _cell(self, values: ArrayLike, name: str) -> int:
-        """Return the flat index of the start or goal cell; raise `NoPathError` if it is not free."""
+        """Return the flat index of the start or goal cell; raise `NoPathError` if not free."""
         pose, ground = _as_pose(values, name), self._ground
         place, cell = as_text(pose[:2]), ground.geometry.cell_at((pose[0], pose[1]))
         if cell is None:

@@ -49,7 +49,7 @@ class SlopeLimits:
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
     def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
-        """Return a mask (L,) of the lines with allowed slopes; `across` (N, L) is in tangents."""
+        """Return a mask (L,) of lines with allowed slopes; `across` (N, L) contains tangents."""
         up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
         is_level = np.abs(across).max(axis=0) <= cross
         return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
@@ -69,7 +69,7 @@ class Ground:
         factor: cost per meter, at least 1.
         is_flat: whether all heights are 0.
         heights: heights [m]; NaN where unknown.
-        limits, max_step: steepest slopes (None for any), and largest step [m].
+        limits, max_step: steepest slopes (None for no limit), and largest step [m].
         footprint: outline of the robot; None if the robot fits into a cell.
     """
 
@@ -182,7 +182,7 @@ class Ground:
     def straight(
         self, begin: Floats, end: Floats, most: Floats | float = math.inf
     ) -> tuple[Floats, Floats]:
-        """Return the cost of each straight line, and the number of its equal pieces.
+        """Return the costs of straight lines, and the numbers of equal pieces of the lines.
 
         The cost is infinite if a line is not allowed, costs more than `most`, or has no length.
 

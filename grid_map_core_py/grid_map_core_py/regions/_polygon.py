@@ -308,7 +308,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return the lower convex hull of points in ascending order, or the upper if descending."""
+    """Return the lower convex hull of ascending points, or the upper hull of descending points."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

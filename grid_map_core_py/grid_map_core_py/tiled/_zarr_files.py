@@ -252,7 +252,7 @@ def _is_zarr_2(zarr: Any) -> bool:
 
 
 def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
-    """Open a layer's Zarr array for writing; with `empty_chunks`, write chunks of only NaN, too."""
+    """Open a layer's Zarr array for writing; `empty_chunks` also writes chunks of only NaN."""
     zarr = required("zarr", f"{store}: a Zarr store")
     if Path(store, name).is_symlink():
         raise GridMapError("expected a folder, got a link. Copy the layer into the store first")
