@@ -241,7 +241,7 @@ class ProcessGroup:
             )
 
     def wait(self) -> tuple[str, int] | None:
-        """Wait; return the module and exit code of a process that ends, or None after a signal."""
+        """Wait until a process ends; return its module and exit code, or None after a signal."""
         while not self.stopped:
             for module, process in self._processes.items():
                 code = process.poll()
