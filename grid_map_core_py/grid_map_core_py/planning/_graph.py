@@ -138,7 +138,7 @@ class TravelGraph:
         check(elevation is not None or not needs_heights, "elevation", expected, elevation)
 
         def padded(layer: str | None) -> Floats:
-            """Return a flat layer in map order (zeros if `layer` is None), padded with NaN."""
+            """Return a layer in map order (zeros if None), padded with NaN and flattened."""
             values = np.zeros(grid_map.size) if layer is None else grid_map.unwrapped(layer)
             return np.pad(values.astype(np.float64), BORDER, constant_values=np.nan).ravel()
 
