@@ -32,7 +32,7 @@ def extract_planes(
 ) -> PlanarRegions:
     """Divide the planar parts of a map into regions, each with a plane and an outline.
 
-    Cells whose height is not finite belong to no region. Equal maps yield bit-identical results.
+    Cells without a finite height are in no region. Results are bit-identical for any start index.
 
     Args:
         grid_map: the map, with an optional layer `variance` [m^2]. In regions where all variances
