@@ -48,11 +48,12 @@ def assert_maps_equal(
 
 
 def register_profiles() -> None:
-    """Register two hypothesis profiles and activate `grid_map`; call this in a `conftest.py`.
+    """Register the hypothesis profiles `grid_map` and `explore`, and activate `grid_map`.
 
-    The profile `grid_map` runs the same examples every time, so that results are reproducible. The
-    profile `explore` runs more examples, and new ones every time. Select it with `pytest
-    --hypothesis-profile=explore` or `make explore`. Neither profile limits the time per example.
+    Call this function in a `conftest.py`. The profile `grid_map` runs the same examples every time,
+    so that results are reproducible. The profile `explore` runs more examples, and new ones every
+    time. To select it, run `pytest --hypothesis-profile=explore` or `make explore`. Neither profile
+    limits the time per example.
     """
     from hypothesis import settings
 
@@ -62,7 +63,7 @@ def register_profiles() -> None:
 
 
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
-    """Return an equal map that is stored with another start index, as if it had been moved."""
+    """Return an equal copy of a map with another start index, as if the map had been moved."""
     result = grid_map.copy()
     shift = np.subtract(start_index, grid_map.start_index)
     for layer in result:

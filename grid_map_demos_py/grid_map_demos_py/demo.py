@@ -17,7 +17,7 @@ class Demo(ConfiguredNode):
     """Node with helper methods for file paths and for publishing maps."""
 
     def read_path(self, name: str, default: str, description: str, *, data: str = "") -> Path:
-        """Read a path parameter; if it is empty, return the file `data` in the data folder.
+        """Return a path parameter, or the demo data file `data` if the parameter is empty.
 
         A leading `~` is expanded.
         """
@@ -32,7 +32,7 @@ class Demo(ConfiguredNode):
         return self.create_publisher(GridMapMessage, topic, map_qos())
 
     def publish_maps(self, default_rate: float, topic: str = "grid_map") -> None:
-        """Publish the maps that `map_at` returns; the parameter `publish_rate` sets the rate."""
+        """Publish the maps of `map_at` at the rate of the parameter `publish_rate`."""
         rate = self.read_positive("publish_rate", default_rate, "maps per second [Hz]")
         publisher = self.map_publisher(topic)
 

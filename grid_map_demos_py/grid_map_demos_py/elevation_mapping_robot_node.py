@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping_robot`: a simulated robot with a lidar and a depth camera.
 
-The robot drives on real terrain with boxes, a ramp and stairs. A person crosses the path. The robot
-starts when a node subscribes to the lidar. The node publishes the clouds of both sensors, drifting
-odometry with covariance, and the true terrain around the robot in the odometry frame.
+The robot drives on real terrain with boxes, a ramp and stairs. A person crosses its path. The robot
+starts when another node subscribes to the lidar. The node publishes the clouds of both sensors,
+drifting odometry with covariance, and the true terrain around the robot in the odometry frame.
 """
 
 from .robot_course import RobotCourse, covariance_at, drifted, load_course, truth_at

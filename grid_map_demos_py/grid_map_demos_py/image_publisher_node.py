@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
-The file is read again for each message, to include any edits. The image may be gray or in color,
-with or without an alpha channel. Pixel values are 8-bit or 16-bit integers or floats.
+The node reads the file for each message, so edits are published, too. The image may be gray or in
+color, with or without an alpha channel. Pixel values are 8-bit or 16-bit integers or floats.
 """
 
 from pathlib import Path

@@ -2,8 +2,8 @@
 """Node `image_to_gridmap_demo`: converts images to elevation maps; bright pixels are high.
 
 The node subscribes to images and publishes `grid_map` with the layers `elevation` (the gray values)
-and `color`. The first image sets the size of the map, which later images must match. Transparent
-pixels become cells without a value.
+and `color`. The first image sets the size of the map; later images must have the same size.
+Transparent pixels become cells without a value.
 """
 
 import math

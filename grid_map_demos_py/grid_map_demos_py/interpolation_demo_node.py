@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_interpolation_demo`: compares four interpolation methods with the truth.
+"""Node `grid_map_interpolation_demo`: measures the errors of four interpolation methods.
 
 A world is a surface given by a formula. The demo samples a world on a fine grid (the truth) and on
 a coarse grid (the data). It then interpolates the data at the cell centers of another fine grid. At
-startup, it publishes three latched maps with the heights in the layer `demo`:
+startup, the demo publishes three latched maps with the heights in the layer `demo`:
 
     ground_truth: the fine samples.
     data_sparse: the coarse samples.

@@ -5,8 +5,8 @@
 
 The program prints the times of two tasks on square maps with SIDE cells per side. The first task
 computes the larger of two layer values in every cell. The second task computes the mean of the
-3 x 3 cells around every cell. Each task is solved in several ways, from a Python loop to a single
-NumPy or OpenCV call. ROS is not required.
+3 x 3 cells around every cell. The program solves each task in several ways, from a Python loop to a
+single NumPy or OpenCV call. ROS is not required.
 """
 
 import argparse
@@ -53,7 +53,7 @@ def by_place(grid_map: GridMap) -> None:
 
 
 def by_array_of_cells(grid_map: GridMap) -> None:
-    """Index layers with arrays of cells; suitable for discs, polygons and lines."""
+    """Index layers with arrays of cell indices; suitable for discs, polygons and lines."""
     random, larger = grid_map["random"], grid_map["larger"]
     cells = map_cells(grid_map)
     larger[cells] = np.maximum(larger[cells], random[cells])
@@ -77,7 +77,7 @@ def by_array_of_windows(grid_map: GridMap) -> None:
 
 
 def by_image_filter(grid_map: GridMap) -> None:
-    """Use OpenCV on the transposed layer, which it accepts without a copy."""
+    """Use OpenCV on the transposed layer, which OpenCV accepts without a copy."""
     grid_map["mean"][1:-1, 1:-1] = cv2.blur(grid_map["random"].T, (3, 3)).T[1:-1, 1:-1]
 
 
@@ -118,7 +118,7 @@ def shortest_time(way: Way, grid_map: GridMap) -> float:
 
 
 def table(sides: Sequence[int]) -> Iterator[str]:
-    """Yield the lines of the table, each as soon as its times are measured."""
+    """Yield each line of the table as soon as its times are measured."""
     maps = [make_map(side) for side in sides]
     heads = (f"{side} x {side} [ms]" for side in sides)
     yield " ".join([f"{'':22}", *(f"{head:>18}" for head in heads), f"{'a cell [ns]':>12}"])

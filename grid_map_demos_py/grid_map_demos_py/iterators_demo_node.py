@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_iterators_demo`: fills regions of a map cell by cell, in iteration order.
 
-The node publishes the map on `grid_map`; its layer `type` is 1 in the cells filled so far. The node
-publishes the outline of the polygon region or of the sliding window on `polygon`. The demo shows
-all regions in turn, and starts again only if the parameter `repeat` is true.
+The node publishes the map on `grid_map`. The layer `type` is 1 in the cells filled so far. On
+`polygon`, the node publishes the outline of the polygon region or of the sliding window. After the
+last region, the demo starts again only if the parameter `repeat` is true.
 """
 
 import math
@@ -43,7 +43,7 @@ CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
 
 
 class Step(NamedTuple):
-    """Step of the demo, after which the map is published.
+    """Step of the demo; the map is published after each step.
 
     Attributes:
         pause: pause after the step [s].
@@ -62,7 +62,7 @@ def make_map() -> gm.GridMap:
 
 
 def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Fill the regions of a map one by one, show the sliding window, and yield every step."""
+    """Yield the steps that fill the regions of a map one by one and show the sliding window."""
     yield Step(2.0)
     for title, find_cells in REGIONS.items():
         grid_map.clear_all()
@@ -76,7 +76,7 @@ def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
 
 
 def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Blur a filled polygon: set each cell to the mean of its window, and yield every step."""
+    """Yield the steps that blur a filled polygon: each sets a cell to the mean of its window."""
     grid_map["type"] = 0.0
     grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)

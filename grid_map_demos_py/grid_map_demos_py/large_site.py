@@ -57,7 +57,7 @@ def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
 
 
 def make_site(path: Path) -> Iterator[None]:
-    """Write the map to a Zarr store, and yield after each chunk; skip chunks far from the path.
+    """Write the chunks of the map near the path to a Zarr store, and yield after each chunk.
 
     Raises:
         GridMapError: the store cannot be written.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Demos that start several nodes without launch files, and stop all of them at the end.
+"""Demos that start several nodes without launch files.
 
     filters_demo, elevation_mapping_demo, large_map_demo, path_planner_demo, planar_regions_demo
         [--report DIRECTORY] [--view [PORT]]
 
-Each node runs in its own process. A demo runs until it is interrupted or a node ends.
+Each node runs in its own process. If the demo is interrupted or a node ends, all nodes are stopped.
 
 - `--report`: a further process collects the messages of the nodes, writes pictures, prints a table
   and ends the demo. The exit code is 0 only if messages arrive on all topics.
@@ -65,12 +65,11 @@ class NodesDemo:
         steps: Iterable[object] = (),
         parameters: Mapping[str, str] | None = None,
     ) -> int:
-        """Run the demo; return its exit code.
+        """Run the demo and return its exit code.
 
         Args:
             arguments: command-line arguments; None means `sys.argv[1:]`.
-            steps: iterable that prepares the demo step by step; an interrupt skips the remaining
-                steps.
+            steps: iterable that prepares the demo; an interrupt skips the remaining steps.
             parameters: one additional parameter `name:=value` per node, by node module.
         """
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
@@ -183,7 +182,7 @@ def large_map_demo(arguments: Sequence[str] | None = None) -> int:
 
 
 def viewer() -> str:
-    """Return the first viewer module whose library is installed, or else the last module."""
+    """Return the first viewer module whose library is installed, or else the last viewer module."""
     return next((VIEWERS[name] for name in VIEWERS if find_spec(name)), [*VIEWERS.values()][-1])
 
 
@@ -220,7 +219,7 @@ class ProcessGroup:
         on_end(signal.SIG_IGN)
 
     def start(self, module: Sequence[str], parameter_file: str, *parameters: str) -> None:
-        """Start a node, unless the group has been stopped.
+        """Start a node, unless `stopped` is set.
 
         Args:
             module: module name of the node, followed by its command-line arguments.

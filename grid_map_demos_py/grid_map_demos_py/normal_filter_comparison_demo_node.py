@@ -2,7 +2,7 @@
 """Node `normal_filter_comparison_demo`: compares two algorithms that compute normals.
 
 The surface is given by a formula, so its true normals are known. The demo adds noise and outliers
-to the heights, smooths them, and runs a filter chain that computes the normals with the algorithms
+to the heights, and smooths the result. A filter chain then computes the normals with the algorithms
 `area` and `raster`. The error of a normal is 1 minus the cosine of its angle to the true normal.
 
 At startup, the node prints a table of angular errors for all shapes. It then publishes `grid_map`
@@ -12,7 +12,7 @@ At startup, the node prints a table of angular errors for all shapes. It then pu
 - normals: `normal_analytic_*` (true), `normal_area_*`, `normal_raster_*`
 - errors: `directionalErrorArea`, `directionalErrorRaster`
 
-The node logs the sum of each error layer, as a running mean over about 20 maps.
+The node logs the sum of each error layer as a running mean over about 20 maps.
 """
 
 from collections.abc import Callable, Iterator
@@ -69,7 +69,7 @@ SHAPES: dict[str, Shape] = {"wave": wave, "plane": plane, "hill": hill, "cone": 
 
 
 def surface_map(shape: str, seconds: float) -> GridMap:
-    """Return a map of a surface at a time [s]: `elevation` and true normals `normal_analytic_*`."""
+    """Return a map of a moving surface, with its true normals in `normal_analytic_*`."""
     grid_map = GridMap((2.5, 4.0), 0.02, frame_id="map")
     x, y = grid_map.axes()
     height, *slopes = SHAPES[shape](x[:, None], y[None, :], seconds)
@@ -85,10 +85,8 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
     """Set the layers `noise`, `elevation_noisy` and the smoothed `elevation_filtered`.
 
     Args:
-        grid_map: map with the layer `elevation`.
         noise: amplitude of the uniform noise [m].
         outliers: fraction of the cells that become infinite.
-        random: random number generator.
     """
     grid_map["noise"] = random.uniform(-noise, noise, grid_map.size)
     noisy = grid_map["elevation"].astype(np.float64) + grid_map["noise"]
@@ -101,9 +99,9 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
 
 
 def add_errors(grid_map: GridMap) -> None:
-    """Add the error layers, which are 1 minus the cosine of the angle to the true normal.
+    """Add the error layers: 1 minus the cosine of the angle to the true normal.
 
-    Errors are NaN in border cells, where the raster algorithm computes no normals.
+    Errors are NaN in border cells, because the raster algorithm computes no normals there.
     """
     for algorithm, layer in ALGORITHMS.items():
         pairs = [

@@ -2,7 +2,7 @@
 """Node `opencv_demo`: converts a layer to an image and blurs it with OpenCV.
 
 The node publishes `grid_map` with two layers: `original` is a star with sharp edges, and
-`elevation` is the star after a Gaussian blur whose kernel shrinks and grows.
+`elevation` is the star after a Gaussian blur. The blur kernel shrinks and grows.
 """
 
 import math

@@ -28,12 +28,12 @@ VERTICES = [
 
 
 def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridMap:
-    """Return a 1.2 m x 2 m map in the frame `map`, with a star that is 0.3 m high.
+    """Return a 1.2 m x 2 m map of a star that is 0.3 m high, in the frame `map`.
 
     Args:
         layer: name of the height layer [m].
         resolution: side of a cell [m].
-        has_ground: set cells around the star to 0; otherwise they are NaN.
+        has_ground: whether cells around the star are 0; otherwise, they are NaN.
     """
     ground = 0.0 if has_ground else math.nan
     geometry = GridGeometry((1.2, 2.0), resolution)
@@ -61,7 +61,7 @@ def weighted_means(
 
 
 def to_text(tables: Mapping[str, Mapping[Any, object]]) -> str:
-    """Format tables as text, with their titles; each row is a name and a value."""
+    """Format tables and their titles as text; each row is a name and a value."""
     sections = []
     for title, table in tables.items():
         width = max((len(str(name)) for name in table), default=0)

@@ -3,8 +3,7 @@
 
 The robot has the sensors of `elevation_mapping_robot`, with a shorter range, and odometry without
 drift. Until the robot starts to walk, it publishes the goal after each map. After each map, the
-robot walks only a limited distance. Even if maps are late, it therefore never walks on ground that
-the planner has not checked.
+robot walks only a limited distance, so that late maps never lead it onto unchecked ground.
 """
 
 import numpy as np

@@ -55,7 +55,7 @@ Pictures = Mapping[str, Figure | tuple[GridMap, str, Mapping[str, Any]]]
 
 
 class ReportNode(Demo):
-    """Base class of report nodes, which end with a report or, after a timeout, with an error."""
+    """Base class of nodes that end with a report or, after a timeout, with an error."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -268,10 +268,10 @@ class ElevationMappingReportNode(ReportNode):
 
 
 def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
-    """Return a map with `truth`, `estimate`, `error` and `deviation`, and accuracy tables.
+    """Return a map of the layers `truth`, `estimate`, `error` and `deviation`, and accuracy tables.
 
     Args:
-        estimate: map with `elevation` and `variance`.
+        estimate: map with the layers `elevation` and `variance`.
         truth: map with the true `elevation`, in the same frame.
 
     Raises:
@@ -428,7 +428,7 @@ class CourseReportNode(ReportNode):
 
     Attributes:
         walk: list of the robot positions (2,) so far [m].
-        truth: the true terrain; None until a map of it is received.
+        truth: the true terrain; None until it is received.
     """
 
     def __init__(self, name: str) -> None:
@@ -447,7 +447,7 @@ class CourseReportNode(ReportNode):
 
 
 class PathPlannerReportNode(CourseReportNode):
-    """Collects plans and robot positions until the robot has reached the goal."""
+    """Node that collects plans and robot positions until the robot has reached the goal."""
 
     def __init__(self) -> None:
         super().__init__("path_planner_report")
@@ -486,10 +486,7 @@ class PathPlannerReportNode(CourseReportNode):
 
 
 def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Matrix) -> Figure:
-    """Draw `elevation` and `inflated_cost`, each with the plans and the walked path.
-
-    Plans and path are positions (N, 2) [m].
-    """
+    """Draw `elevation` and `inflated_cost`, each with the plans (N, 2) and the path walked."""
     figure = Figure((6.4, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     plot(truth, "elevation", left, color_map="gist_earth", hillshade="elevation", scale_bar=False)
@@ -512,7 +509,7 @@ PLANAR = "/planar_map"
 
 
 class PlanarRegionsReportNode(CourseReportNode):
-    """Waits until the camera has seen the whole course, then compares regions with the terrain."""
+    """Node that waits until the camera has seen the course, then checks the planar regions."""
 
     def __init__(self) -> None:
         super().__init__("planar_regions_report")
@@ -534,7 +531,7 @@ class PlanarRegionsReportNode(CourseReportNode):
 
 
 def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
-    """Return report rows: how many planes were found as regions, and the largest height errors."""
+    """Return table rows with the number of planes found and the largest height errors."""
     rows, known = {}, set[float]()
     for name, centers in PLANES.items():
         places = np.array(centers)
@@ -550,7 +547,7 @@ def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
 
 
 def draw_regions(regions: GridMap) -> Figure:
-    """Draw the heights of a map, and its regions in twenty different colors."""
+    """Draw the heights of a map, and the planar regions in up to twenty colors."""
     ids = regions["plane_id"]
     # Ranks of the ids, so that fewer than twenty regions have a color each.
     ranks = np.searchsorted(np.unique(ids[ids > 0]), ids)

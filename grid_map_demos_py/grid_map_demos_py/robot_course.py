@@ -70,11 +70,7 @@ ARRIVED = 0.35
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the demo terrain, scaled up, without holes, and with obstacles on the robot's path.
-
-    Raises:
-        GridMapError: the file cannot be read or holds no heights.
-    """
+    """Return the demo terrain, scaled up, without holes, and with obstacles on the robot's path."""
     ground = load_terrain(path, RESOLUTION, holes=False).without_layers(["color"])
     ground = with_stairs(ground, (4.0, 1.5), (1.6, 1.2), 0.6, 4, yaw=0.5 * math.pi)
     ground = with_ramp(ground, (7.7, 1.5), (2.4, 1.2), 0.5, yaw=0.5 * math.pi)
@@ -87,9 +83,6 @@ def load_cliff(path: Path) -> GridMap:
     """Return the demo terrain without holes, with a cliff of 1 m between `START` and `GOAL`.
 
     Walls at the borders keep the robot on the terrain.
-
-    Raises:
-        GridMapError: the file cannot be read or holds no heights.
     """
     ground = load_terrain(path, RESOLUTION, holes=False).without_layers(["color"])
     ground = with_box(ground, (4.6, 3.7), (5.4, 0.6), 1.0, yaw=0.54)
@@ -113,7 +106,7 @@ class RobotCourse:
     def terrain_at(self, seconds: float) -> GridMap:
         """Return the terrain, including the person if present.
 
-        The layer `person` contains the height of the person [m], and NaN where no person is.
+        The layer `person` contains the height of the person [m], NaN in all other cells.
         """
         # The person appears once per lap (54.4 s at 0.6 m/s).
         walk, terrain = seconds % 54.4 - 4.5, self.ground
@@ -161,7 +154,7 @@ def drifted(pose: Matrix, seconds: float) -> Matrix:
 
 
 def covariance_at(seconds: float) -> Matrix:
-    """Return the covariance (6, 6) of the odometry, which grows with time."""
+    """Return the covariance (6, 6) of the odometry, which grows with the time since the start."""
     return np.diag([WALK**2 * seconds] * 3 + [1e-6] * 3)
 
 
@@ -170,9 +163,8 @@ def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -
 
     Args:
         ground: true terrain in the world frame.
-        position: (2,) center of the square in the world frame [m].
-        length: side length of the square [m].
-        seconds: time since the start, which determines the drift [s].
+        position, length: center (2,) in the world frame and side length of the square [m].
+        seconds: time since the start [s]; the drift is proportional to it.
     """
     block = ground.get_submap(position, (length, length))
     block.position = block.position + DRIFT[:2] * seconds
@@ -195,7 +187,7 @@ class Walker:
         self.plan: Matrix = np.empty((0, 2))
 
     def follow(self, plan: Matrix) -> None:
-        """Follow another plan (N, 2), from its point nearest to the robot."""
+        """Follow a new plan (N, 2), starting at the plan's point nearest to the robot."""
         distances = np.hypot(*(plan - self.position).T)
         self.plan = plan[distances.argmin() :] if len(plan) else plan
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
-The field extends from just below the lowest cell of a map to just above the highest cell. Cells
+The field extends from just below the lowest cell of the map to just above the highest cell. Cells
 without a height get the lowest height of the map. The `intensity` of each point is the signed
-distance to the surface [m]. The node publishes three topics, whose prefix is the parameter
-`pointcloud_topic`:
+distance to the surface [m]. The node publishes three clouds. The parameter `pointcloud_topic` is
+the prefix of their topics:
 
     full_sdf: all points.
     free_space: the points above the surface.

@@ -24,7 +24,6 @@ class SensingRobot(Demo):
     """Node that publishes odometry, the clouds of both sensors, and the true terrain.
 
     Args:
-        name: name of the node.
         speed: default speed [m/s].
         rate: default scan rate [Hz].
         max_range: range of the sensors [m].
@@ -62,14 +61,13 @@ class SensingRobot(Demo):
     def publish_measurements(
         self, terrain: GridMap, pose: Matrix, stamp: int, reported: Matrix, covariance: Matrix
     ) -> Odometry:
-        """Publish the odometry and a scan of each sensor; return the odometry.
+        """Publish the odometry and a scan of each sensor; return the odometry message.
 
         Args:
             terrain: terrain that the sensors measure.
             pose: true pose (4, 4) of the robot in the frame of `terrain`.
             stamp: time of the measurements [ns].
-            reported: pose (4, 4) that the odometry reports.
-            covariance: covariance (6, 6) that the odometry reports.
+            reported, covariance: pose (4, 4) and covariance (6, 6) in the odometry.
         """
         odometry = Odometry(header=Header(stamp=to_stamp(stamp), frame_id="odom"))
         odometry.child_frame_id = "base_link"
@@ -90,7 +88,7 @@ class SensingRobot(Demo):
 
 
 def to_cloud(points: Positions, stamp: int, frame_id: str) -> PointCloud2:
-    """Convert points (N, 3) to a message, without NaN points; `stamp` is their time [ns]."""
+    """Convert points (N, 3) to a cloud message with the time `stamp` [ns], without NaN points."""
     returned = points[np.isfinite(points[:, 0])].astype("<f4")
     header = Header(stamp=to_stamp(stamp), frame_id=frame_id)
     return write_points("xyz", array.array("B", returned.tobytes()), header)

@@ -34,7 +34,7 @@ NOISE, BEAMS, MAX_RANGE = StructuredLightModel(), DepthCamera(width=212, height=
 
 
 def make_course() -> GridMap:
-    """Return a map of stairs, landing, ramp and stones on a floor, with cells of 2 cm."""
+    """Return a map of stairs, a landing, a ramp and stepping stones, with cells of 2 cm."""
     course = GridMap((10.0, 4.0), 0.02, (4.0, 0.0), layers={"elevation": 0.0}, frame_id="odom")
     depth, top = STEPS * TREAD, FIRST + STEPS * TREAD
     course = with_stairs(course, (top - 0.5 * depth, 0.0), (depth, WIDTH), TOP, STEPS)

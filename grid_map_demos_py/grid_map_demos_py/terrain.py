@@ -24,12 +24,12 @@ def load_terrain(
     """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution`.
 
     Args:
-        path: elevation model, an .npz file with the array `elevation` [m] (row indices
-            increase southward, column indices eastward).
+        path: .npz file with the array `elevation` [m]; row indices increase southward, and column
+            indices eastward.
         resolution: side of a cell [m]. Heights are scaled down like lengths along x and y, and then
             multiplied by `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.
-        holes: add round holes, as in sensor data.
+        holes: whether to add round holes, as in sensor data.
 
     Returns:
         A map of 403 x 344 cells with the layers `elevation` (height above the lowest point [m]) and

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_tutorial_demo`: a tour of the library in one loop.
+"""Node `grid_map_tutorial_demo`: adds noise to a map, filters it and measures the error.
 
-The demo adds noise and outliers to a wave, filters a part of the map with weighted means, and
-computes the error of the result. It publishes all layers on `grid_map`, 30 times a second, and logs
-the error once a second.
+The surface is a moving wave with noise and outliers. The demo filters a part of the map with
+weighted means. It publishes all layers on `grid_map`, 30 times a second, and logs the error of the
+filtered heights once a second.
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ def make_map() -> GridMap:
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
-    """Set the heights and normals of a sine wave along y with amplitude 0.2 |x| at a time [s]."""
+    """Set the heights and normals of a moving sine wave along y, with the amplitude 0.2 |x|."""
     x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
     # A column of x and a row of y broadcast to all cells.
@@ -49,7 +49,7 @@ def add_noise(grid_map: GridMap, largest: float, random: np.random.Generator) ->
 
 
 def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> None:
-    """Set `elevation_noisy` to infinity at `count` random positions; skip positions off the map."""
+    """Set `elevation_noisy` to infinity in up to `count` random cells."""
     positions = random.uniform(-1.0, 1.0, (count, 2))
     cells, _ = grid_map.get_indices(positions[grid_map.is_inside(positions)])
     grid_map["elevation_noisy"][cells] = np.inf
@@ -64,7 +64,7 @@ def cells_to_filter(grid_map: GridMap) -> Cells:
 
 
 def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
-    """Store weighted means of `cells` in `elevation_filtered`, and absolute errors in `error`."""
+    """Add the layers `elevation_filtered` (smoothed at `cells`) and `error` (absolute error)."""
     noisy = grid_map["elevation_noisy"]
     grid_map["elevation_filtered"] = noisy
     # OpenCV processes a layer as an image, so no loop over the cells is needed.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Filter chains for grid maps, configured in YAML, and an expression language for layers.
 
-A filter is called with a `GridMap` and returns a new one. `FilterChain` builds a filter sequence
-from the YAML format of the C++ filters. `expression` implements the expression language, and
+A filter is called with a `GridMap` and returns a new `GridMap`. `FilterChain` builds a sequence of
+filters from the YAML format of the C++ filters. `expression` implements the expression language.
 `parts` provides helpers for fast custom filters. Only the executable `filter_chain` requires ROS.
 """
 

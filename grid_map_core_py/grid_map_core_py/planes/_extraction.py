@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`extract_planes`, which finds planar regions in a height layer and keeps ids across maps.
+"""Finds planar regions in a height layer, and keeps their ids from one map to the next.
 
 Images in this module are transposed layers (cols, rows) in C order.
 """
@@ -32,20 +32,19 @@ def extract_planes(
 ) -> PlanarRegions:
     """Divide the planar parts of a map into regions, each with a plane and an outline.
 
-    Cells whose height is not finite belong to no region. Equal input yields bit-identical results.
-    The start index has no influence.
+    Cells without a finite height are in no region. Results are bit-identical for any start index.
 
     Args:
-        grid_map: the map. A layer `variance` [m^2] is optional. If its values are positive and
-            finite in a whole region, the plane fit weights each cell with 1 / variance, and the
-            covariance of the plane follows from the variances. Otherwise, all cells have the same
-            weight, and the covariance follows from the residuals.
-        layer: name of the layer of heights [m].
+        grid_map: the map, with an optional layer `variance` [m^2]. In regions where all variances
+            are positive and finite, the plane fit weights each cell with 1 / variance, and the
+            covariance of the plane follows from the variances. In other regions, all cells have the
+            same weight, and the covariance follows from the residuals.
+        layer: name of the height layer [m].
         parameters: thresholds; None means the defaults.
-        previous: regions of an earlier map with the same frame and resolution, whose ids are kept.
-            The map may have moved. Each old id goes to the new region that shares the most cells
-            with the old region. If several old ids would go to one region, it gets the id of the
-            old region with the most shared cells. All other regions get new ids.
+        previous: regions of an earlier map with the same frame and resolution; the map may have
+            moved since. The id of each earlier region goes to the new region that shares the most
+            cells with it. If a new region would get several ids, it gets the id of the earlier
+            region with the most shared cells. All other regions get new ids.
 
     Raises:
         LayerNotFoundError: the map has no layer `layer`.
@@ -85,14 +84,14 @@ def extract_planes(
 
 
 def _cleaned(rounds: Image, margin: int) -> Image:
-    """Remove cells until each outline through the centers of border cells is simple.
+    """Remove cells until no outline through the centers of border cells touches itself.
 
     Every remaining cell belongs to a block of 2 x 2 cells with the same number. If two cells with
     the same number touch at a corner, a third cell with this number shares a side with both.
 
     Args:
-        rounds: number of each cell, as returned by `Splitter.split`; 0 for no region.
-        margin: width of the border that is removed first [cells].
+        rounds: image of numbers, as returned by `Splitter.split`; 0 for no region.
+        margin: width of the border to remove first [cells].
     """
     image = np.pad(rounds, 1)
     if margin:
@@ -112,12 +111,12 @@ def _cleaned(rounds: Image, margin: int) -> Image:
 
 
 def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
-    """Label the connected parts of each positive number in an image and trace their outlines.
+    """Label the connected components of equal positive numbers in an image, and trace outlines.
 
     Returns:
         labels: image of labels from 1 on, 0 for none.
-        outlines: list for each label: first the outer outline (counter-clockwise in the map), then
-            the holes (clockwise). An outline is an array (P, 2) of rows and columns of the map.
+        outlines: for each label, a list of arrays (P, 2) with rows and columns of the map: first
+            the outer outline (counter-clockwise in the map), then the holes (clockwise).
     """
     labels, outlines = np.zeros(rounds.shape, np.int32), list[list[Image]]()
     for number in np.flatnonzero(np.bincount(rounds.reshape(-1))[1:]) + 1:
@@ -135,7 +134,7 @@ def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
 def _fitted(
     cells: Cells, labels: NDArray[np.int32], count: int, variances: Layer | None
 ) -> tuple[dict[str, NDArray[Any]], Mask]:
-    """Return the plane attributes of all labels, by name, and a mask of labels with a plane."""
+    """Return the plane attributes of N labels, by name, and a mask (N,) of the fitted labels."""
     groups = labels.reshape(-1)[cells.places].astype(np.int64) - 1
     chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
     points, groups = cells.points.take(chosen, axis=1), groups[chosen]

@@ -33,12 +33,12 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Preprocessing(Section):
-    """Median filter that removes outliers before the search for planes.
+    """Parameters of the median filter that removes outliers before the search for planes.
 
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
         numberOfRepeats: number of times the median filter is applied.
-        resolution, increasing: no effect.
+        resolution, increasing: accepted, but without effect.
     """
 
     resolution: float = 0.04
@@ -56,14 +56,13 @@ class SlidingWindow(Section):
         planarity_opening_filter: radius of the morphological opening of the planar cells [cells].
         plane_inclination_threshold_degrees: largest inclination of a region.
         local_plane_inclination_threshold_degrees: largest inclination of a window's plane.
-        plane_patch_error_threshold: largest root-mean-square deviation of a window from its plane
-            [m].
+        plane_patch_error_threshold: largest RMS deviation of a window from its plane [m].
         min_number_points_per_label: smallest number of cells per region.
         global_plane_fit_distance_error_threshold: largest distance of a cell from its region's
             plane, along z [m].
         global_plane_fit_angle_error_threshold_degrees: largest angle between window plane and
             region plane.
-        connectivity, include_ransac_refinement: no effect.
+        connectivity, include_ransac_refinement: accepted, but without effect.
     """
 
     kernel_size: int = 3
@@ -105,7 +104,7 @@ class PlaneParameters:
     """Parameters of `extract_planes`, grouped as in the C++ package convex_plane_decomposition.
 
     The defaults are those of the C++ package, except that `marginSize` is in cells and is 0. The
-    sections `ransac_plane_refinement` and `postprocessing` are accepted without effect.
+    sections `ransac_plane_refinement` and `postprocessing` are accepted, but without effect.
 
     Example:
         >>> parameters = {"contour_extraction": {"marginSize": 1}}

@@ -25,7 +25,7 @@ _CHUNK = 2**16  # pairs of points and edges per chunk
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanarRegion:
-    """Connected cells on one plane. Lengths are in meters, and coordinates refer to `frame`.
+    """Region of connected cells on one plane; lengths in meters, coordinates in `frame`.
 
     Attributes:
         id: number of the region, 1 or more.
@@ -60,8 +60,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
     """The planar regions of a map, a sequence of `PlanarRegion` in the order of their ids.
 
     Attributes:
-        labels: (rows, cols) int32 in map order: id of the region that each cell belongs to, or 0.
-            Read-only.
+        labels: (rows, cols) int32 in map order: region id of each cell, 0 for none. Read-only.
         planarity: (rows, cols) float32 in map order: 1 for cells with planar surroundings, 0 for
             other cells, NaN for cells without a height. Read-only.
         geometry: geometry of the map.
@@ -140,12 +139,11 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return self.nearest(position, 0.0)
 
     def nearest(self, position: ArrayLike, max_distance: float) -> PlanarRegion | None:
-        """Return the region whose polygon is nearest to a position x, y [m], or None.
+        """Return the region whose polygon is nearest to a position, or None if all are too far.
 
         Args:
             position: (2,) x, y [m].
-            max_distance: largest horizontal distance from the polygon [m]; may be infinite. If all
-                polygons are farther away, the result is None.
+            max_distance: largest horizontal distance from the polygon [m]; may be infinite.
         """
         limit = as_number(max_distance, "max_distance")
         if not limit >= 0:
@@ -187,7 +185,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
         return result
 
     def _to_polygons(self, positions: Positions) -> Positions:
-        """Return vectors (N, R, 2) from positions (N, 2) to the nearest points of R polygons."""
+        """Return vectors (N, R, 2) from positions (N, 2) to R polygons; 0 inside a polygon."""
         firsts = self._first_edges[:-1]
         ahead_x, ahead_y, crossed = to_edges(self._edges, *positions.T[:, :, None])
         squares = ahead_x**2 + ahead_y**2
@@ -211,7 +209,7 @@ def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np
     """Return the edges of C closed outlines, each given as an array (V, 2) of vertices.
 
     Returns:
-        edges: (4, E) x and y of the start and x and y of the end of each edge.
+        edges: (4, E) start x, start y, end x and end y of each edge.
         starts: (C + 1,) index of each outline's first edge, followed by E.
     """
     vertices = np.concatenate([np.empty((0, 2), np.int32), *outlines]).T
@@ -222,10 +220,10 @@ def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np
 
 
 def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Return the vectors x, y from positions to edges (4, E), and a mask of the crossed edges.
+    """Return vectors x, y from positions to the nearest points of edges (4, E), and a mask.
 
-    A vector leads to the nearest point of the edge [m]. An edge is crossed by a ray from the
-    position towards +x. Inside a polygon, the number of crossed edges is odd (even-odd rule).
+    The mask contains the edges that a ray from the position towards +x crosses. Inside a polygon,
+    the number of crossed edges is odd (even-odd rule).
     """
     start_x, start_y, end_x, end_y = edges
     step_x, step_y = end_x - start_x, end_y - start_y

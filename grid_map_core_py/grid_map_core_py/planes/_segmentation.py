@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Segmentation: divides the cells whose window is planar into groups that lie on one plane each.
+"""Divides the cells with planar surroundings into groups, each of which lies on one plane.
 
 Images in this module are transposed layers (cols, rows) in C order.
 """
@@ -54,7 +54,7 @@ class Cells(NamedTuple):
 def planar_cells(
     heights: Image, resolution: float, parameters: PlaneParameters
 ) -> tuple[Cells, Mask]:
-    """Return the planar cells of an image of heights [m], and the mask of these cells."""
+    """Return the cells with planar surroundings in an image of heights [m], and their mask."""
     limits, median = parameters.sliding_window_plane_extractor, parameters.preprocessing
     distance = limits.global_plane_fit_distance_error_threshold
     steepest = math.tan(math.radians(limits.local_plane_inclination_threshold_degrees))
@@ -111,10 +111,10 @@ def _continuation(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _window_fits(heights: Image, size: int, resolution: float) -> tuple[list[Image], Image]:
-    """Return images of dz/dx, dz/dy and the mean squared deviation [m^2] of all windows.
+    """Return images of dz/dx, dz/dy and the mean squared deviation [m^2] of planes in all windows.
 
-    On a symmetric window, the coordinates and the constant are orthogonal, so each coefficient of
-    the least-squares plane is a single sum.
+    In a symmetric window, x, y and the constant are orthogonal, so each coefficient of the
+    least-squares plane is a single sum.
     """
     data, mean = heights.astype(np.float64), np.full(size, 1 / size)
     steps = resolution * (size // 2 - np.arange(size))  # rows and columns run to -x and -y
@@ -132,18 +132,17 @@ def _window_fits(heights: Image, size: int, resolution: float) -> tuple[list[Ima
 def fit_planes(
     groups: Groups, count: int, points: Numbers, weights: Numbers | float = 1.0
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Fit a plane to each group of points with weighted least squares, all groups at once.
+    """Fit a plane to each group of points with weighted least squares.
 
     Args:
         groups: (N,) group of each point, 0 to `count` - 1.
         points: (3, N) x, y, z.
-        weights: (N,) positive weights.
 
     Returns:
         planes: (3, count) dz/dx, dz/dy, and z at x = y = 0; NaN if a plane is not unique.
         centers: (3, count) point on each plane at the mean x, y.
-        covariances: (count, 3, 3) covariance of the height at the center, dz/dx and dz/dy, if the
-            weights are 1 / variance.
+        covariances: (count, 3, 3) covariances of the height at the center, dz/dx and dz/dy, for
+            weights of 1 / variance.
     """
 
     def sums(values: Any) -> Any:
@@ -169,13 +168,13 @@ def fit_planes(
 
 
 def above_planes(points: Numbers, planes: Numbers, groups: Groups) -> Numbers:
-    """Return the distances (N,) of points (3, N) from the planes of their groups, along z."""
+    """Return the heights (N,) of points (3, N) above the planes of their groups."""
     a, b, c = planes
     return np.asarray(points[2] - a[groups] * points[0] - b[groups] * points[1] - c[groups])
 
 
 class Splitter:
-    """Splits connected planar cells into planes.
+    """Assigns planar cells to planes, in several rounds.
 
     Each round fits a plane to each connected component of the remaining cells. If nearly all cells
     of a component are close to its plane and similarly inclined, the component is done. Otherwise,
@@ -192,7 +191,7 @@ class Splitter:
     def split(self, cells: Cells) -> Image:
         """Return an image of the round in which each cell is assigned to a plane; 0 for none.
 
-        Cells of the same round that are connected through their sides are on the same plane.
+        Connected cells with the same round are on the same plane; corners do not connect cells.
         """
         rounds = np.zeros(self.shape, np.uint8)
         for number in range(1, _MOST_ROUNDS + 1):
@@ -223,7 +222,7 @@ class Splitter:
         return near
 
     def _best_hypotheses(self, cells: Cells, groups: Groups) -> Numbers:
-        """Return, for each component, the plane of the window that has the most inliers."""
+        """Return the window planes (3, C) with the most inliers in each of C components."""
         # A random sample of each component, of which the first cells offer their local planes.
         random = np.random.default_rng(0).random(groups.size)
         sample = np.flatnonzero(random * np.bincount(groups)[groups] < _SCORED)
@@ -243,7 +242,7 @@ class Splitter:
         return fit_planes(groups.take(chosen), count, cells.points.take(chosen, axis=1))[0]
 
     def _judged(self, cells: Cells, groups: Groups, planes: Numbers) -> tuple[Mask, Mask]:
-        """Return a mask of the cells near the plane of their group, and a mask of the inliers.
+        """Return two masks: cells near the plane of their group, and inliers.
 
         Inliers are near the plane and similarly inclined.
         """
@@ -254,17 +253,17 @@ class Splitter:
         return is_close, is_close & is_parallel
 
     def _near(self, cells: Cells, groups: Groups, planes: Numbers) -> Mask:
-        """Return a mask of the cells near the plane of their group that are inliers or touch one.
+        """Return a mask of the cells near the plane of their group that have an inlier neighbor.
 
-        Near an edge, windows include cells beyond the edge, so their planes are tilted. Cells there
-        are therefore accepted if only a neighbor is an inlier.
+        A cell counts as its own neighbor. Windows at the edge of a surface contain cells beyond the
+        edge, which tilts the fitted planes, so cells at the edge are rarely inliers themselves.
         """
         image = np.zeros(self.shape, np.uint8)
         is_close, image.reshape(-1)[cells.places] = self._judged(cells, groups, planes)
         return is_close & cv2.dilate(image, _CROSS).reshape(-1)[cells.places].view(np.bool_)
 
     def _components(self, places: NDArray[np.int64]) -> tuple[Groups, NDArray[np.int64]]:
-        """Return the index of the component at each place, and the size of each component."""
+        """Return the component numbers (N,) of the cells `places` (N,), and the component sizes."""
         image = np.zeros(self.shape, np.uint8)
         image.reshape(-1)[places] = 1
         _, labels = cv2.connectedComponents(image, connectivity=4, ltype=cv2.CV_32S)

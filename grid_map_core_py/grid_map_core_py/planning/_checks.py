@@ -25,8 +25,8 @@ class PathCheck:
 
     Attributes:
         is_free: whether the robot may move along the whole path.
-        index: index of the first blocked pose. If the path is blocked between two poses, index of
-            the first of them. None if the path is free.
+        index: index of the first blocked pose, or of the pose before the first blocked intermediate
+            pose; None if the path is free.
         pose: (3,) x, y, yaw where the path is first blocked; None if the path is free.
         blocked: (N, 2) buffer indices of the blocked cells under the footprint.
         worst: lowest known value under the footprint; NaN if no value is known.
@@ -46,10 +46,10 @@ class PathCheck:
 
 @dataclass(frozen=True, eq=False)
 class PoseCheck(PathCheck):
-    """Result of `check_pose`, with the attributes of `PathCheck` and the pose of the robot's sole.
+    """Result of `check_pose`: the attributes of `PathCheck`, and the pose of the robot's sole.
 
-    `check_pose` describes the sole. The attributes below are NaN without `surface`, or if no height
-    under the footprint is known.
+    The sole is a flat area with the outline of the footprint; see `check_pose`. The attributes
+    below are NaN if `surface` is not given or no height under the footprint is known.
 
     Attributes:
         height: height of the sole at the pose [m].
@@ -66,7 +66,7 @@ class PoseCheck(PathCheck):
 
 
 def footprint_cells(grid_map: GridMap, footprint: Footprint, pose: ArrayLike) -> NDArray[np.int64]:
-    """Return the cells on the map whose square the footprint touches.
+    """Return the cells of a map that a footprint touches.
 
     A cell that shares only its border with the footprint (up to 1e-9 m) is omitted.
 
@@ -106,10 +106,10 @@ def check_pose(
     hold. A cell is blocked if its value is below `limit`. A cell is unknown if it is outside the
     map, or if its value (or its height in `surface`) is not finite.
 
-    With `surface`, the robot stands on a flat sole with the outline of the footprint. It rests on
-    the convex hull of the known heights under the footprint, in the plane of the hull's upper facet
-    at the mean position of the known cells. If these cells are on a line, the sole is level across
-    the line. The underside of the body is level, `body_height` above the sole at the pose.
+    With `surface`, the robot stands on a flat sole with the outline of the footprint. The sole
+    rests on the convex hull of the known heights under the footprint, in the plane of the upper
+    facet at the mean position of the known cells. If these cells are on a line, the sole is level
+    across the line. The underside of the body is level, `body_height` above the sole at the pose.
 
     Args:
         pose: (3,) x, y [m] and yaw [rad] of the footprint, map frame.
@@ -124,7 +124,7 @@ def check_pose(
 
     Raises:
         LayerNotFoundError: a layer does not exist.
-        ConfigError: an argument is invalid, or needs the missing `surface` or `body_height`.
+        ConfigError: an argument is invalid or requires another argument, which is not given.
         GeometryError: the pose is not finite.
         LimitError: the footprint is larger than the largest permitted map.
 
@@ -164,9 +164,9 @@ def check_path(
     """Check whether a robot may move along a path.
 
     Between two poses, the robot moves along a straight line and turns at a constant rate in the
-    shorter direction; half a turn is counter-clockwise. Poses in between are also checked, so close
-    together that each corner of the footprint moves by at most half a cell. Every obstacle that
-    reaches at least a quarter of a cell into the footprint is therefore found.
+    shorter direction; half a turn is counter-clockwise. Intermediate poses are checked in steps in
+    which each corner of the footprint moves by at most half a cell. The check therefore finds every
+    obstacle that reaches at least a quarter of a cell into the footprint.
 
     Args:
         poses: (N, 3) x, y [m] and yaw [rad] of the footprint along the path, map frame.
@@ -223,7 +223,7 @@ class _Rules:
 def _check(
     grid_map: GridMap, footprint: Footprint, poses: Positions, indices: Integers, rules: _Rules
 ) -> tuple[PathCheck, list[float]]:
-    """Return the result for poses (P, 3), and height, roll, pitch and clearance at the last pose.
+    """Return a `PathCheck`, and height, roll, pitch and clearance at the last of `poses` (P, 3).
 
     Args:
         indices: (P,) index of the last path pose at or before each pose.
@@ -278,13 +278,13 @@ def _distinct(cells: Integers) -> Integers:
 
 
 def _on_map(grid_map: GridMap, cells: Integers) -> tuple[Integers, Mask]:
-    """Return buffer indices (2, N) of cells in map order, and a mask of the cells on the map."""
+    """Convert cells from map order to buffer indices (2, N), with a mask of cells on the map."""
     size, start = np.array([grid_map.size, grid_map.start_index])[..., np.newaxis]
     return (cells + start) % size, ((cells >= 0) & (cells < size)).all(axis=0)
 
 
 def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, Layer, Mask]:
-    """Return values and heights (N,) of cells, NaN if unknown, and a mask of blocked cells."""
+    """Return the values and heights (N,) of cells (NaN if unknown), and a mask of blocked cells."""
     (row, column), known = _on_map(grid_map, cells)
     heights = np.full(len(row), np.nan, np.float32)
     if rules.surface is not None:
@@ -300,8 +300,8 @@ def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, 
 def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
     """Return height [m], roll and pitch [rad] of a sole that lies on points.
 
-    The convex hull of the points is an intersection of half spaces. The upper facet at a position
-    therefore lies in the plane that is lowest there, among the planes of all upper facets.
+    A convex hull is an intersection of half spaces. At each position, the upper facet is therefore
+    the facet with the lowest plane among all upper facets.
 
     Args:
         points: (N, 3) points [m], N > 0, with x and y relative to the robot.
@@ -330,7 +330,7 @@ def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, f
 
 
 def _as_poses(values: ArrayLike, name: str, axes: int) -> Positions:
-    """Check one pose (3,) if `axes` is 1, or poses (N, 3) if `axes` is 2; return them as (P, 3)."""
+    """Validate a pose (3,) or, if `axes` is 2, poses (N, 3), and return an array (P, 3)."""
     poses: Positions = as_array(values, np.float64, name)
     is_finite = poses.size and np.isfinite(poses).all()
     if poses.ndim != axes or poses.shape[-1] != 3 or not is_finite:

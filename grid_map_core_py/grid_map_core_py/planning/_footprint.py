@@ -63,10 +63,10 @@ class Footprint:
 
     @classmethod
     def circle(cls, radius: float) -> Footprint:
-        """Return a polygon of 32 corners around a circle.
+        """Return a polygon with 32 corners that encloses a circle around the origin.
 
         Args:
-            radius: radius of the circle around the origin [m].
+            radius: radius of the circle [m].
         """
         outer = as_finite(radius, "radius", "a positive number", above=0.0)
         outer /= math.cos(math.pi / _CIRCLE_CORNERS)
@@ -101,10 +101,10 @@ class Footprint:
 def touched_cells(
     footprint: Footprint, geometry: GridGeometry, poses: Positions
 ) -> Iterator[tuple[slice, Integers, Integers]]:
-    """Yield the cells whose square the footprint touches at poses (P, 3), in batches of poses.
+    """Yield the cells that a footprint touches at poses (P, 3), in batches of poses.
 
-    A cell is touched if an edge leads through its square, or if its center is inside the footprint.
-    Squares that share only their border with the footprint (up to 1e-9 m) are omitted.
+    A footprint touches a cell if an edge crosses the cell, or if the center of the cell is inside.
+    Cells that share only their border with the footprint (up to 1e-9 m) are omitted.
 
     Yields:
         batch: slice of the poses.
@@ -141,7 +141,7 @@ def touched_cells(
 
 
 def kernel_of(footprint: Footprint, resolution: float, yaw: float) -> NDArray[np.uint8]:
-    """Return a mask (2 r + 1, 2 c + 1) of the cells under a footprint at the mask's center."""
+    """Return an odd-sized mask of the cells under a footprint at the center of the mask."""
     one_cell, pose = GridGeometry((resolution, resolution), resolution), np.array([[0.0, 0.0, yaw]])
     ((_, _, cells),) = touched_cells(footprint, one_cell, pose)
     reach = np.abs(cells).max(axis=1, keepdims=True, initial=0)
@@ -198,10 +198,10 @@ def footprint_layer(
 
 
 def _means(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return the means of the values under a kernel.
+    """Return the mean of the values under a kernel at each cell.
 
-    The rounding errors of `cv2.filter2D` depend on distant values, so its results for tiles would
-    differ from those for the whole map.
+    `cv2.filter2D` is unsuitable: its rounding errors depend on distant values, so the results for
+    tiles would differ from the results for the whole map.
     """
     padded = np.pad(image.astype(np.float64), [(size // 2, size // 2) for size in kernel.shape])
     edges = np.argwhere(np.diff(kernel, axis=1, prepend=0, append=0))

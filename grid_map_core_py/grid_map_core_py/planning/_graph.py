@@ -49,10 +49,10 @@ class NoPathError(GridMapError, ValueError):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
-    """A least-cost path.
+    """Least-cost path from a start to a goal.
 
     Attributes:
-        positions: (N, 2) x, y [m], map frame, from start to goal; at most 2.3 cells apart.
+        positions: (N, 2) x, y [m], map frame; at most 2.3 cells apart.
         heights: (N,) height [m]; 0 if the graph has no elevation.
         yaws: (N,) direction of travel [rad]; at the ends, the yaws of the start and the goal if
             they are given.
@@ -68,7 +68,7 @@ class Path:
 
 
 class TravelGraph:
-    """Moves of a robot between the cells of a map, with their costs.
+    """Graph of the moves of a robot between the cells of a map, with the cost of each move.
 
     Moves lead from the center of a free cell to 8 or 16 neighbors. Diagonal moves and knight's
     moves (two cells along, one across) pass between two other cells. Both of these cells must be
@@ -138,7 +138,7 @@ class TravelGraph:
         check(elevation is not None or not needs_heights, "elevation", expected, elevation)
 
         def padded(layer: str | None) -> Floats:
-            """Return a layer, or zeros for None, in map order with a border of NaN."""
+            """Return a layer in map order (zeros if None), padded with NaN and flattened."""
             values = np.zeros(grid_map.size) if layer is None else grid_map.unwrapped(layer)
             return np.pad(values.astype(np.float64), BORDER, constant_values=np.nan).ravel()
 
@@ -240,7 +240,7 @@ class TravelGraph:
         return self.cost_to([*nearest, *pose[2:]]).path(start)
 
     def _free_in(self, pose: Floats) -> Mask:
-        """Return the free cells; for a pose with a yaw, only the cells free at this yaw."""
+        """Return a mask of the free cells; for a pose with a yaw, of the cells free at this yaw."""
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
@@ -251,7 +251,7 @@ class TravelGraph:
         return centers[distances.argmin()], float(distances.min())
 
     def _cell(self, values: ArrayLike, name: str) -> int:
-        """Return the flat index of the cell of a start or goal; raise `NoPathError` if not free."""
+        """Return the flat index of the start or goal cell; raise `NoPathError` if not free."""
         pose, ground = _as_pose(values, name), self._ground
         place, cell = as_text(pose[:2]), ground.geometry.cell_at((pose[0], pose[1]))
         if cell is None:
@@ -273,7 +273,7 @@ class TravelGraph:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CostField:
-    """Least cost from every cell to the nearest goal; `TravelGraph.cost_to` returns one.
+    """Least cost from every cell to the nearest goal, as returned by `TravelGraph.cost_to`.
 
     Attributes:
         costs: (rows, cols) float64, inf where no path leads to a goal. The cells are in buffer

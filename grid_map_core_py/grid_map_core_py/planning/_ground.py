@@ -49,7 +49,7 @@ class SlopeLimits:
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
     def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
-        """Return a mask of the allowed lines (L,); `across` (N, L) are tangents of cross slopes."""
+        """Return a mask (L,) of lines with allowed slopes; `across` (N, L) contains tangents."""
         up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
         is_level = np.abs(across).max(axis=0) <= cross
         return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
@@ -57,9 +57,9 @@ class SlopeLimits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """The cells of a map and a border around them, as flat arrays (S,) in map order.
+    """The cells of a map and of a border around it, as flat arrays (S,) in map order.
 
-    Points are in cells: (2.0, 3.0) is the center of row 2, column 3 of the map.
+    Points are given in cells: (2.0, 3.0) is the center of row 2, column 3 of the map.
 
     Attributes:
         geometry: geometry of the map, without the border.
@@ -69,7 +69,7 @@ class Ground:
         factor: cost per meter, at least 1.
         is_flat: whether all heights are 0.
         heights: heights [m]; NaN where unknown.
-        limits, max_step: steepest slopes (None for any), and largest step [m].
+        limits, max_step: steepest slopes (None for no limit), and largest step [m].
         footprint: outline of the robot; None if the robot fits into a cell.
     """
 
@@ -105,7 +105,7 @@ class Ground:
         return self.geometry.corner - (points.T + 0.5) * self.geometry.resolution
 
     def free_at(self, yaw: float) -> Mask:
-        """Return the passable cells (S,) at whose center the footprint is free in a direction."""
+        """Return a mask (S,) of the passable cells at which a footprint with `yaw` is free."""
         if self.footprint is None:
             return self.passable
         free = cv2.erode(
@@ -157,7 +157,7 @@ class Ground:
         (i, j), margin = move, self.flat(0, 0)
 
         def at(values: Any, cell: tuple[int, int]) -> Any:
-            """Return the values that are `cell` (rows, columns) away from each start of a move."""
+            """Return the values at the offset `cell` (rows, columns) from each start of a move."""
             offset = margin + self.stride * cell[0] + cell[1]
             return values[offset : values.size - 2 * margin + offset]
 
@@ -182,7 +182,7 @@ class Ground:
     def straight(
         self, begin: Floats, end: Floats, most: Floats | float = math.inf
     ) -> tuple[Floats, Floats]:
-        """Return the cost of each straight line, and the number of equal pieces to divide it into.
+        """Return the costs of straight lines, and the numbers of equal pieces of the lines.
 
         The cost is infinite if a line is not allowed, costs more than `most`, or has no length.
 
@@ -211,7 +211,7 @@ class Ground:
         return total, pieces
 
     def _over_pieces(self, begin: Floats, extent: Floats) -> tuple[Floats, Mask]:
-        """Return the costs (T,) of pieces of at most one cell, and a mask of the allowed pieces."""
+        """Return the costs (T,) of pieces up to one cell long, and a mask of allowed pieces."""
         end = begin + extent
         before, after = np.floor(begin + 0.5), np.floor(end + 0.5)
         crossing = (np.maximum(before, after) - 0.5 - begin) / extent
@@ -240,12 +240,12 @@ class Ground:
         return np.hypot(run, rise) * mean, allowed
 
     def shortened(self, points: Floats, lines: Floats, tested: Mask) -> tuple[Floats, Floats]:
-        """Drop each waypoint if a straight line between its two neighbors does not cost more.
+        """Drop each waypoint if a straight line between its neighbors does not cost more.
 
         Args:
             points: (2, K) waypoints [cells].
             lines: (2, K - 1) cost and number of pieces of each line, as returned by `straight`.
-            tested: (K,) mask of waypoints to keep without a test, unless a neighbor is dropped.
+            tested: (K,) mask of waypoints that are tested only if a neighbor is dropped.
         """
         odd, tested[[0, -1]] = 0, True
         # Waypoints that are not neighbors are independent, so every other one is tested at once.

@@ -72,12 +72,12 @@ class Polygon:
 
     @classmethod
     def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
-        """Approximate a circle with `n` counter-clockwise vertices; the last one equals the first.
+        """Return a polygon that approximates a circle.
 
         Args:
             center: (2,) center [m].
             radius: radius of the circle [m].
-            n: number of vertices, at least 2.
+            n: number of counter-clockwise vertices, at least 2. The last one equals the first.
         """
         start = as_finite(radius, "radius", least=0.0), 0.0
         return cls(np.array(as_pair(center, "center")) + _arc(start, _number(n, 2), 1.0))
@@ -109,7 +109,7 @@ class Polygon:
         """Return the counter-clockwise convex hull of polygons.
 
         The first vertex has the smallest x, and the smallest y of all vertices with this x.
-        Vertices in the middle of an edge are omitted (Andrew's monotone chain).
+        Vertices in the middle of an edge are omitted. The algorithm is Andrew's monotone chain.
 
         Args:
             polygons: polygons, or (V, 2) vertices of polygons [m].
@@ -268,7 +268,7 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at `y` of edges from `start` to `end` (2, ...), rounded as in C++ grid_map."""
+    """Return x at `y` on edges from `start` to `end` (2, ...), rounded as in C++ grid_map."""
     (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
@@ -295,11 +295,10 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return points (n, 2) on a counter-clockwise arc around the origin.
+    """Return `n` points (n, 2) on a counter-clockwise arc around the origin.
 
     Args:
         start: x, y of the first point.
-        n: number of points.
         turns: angle of the arc [full turns].
     """
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
@@ -309,7 +308,7 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 
 
 def _chain(points: list[list[float]]) -> list[list[float]]:
-    """Return the lower half of the hull of ascending points, or the upper half if they descend."""
+    """Return the lower convex hull of ascending points, or the upper hull of descending points."""
     chain: list[list[float]] = []
     for x, y in points:
         while len(chain) > 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Selects the cells in a block, disc, ellipse or polygon or on a line, and creates masks."""
+"""Selects cells in rectangles, discs, ellipses and polygons and on lines, and creates masks."""
 
 from __future__ import annotations
 
@@ -210,15 +210,15 @@ def polygon_cells(
 def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, Integers]:
     """Return where the edges of a polygon cross the columns of a grid.
 
+    As in `Polygon.is_inside`, an edge crosses a column if exactly one end of the edge has a greater
+    y than the column. Each column is therefore crossed an even number of times.
+
     Args:
-        x, y: (rows,) and (columns,) negated coordinates of the cells [m], ascending as
-            `searchsorted` requires.
+        x, y: (rows,) and (columns,) negated coordinates of the cells [m], ascending.
 
     Returns:
         first_below: (N,) first row on the -x side of each crossing.
-        crossed: (N,) column of each crossing. As in `Polygon.is_inside`, an edge crosses a column
-            if exactly one of its ends has a greater y than the column. Each column is therefore
-            crossed an even number of times.
+        crossed: (N,) column of each crossing.
     """
     vertices = -polygon._closed.T
     below = y.searchsorted(vertices[1], side="right")
@@ -329,7 +329,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) and all numbers (N,) of ranges from `first` to `stop` - 1."""
+    """Return the lengths (R,) and the concatenated numbers of ranges from `first` to `stop` - 1."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)

@@ -57,11 +57,11 @@ def window_array(
     *,
     window_length: float | None = None,
 ) -> Layer:
-    """Return the windows around all cells as one array, in map order for any start index.
+    """Return the windows around all cells as one array in map order.
 
     `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a median filter.
-    The arguments are as in `sliding_windows`, except that "crop" is invalid, because cropped
-    windows differ in size.
+    The arguments are those of `sliding_windows`. "crop" is invalid, because cropped windows differ
+    in size.
 
     Returns:
         (rows, cols, size, size) float32, read-only. With "inside", the shape is (rows - size + 1,

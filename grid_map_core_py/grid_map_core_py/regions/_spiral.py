@@ -54,7 +54,7 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
 
 
 def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
-    """Return the cell (map order) that contains a position; indices continue beyond the map."""
+    """Return the cell that contains a position, in map order; it may be outside the map."""
     steps = geometry._x.steps(position[0]), geometry._y.steps(position[1])
     row, column = (math.floor(max(min(step, FAR), -FAR)) for step in steps)
     if 0 <= row < geometry.size[0] and 0 <= column < geometry.size[1]:
@@ -102,7 +102,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return spiral cells (2, N) around (0, 0), and the number of cells in rings below each k."""
+    """Return spiral cells (2, N) around (0, 0), and the start index of each ring, followed by N."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]

@@ -116,11 +116,9 @@ def march(
 
     Args:
         heights: (rows, columns) heights [m]; a patch with a NaN is a hole.
-        rows, columns: shape of the heights.
-        rays: (6, count) row, column and z [m] of each beam at range 0, and the change per meter.
-        span: (2, count) nearest and farthest range at which each beam can hit the surface.
-        count: number of beams.
-        ranges: (count,) output: the ranges [m].
+        rays: (6, count) row, column and z [m] of each beam at range 0, and their change per meter.
+        span: (2, count) range limits [m], as returned by `_span`.
+        ranges: (count,) output array of ranges [m].
     """
     for ray in range(count):
         row, column, z = rays[ray], rays[count + ray], rays[2 * count + ray]
@@ -159,8 +157,7 @@ def _crossing(start: float, step: float, patch: int) -> float:
     """Return the range at which a beam leaves a patch along one axis; inf if it never does.
 
     Args:
-        start: row (or column) of the beam at range 0.
-        step: change of the row (or column) per meter.
+        start, step: row (or column) of the beam at range 0, and its change per meter.
         patch: row (or column) of the patch.
     """
     if step == 0.0:
@@ -184,7 +181,7 @@ def _above(
 
 
 def _root(f0: float, f1: float, f2: float) -> float:
-    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN; cancellation is avoided."""
+    """Return the smallest t >= 0 with f0 + f1 t + f2 t^2 <= 0, or NaN if there is none."""
     if f0 <= 0.0:
         return 0.0
     square = f1 * f1 - 4.0 * f2 * f0

@@ -98,8 +98,8 @@ def scan(
         grid_map: the terrain; `cast_rays` defines the surface.
         directions: (N, 3) beam directions, sensor frame, such as `SpinningLidar().directions`.
         transform: (4, 4) homogeneous transform from the sensor frame to the map frame.
-        sensor: noise model, which predicts the covariance of the Gaussian noise at the true point.
-            Points that the sensor cannot measure become NaN. None means no noise.
+        sensor: noise model; None for no noise. It predicts the covariance of the Gaussian noise at
+            the true point. Points that the sensor cannot measure become NaN.
         random: random generator for the noise; None creates a new generator for each call.
         layer: name of the height layer [m].
         max_range: range beyond which beams do not return [m].

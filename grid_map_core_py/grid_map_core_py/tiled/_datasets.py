@@ -275,7 +275,6 @@ class DatasetSource:
 
     Args:
         dataset: dataset whose variables are layers with the dimensions x and y.
-        layers: names of the layers.
         name: name of the dataset in error messages.
         ascends: whether x and y ascend in the dataset; in a map, both descend.
     """
@@ -418,7 +417,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
 
 
 def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray[np.object_]:
-    """Return the layers of a tile in an array of one element, because Dask requires an array."""
+    """Read the layers of a tile into a one-element object array, because Dask requires an array."""
     tiles, result = tiled_map.tiles, np.empty((1, 1), object)
     window = tiles[block_id[0] * tiles.counts[1] + block_id[1]]
     result[0, 0] = tiled_map.source.read(window, names)
@@ -426,7 +425,7 @@ def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray
 
 
 def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
-    """Store the tiled map from which a dataset of Dask arrays was created, for `origin_of`."""
+    """Record that a dataset of Dask arrays was created from a tiled map, for `origin_of`."""
     for name in {*tiled_map.layers} & {*dataset}:
         _ORIGINS[name, dataset[name].data.name] = tiled_map
 
@@ -434,8 +433,8 @@ def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
     """Return the tiled map from which a dataset was created; None if the layers have changed.
 
-    Reading windows from this map is faster than computing whole tiles of Dask arrays. Layers that
-    are already computed count as changed.
+    Computed layers count as changed. Reading windows from the tiled map is faster than computing
+    whole tiles of Dask arrays.
     """
     arrays = {name: dataset[name].data for name in layers if dataset[name].chunks}
     found = {_ORIGINS.get((name, array.name)) for name, array in arrays.items()}

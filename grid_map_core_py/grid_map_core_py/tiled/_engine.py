@@ -132,7 +132,7 @@ def _on_cluster(
 
 
 def _values(values: list[T], warned: list[Warning]) -> list[T]:
-    """Issue the warnings that a task returned, and return the results of the task."""
+    """Return the results of a finished task, after issuing its warnings in this process."""
     for warning in warned:
         warnings.warn(warning, stacklevel=3)
     return values
@@ -162,7 +162,7 @@ _warned: ContextVar[list[Warning] | None] = ContextVar("_warned", default=None)
 
 @cache
 def _collect_warnings() -> None:
-    """Collect warnings in `_warned`, because `catch_warnings` affects all threads of a worker."""
+    """Redirect warnings to `_warned`, because `catch_warnings` would affect all threads."""
     show: Any = warnings.showwarning
 
     def collect(warning: Any, *details: Any, **options: Any) -> None:
@@ -173,7 +173,7 @@ def _collect_warnings() -> None:
 
 
 def _call_each(pickled: bytes, group: list[Any]) -> list[list[Any]]:
-    """Run a task and return its results and its warnings; the client issues the warnings."""
+    """Call a pickled function with each part of a group; return the results and the warnings."""
     keep_memory()
     _collect_warnings()
     token = _warned.set(warned := list[Warning]())

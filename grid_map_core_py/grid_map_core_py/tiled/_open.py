@@ -38,7 +38,7 @@ def open_map(
         chunks: side of the tiles in which the map is computed and written [cells]. None means the
             chunk size of the store or of the Dask arrays, or 1024 for data without chunks.
         crs: coordinate reference system of the map, such as "EPSG:25832". GeoTIFF files are
-            projected to this system when read, with bilinear interpolation and square pixels.
+            reprojected to this system on read, with bilinear interpolation and square pixels.
         origin: latitude and longitude of the map frame origin [deg, WGS 84]. None means the stored
             origin, or else the origin of the reference system. See `TiledMap.with_origin`.
 

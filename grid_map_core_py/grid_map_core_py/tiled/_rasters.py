@@ -95,7 +95,7 @@ class RasterSource:
     Args:
         parts: the rasters. If rasters overlap, a cell gets the first value that is not NaN.
         layers: names of the bands.
-        crs: reference system to which the rasters are projected; empty means no projection.
+        crs: reference system to which the rasters are reprojected; empty for no reprojection.
     """
 
     parts: tuple[_Part, ...]
@@ -131,7 +131,7 @@ class RasterSource:
     def _read_part(
         self, part: _Part, place: Window, bands: Sequence[int], images: Sequence[Layer]
     ) -> None:
-        """Read the map window `place` from a raster into `images`, one per band."""
+        """Read a window of map rows and columns from a raster into `images`, one per band."""
         rows, columns = within(place, part.place)
         width = shape(part.place)[0]
         pixels = columns, slice(width - rows.stop, width - rows.start)
@@ -149,7 +149,7 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """Start and stop of the rows and columns that each raster covers, as two (N, 2) arrays."""
+        """Starts (N, 2) and stops (N, 2) of the rows and columns that each raster covers."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
@@ -177,7 +177,7 @@ def _open(
 
 
 def _warped(raster: Any, crs: str, **cells: Any) -> Any:
-    """Return a virtual raster that GDAL projects with bilinear interpolation when it is read."""
+    """Return a virtual raster that GDAL reprojects to `crs` with bilinear interpolation on read."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
     return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)
@@ -225,8 +225,8 @@ def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
     """Return the coarsest overview whose cells are at most as wide as `step` cells of the raster.
 
     Returns:
-        overview: the overview as a map, with positions accurate to half a cell. If the map is a
-            mosaic, is projected or has no such overview, this is `tiled_map` itself.
+        overview: the overview as a map, with positions accurate to half a cell; `tiled_map` itself
+            if it is a mosaic, is reprojected or has no such overview.
         factor: side of an overview cell [cells of `tiled_map`].
     """
     source = tiled_map.source
@@ -316,9 +316,8 @@ def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int
     """Return the sides of a raster in the grid of a mosaic: west, north, east, south [cells].
 
     Args:
-        header: header of the raster.
-        first: header of the first raster of the mosaic. Its north-west corner is (0, 0).
-        exact: whether the raster must lie on the grid. If not, all cells that it overlaps count.
+        first: header of the first raster in the mosaic; its north-west corner is (0, 0).
+        exact: whether the raster must lie on the grid. Otherwise, the sides are rounded outwards.
 
     Raises:
         ValueError: the layers, reference systems, pixel sizes or grids of the rasters differ.
@@ -420,7 +419,7 @@ def _write_windows(
 
 
 def _compute(tiled_map: TiledData, names: Sequence[str], window: Window) -> list[Layer]:
-    """Compute the layers in a window, given in raster lines and pixels."""
+    """Compute the layers of a map in a window of raster lines and pixels."""
     lines, pixels = window
     rows = slice(tiled_map.size[0] - pixels.stop, tiled_map.size[0] - pixels.start)
     return tiled_map.source.read((rows, lines), names)

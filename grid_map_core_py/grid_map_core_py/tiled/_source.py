@@ -32,7 +32,7 @@ class Source(Protocol):
     """Provider of layers that are read window by window.
 
     Sources are pickled and sent to other processes and machines, so they open files only in `read`.
-    If reading several layers together saves no time, a source may set `reads_layers_alone` to True.
+    A source may set `reads_layers_alone` to True if reading several layers together saves no time.
     Dask datasets of the source then read only the layers that are used.
     """
 

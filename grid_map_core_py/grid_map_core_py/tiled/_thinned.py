@@ -51,7 +51,7 @@ def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridM
 
 
 def _runs(size: int, side: int, step: int) -> list[_Run]:
-    """Return a `_Run` for each tile along an axis, except for tiles without lines to read."""
+    """Return a `_Run` for each tile with rows (or columns) to read along an axis."""
     lines = np.arange(min(step // 2, size - 1), size, step)
     begins = np.flatnonzero(np.diff(lines // side, prepend=-1)).tolist()
     return [

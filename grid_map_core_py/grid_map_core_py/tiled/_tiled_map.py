@@ -128,7 +128,7 @@ class TiledMap(TiledData):
         return self._map(geometry, names, self.source.read(window, names))
 
     def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
-        """Return a map in memory with the frame and time of this map; `layers` are not copied."""
+        """Return a map in memory with the frame and time of this map and the given layers."""
         empty = GridMap.from_geometry(geometry, frame_id=self.frame_id, timestamp=self.timestamp)
         empty._reference = self.crs, self.origin
         grid_map = empty.with_layers(dict(zip(names, layers, strict=True)))
@@ -210,8 +210,8 @@ class TiledMap(TiledData):
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
         Each tile becomes one chunk, which is computed only once, even if several layers are used
-        together. If a filter needs statistics of the whole map, the call computes them immediately.
-        In all other respects, the dataset equals the result of `GridMap.to_xarray`.
+        together. If a filter needs statistics of the whole map, `to_xarray` computes them
+        immediately. In all other respects, the dataset equals the result of `GridMap.to_xarray`.
 
         Args:
             layers: names of the layers; None means all.
@@ -223,9 +223,9 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        The cells of the result are `step` times as wide. Each has the value of the original cell at
-        its center. If the map is a raster with a suitable overview, cells are copied from the
-        overview. If more than about 4000 tiles would be read, a larger step is used.
+        Cells of the result are `step` times as wide as cells of this map. Each has the value of the
+        cell at its center. If the map is a raster with a suitable overview, cells are copied from
+        the overview. If more than about 4000 tiles would be read, a larger step is used.
 
         Args:
             step: distance between copied rows and between copied columns [cells].
@@ -270,8 +270,8 @@ class TiledMap(TiledData):
             options: see `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter needs the whole map in memory, or the chain fails when tried on a
-                small map of zeros.
+            FilterError: a filter needs the whole map in memory, or the chain fails on a small test
+                map of zeros.
         """
         source = chain.on_tiles(self, **options)
         return replace(self, source=source, basic_layers=source.basic_layers)
@@ -345,10 +345,10 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write it to a GeoTIFF file, window by window.
 
-        A temporary file next to `path` is renamed to `path` once it is complete. Each layer is a
-        float32 band named after the layer. The nodata value is NaN. A tag stores frame, time and
-        basic layers, so that `open_map` and `load_geotiff` restore the same map. Writing a
-        cloud-optimized file temporarily needs disk space for the uncompressed layers.
+        The method writes a temporary file next to `path`, and renames the complete file to `path`.
+        Each layer is a float32 band named after the layer. The nodata value is NaN. A tag stores
+        frame, time and basic layers, so that `open_map` and `load_geotiff` restore the same map.
+        Writing a cloud-optimized file temporarily needs disk space for the uncompressed layers.
 
         Args:
             path: path of the file.

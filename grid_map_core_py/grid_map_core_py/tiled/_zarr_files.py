@@ -126,7 +126,7 @@ def to_zarr(
 
 @contextmanager
 def _locked(part: Path) -> Iterator[IO[str]]:
-    """Lock an unfinished store for this process; yield the file that describes the run."""
+    """Lock an unfinished store for this process, and yield the file that describes the run."""
     with (part / _RUN).open("r+") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -252,13 +252,7 @@ def _is_zarr_2(zarr: Any) -> bool:
 
 
 def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
-    """Open the Zarr array of a layer for writing.
-
-    Args:
-        store: path of the store.
-        name: name of the layer.
-        empty_chunks: also write chunks in which all cells are NaN.
-    """
+    """Open a layer's Zarr array for writing; `empty_chunks` also writes chunks of only NaN."""
     zarr = required("zarr", f"{store}: a Zarr store")
     if Path(store, name).is_symlink():
         raise GridMapError("expected a folder, got a link. Copy the layer into the store first")

@@ -43,7 +43,6 @@ class StoreSource:
 
     Args:
         path: folder or fsspec URL of the store.
-        layers: names of the layers.
         size: number of rows and columns.
     """
 
@@ -158,7 +157,7 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 
     Returns:
         window: rectangle of store cells.
-        lines: row in the map's layers for each row of `window`, and column for each of its columns.
+        lines: map row of each row of `window`, and map column of each column of `window`.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Built-in filters, one per module, for use from Python.
 
-The YAML parameters of a filter are keyword arguments of the class. Instances are called with a map:
+The YAML parameters of a filter are keyword arguments of its class. Call an instance with a map:
 
     >>> from grid_map_core_py import GridMap
     >>> from grid_map_filters_py._builtin import Slope

@@ -30,14 +30,15 @@ _PIECE = 2**16
 class Bilateral(LayerFilter):
     """Smooth a layer while preserving edges.
 
-    Each finite cell becomes the mean of the finite values in the surrounding disc, weighted with a
-    Gaussian of distance and a Gaussian of value differences (C. Tomasi and R. Manduchi,
-    "Bilateral filtering for gray and color images", ICCV 1998). Non-finite cells become NaN.
+    Each finite cell becomes the weighted mean of the finite values in the surrounding disc. The
+    weight is the product of a Gaussian of the distance and a Gaussian of the value difference
+    (C. Tomasi and R. Manduchi, "Bilateral filtering for gray and color images", ICCV 1998).
+    Non-finite cells become NaN.
 
     Attributes:
-        sigma_space: standard deviation of the Gaussian of distance [m].
-        sigma_range: standard deviation of the Gaussian of value differences, in the unit of the
-            layer; steps much higher than `sigma_range` stay sharp.
+        sigma_space: standard deviation of the distance Gaussian [m].
+        sigma_range: standard deviation of the difference Gaussian, in the unit of the layer. Steps
+            much higher than `sigma_range` stay sharp.
         radius: radius of the disc [m]; by default 3 times `sigma_space`.
     """
 
@@ -75,7 +76,7 @@ class Bilateral(LayerFilter):
         return result
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
-        """Return the weighted means for the block `center`; `around` is the block with margins."""
+        """Return the weighted means of the block `center`; `around` is the padded block."""
         sigma, (rows, columns) = np.float32(self.sigma_range), center.shape
         # The cell itself has weight 1.
         weights, total = np.ones_like(center), np.zeros_like(center)

@@ -25,8 +25,8 @@ class ColorBlending(CellFilter):
     Attributes:
         background_layer: layer with the background colors.
         foreground_layer: layer with the foreground colors.
-        blend_mode: "normal" shows the foreground; "hard_light" and the weaker "soft_light" (Pegtop)
-            darken the background where the foreground is dark, and brighten it elsewhere.
+        blend_mode: "normal" shows the foreground. "hard_light" darkens the background where the
+            foreground is dark, and brightens it elsewhere. "soft_light" (Pegtop) does so weakly.
         opacity: weight of the blended color relative to the background, from 0 to 1.
         output_layer: layer for the result.
     """
@@ -85,7 +85,7 @@ def _blended(
     front: tuple[Value, ...],
     weights: tuple[Value, ...],
 ) -> Value:
-    """Return the color of a cell; `front` holds the blended channels (0 to 1) at full opacity."""
+    """Return the color of a cell; `front` contains the blended channels (0 to 1) at opacity 1."""
     r = FULL * (back[0] * weights[1] + front[0] * weights[0])
     g = FULL * (back[1] * weights[1] + front[1] * weights[0])
     b = FULL * (back[2] * weights[1] + front[2] * weights[0])

@@ -21,7 +21,7 @@ _FIRST, _LAST = np.float32(0), np.float32(1)
 class ColorMap(CellFilter, LayerFilter):
     """Color a layer with a linear color ramp between two values.
 
-    Values outside the ramp get the color of the nearer end. Non-finite cells get no color.
+    Values outside the ramp get the color of the nearer end. Non-finite cells become NaN (no color).
 
     Attributes:
         input_layer: layer with the values.
