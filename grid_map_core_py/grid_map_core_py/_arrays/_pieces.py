@@ -24,7 +24,7 @@ def elementwise(
         arrays: arrays with shapes that can be broadcast together.
 
     Returns:
-        An array of type `dtype` and the broadcast shape, in the memory order of the arrays.
+        An array of type `dtype` with the broadcast shape, in the memory order of the arrays.
     """
     iterator = np.nditer(
         (*arrays, None),

@@ -173,8 +173,6 @@ def to_costs(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     """Convert a layer to a costmap.
 
     Args:
-        grid_map: the map.
-        layer: name of the layer.
         codec: converts values to costs, such as a `CostTable` or `CostRange`.
     """
     costs = codec.to_costs(grid_map[layer])
@@ -198,7 +196,6 @@ def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int
     Args:
         costmap: a `Costmap`, or an object with the same attributes, such as `PyCostmap2D` in Nav2
             Kilted and later.
-        layer: name of the layer.
         codec: converts costs to values, such as a `CostTable` or `CostRange`.
         timestamp: time of the data [ns].
 

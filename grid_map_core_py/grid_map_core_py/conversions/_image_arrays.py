@@ -96,7 +96,7 @@ def to_color_image(
     """Convert a layer of packed colors to a color image.
 
     Args:
-        layer: name of a layer of packed colors, as returned by `color_vector_to_value`.
+        layer: layer of packed colors, as returned by `color_vector_to_value`.
         dtype: uint8, uint16, float32 or float64.
         channels: 3, or 4 with alpha.
         order: order of the channels; "bgr" suits OpenCV.
@@ -147,7 +147,7 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return a function that converts layer values to gray values; both are floats."""
+    """Return a function that scales layer values to gray values in the range of `pixel`."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _range(lower, upper, values)
@@ -170,7 +170,7 @@ def _encoder(
 def _range(
     lower: float | None, upper: float | None, values: Layer
 ) -> tuple[np.float32, np.float32]:
-    """Return `lower` and `upper`; None becomes the smallest or the largest finite value."""
+    """Return the bounds; None becomes the smallest (lower) or largest (upper) finite value."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
     # If only one bound is given, and all finite values lie beyond it, both bounds are equal.
