@@ -38,8 +38,8 @@ DEEPEST = 50
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
     """Create an instance of the dataclass `cls` with the given field values.
 
-    Supported field types X are `bool`, `int`, `float`, `str` and `Literal`, and based on these,
-    `tuple[X, ...]`, `list[X]` and `X | None`.
+    Field types may be `bool`, `int`, `float`, `str`, `Literal`, and `tuple[X, ...]`, `list[X]` or
+    `X | None` of these types.
 
     Raises:
         ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` rejects a

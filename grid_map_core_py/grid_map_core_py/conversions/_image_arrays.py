@@ -302,7 +302,7 @@ def _read_gray(
 
 
 def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: float) -> Layer:
-    """Convert pixels to a layer in map order, block by block; transparent pixels become NaN."""
+    """Convert pixels to a layer in map order; transparent pixels become NaN."""
     rows, columns, channels = pixels.shape
     values: Layer = np.empty((rows, columns), np.float32, order="F")
     share = as_number(alpha_threshold, "alpha_threshold")
