@@ -45,10 +45,6 @@ def lazy_names(
 
 
 def public_names(names: Iterable[str]) -> tuple[list[str], Callable[[], list[str]]]:
-    """Return `__all__` and `__dir__` of a package.
-
-    Args:
-        names: result of `dir()` in the package, called after all imports.
-    """
+    """Return `__all__` and `__dir__` with the public names in `names`, the `dir()` of a package."""
     public = [name for name in names if not name.startswith("_")]
     return public, lambda: public

@@ -43,11 +43,7 @@ def scratch_folder() -> Iterator[Path]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder until the context exits.
-
-    Raises:
-        OSError: another process has locked the folder, or the folder cannot be opened.
-    """
+    """Lock a folder until the context exits; `OSError` if it is locked or cannot be opened."""
     number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -228,7 +228,6 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
     Args:
         values: a tuple (rows, cols) or (row, col), or an (N, 2) array of rows and columns.
-        name: parameter name for error messages.
     """
     if isinstance(values, tuple):
         numbers = [_as_integers(value, name) for value in values]

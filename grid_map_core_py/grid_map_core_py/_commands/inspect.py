@@ -68,7 +68,7 @@ def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[
     Args:
         each: `each(function, layers)` calls `function` with the map, or with each tile if the map
             is tiled, and returns a list of the results.
-        bins: number of bins of the histogram.
+        bins: number of histogram bins.
     """
     import numpy as np
 

@@ -102,8 +102,8 @@ class CostRange:
     """Maps a range of values linearly to the costs 0 to 254, like the C++ conversion for nav2.
 
     Attributes:
-        data_min: value of cost 0.
-        data_max: value of cost 254; may be less than `data_min`.
+        data_min: layer value of cost 0.
+        data_max: layer value of cost 254; may be less than `data_min`.
 
     Raises:
         GeometryError: the bounds are not finite, or are equal as float32.
@@ -153,7 +153,7 @@ class Costmap:
     """A costmap with the attributes of nav2's `PyCostmap2D`.
 
     Attributes:
-        costmap: (size_x * size_y,) uint8 costs: x ascends within a row, and y from row to row.
+        costmap: (size_x * size_y,) uint8 costs, row by row; rows are along x and ascend in y.
         size_x, size_y: number of cells along x and y.
         resolution: side of a cell [m].
         origin_x, origin_y: position of the corner with the smallest x and y [m].

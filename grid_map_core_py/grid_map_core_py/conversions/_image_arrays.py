@@ -325,8 +325,8 @@ def change_resolution(
 
     Layers are interpolated as float images with OpenCV's `resize`. If the nearest cell in the
     original map is NaN or infinite, the new cell gets that value. All other cells are interpolated
-    from finite cells only. In the layer `color`, each cell gets the nearest color. For other layers
-    of packed colors, pass `cv2.INTER_NEAREST_EXACT`.
+    from finite cells only. In the layer `color`, each cell gets the nearest color. If other layers
+    contain packed colors, pass `cv2.INTER_NEAREST_EXACT`.
 
     Args:
         resolution: new side of a cell [m].

@@ -120,7 +120,7 @@ class _Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudPipeline:
-    """Creates a map from a raw point cloud; the fields are the parameters of `grid_map_pcl`.
+    """Creates a map from a raw point cloud, with the parameters of `grid_map_pcl`.
 
     First, outliers are removed and the cloud is downsampled, if the parameters enable these steps.
     Then the cloud is transformed to the map frame, and the points of each cell are clustered. The
@@ -415,7 +415,6 @@ def _missing_links(
         groups, clusters: (n,) group and cluster of each point.
         crowded: indices of the points with the maximum number of links; only they can lack links.
         reach: largest length of a link [m].
-        workers: number of threads that search for neighbors.
     """
     from scipy.spatial import cKDTree  # slow to import
 
