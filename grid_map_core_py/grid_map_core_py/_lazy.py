@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lazy imports: a package lists its public names, but imports a name only when it is first used."""
+"""Lazy imports: a package imports a public name only when the name is first used."""
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -14,8 +14,8 @@ def lazy_names(
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__all__`, `__getattr__` and `__dir__` for a package that imports names on first use.
 
-    `__getattr__` also finds `__version__`, which is "0+unknown" if the package is not installed.
-    `offered` maps each module of the package to its public names, separated by spaces.
+    `__getattr__` also returns `__version__`; "0+unknown" means that the package is not installed.
+    `offered` contains the public names of each module, separated by spaces.
     """
     module_of = {name: module for module, names in offered.items() for name in names.split()}
     modules = [name.removeprefix(".") for name in offered]
@@ -45,10 +45,6 @@ def lazy_names(
 
 
 def public_names(names: Iterable[str]) -> tuple[list[str], Callable[[], list[str]]]:
-    """Return `__all__` and `__dir__` of a package.
-
-    Args:
-        names: result of `dir()` in the package, called after all imports.
-    """
+    """Return `__all__` and `__dir__` with the public names in `names`, the `dir()` of a package."""
     public = [name for name in names if not name.startswith("_")]
     return public, lambda: public

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Loops over cells or points, compiled with numba if numba is installed.
 
-Numba is imported when the first loop is compiled or loaded, and caches the machine code.
+The first use of a loop imports numba, which caches the machine code.
 """
 
 import importlib.util
@@ -35,12 +35,12 @@ class Loop:
     """Function of flat arrays and numbers that numba can compile; created with `@loop`.
 
     Attributes:
-        function: the Python function. It indexes arrays with integers from 0, writes results to
-            arrays and returns nothing. It may call `math`, NumPy and other compilable functions.
+        function: Python function that writes its results to arrays and returns nothing. It may use
+            nonnegative array indices, and call `math`, NumPy and other compilable functions.
         takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
             "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
             The first call with other types compiles the loop again.
-        instead: maps functions that `function` calls to their replacements in compiled code.
+        instead: replacements in compiled code for functions that `function` calls.
     """
 
     function: Callable[..., None]
@@ -50,9 +50,8 @@ class Loop:
     def compiled(self) -> Compiled | None:
         """Return the compiled function, which releases the GIL.
 
-        The function is loaded from numba's cache if possible. Otherwise, it is compiled, which
-        takes a few seconds. The first compilation in a process is logged. Array arguments may have
-        any shape, but must be contiguous.
+        If the function is not in numba's cache, its compilation takes a few seconds. Array
+        arguments may have any shape, but must be contiguous.
 
         Returns:
             The function, or None if numba is not installed, if NUMBA_DISABLE_JIT is set, or (with a
@@ -112,7 +111,7 @@ def _has_numba() -> bool:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Register all functions that `function` calls, so that numba can compile the calls."""
+    """Register the functions that `function` calls with numba, so that the calls compile."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

@@ -74,7 +74,7 @@ def remedy_for(module: str) -> str:
 
 
 def _is_managed() -> bool:
-    """Return whether the operating system manages this Python and blocks `pip install`."""
+    """Return whether the operating system manages this Python, which blocks `pip install`."""
     import sysconfig
 
     marker = Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED")

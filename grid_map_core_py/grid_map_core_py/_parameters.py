@@ -38,8 +38,8 @@ DEEPEST = 50
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
     """Create an instance of the dataclass `cls` with the given field values.
 
-    Supported field types are `bool`, `int`, `float`, `str`, `Literal`, `tuple[X, ...]` and
-    `list[X]` of these types, and optional types.
+    Field types may be `bool`, `int`, `float`, `str`, `Literal`, and `tuple[X, ...]`, `list[X]` or
+    `X | None` of these types.
 
     Raises:
         ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` rejects a
@@ -104,10 +104,9 @@ def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[
 def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
     """Convert parameters with dotted names, `a.b: 1`, to nested mappings, `a: {b: 1}`.
 
-    ROS reads an empty mapping `a: {}` as None. If `a.b` is also given, it replaces this None.
+    ROS reads an empty mapping `a: {}` as None. If `a.b` is also given, `a` becomes a mapping.
 
     Args:
-        parameters: values by name.
         above: number of levels that enclose `parameters`; they count towards `DEEPEST`.
 
     Raises:
@@ -138,9 +137,9 @@ def cast(name: str, value: object, kind: Any) -> Any:
     """Cast the value of a parameter to a declared type, or raise `ConfigError`.
 
     Args:
-        name: name of the parameter, for the error message.
-        value: value from YAML. None becomes an empty tuple or list if one is expected, because ROS
-            reads an empty list as None.
+        name: parameter name for the error message.
+        value: value from YAML. For a tuple or list type, None becomes empty, because ROS reads an
+            empty list as None.
         kind: one of the types that `build` supports.
     """
     result = _try_cast(value, kind)
@@ -153,7 +152,7 @@ def cast(name: str, value: object, kind: Any) -> Any:
 
 
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
-    """Return a `ConfigError` that states what was expected and which value was found."""
+    """Return a `ConfigError` with the expected and the actual value of a parameter."""
     found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
     return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 

@@ -30,7 +30,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 def scratch_folder() -> Iterator[Path]:
     """Yield a temporary folder that is removed on exit.
 
-    Temporary folders that killed processes left behind are removed first.
+    Before that, temporary folders of killed processes are removed.
     """
     for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
         with suppress(OSError), _locked(left):
@@ -43,11 +43,7 @@ def scratch_folder() -> Iterator[Path]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder until the context exits.
-
-    Raises:
-        OSError: another process has locked the folder, or the folder cannot be opened.
-    """
+    """Lock a folder until the context exits; `OSError` if it is locked or cannot be opened."""
     number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -46,7 +46,7 @@ _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
 def as_positions(values: ArrayLike, name: str = "position") -> Positions:
-    """Return positions as a float64 array whose last axis holds x and y."""
+    """Return positions as a float64 array of shape (..., 2)."""
     positions = as_array(values, np.float64, name)
     if positions.ndim == 0 or positions.shape[-1] != 2:
         raise GeometryError(f"{name}: expected x, y of shape (2,) or (N, 2), got {positions.shape}")
@@ -65,10 +65,10 @@ def as_pair(values: ArrayLike, name: str) -> Pair:
 
 
 def as_crs(crs: Any) -> str:
-    """Convert a coordinate reference system to text.
+    """Convert a coordinate reference system to a string, such as "EPSG:25832" or WKT.
 
     Args:
-        crs: text, an EPSG number, or an object with the method `to_wkt`; None becomes "".
+        crs: string, EPSG number, object with the method `to_wkt`, or None, which becomes "".
     """
     if isinstance(crs, int | np.integer):
         return f"EPSG:{crs}"
@@ -79,7 +79,7 @@ def as_crs(crs: Any) -> str:
 
 
 def as_point(values: ArrayLike, name: str) -> Pair:
-    """Return the x and y of one position (2,), which may be NaN or infinite."""
+    """Return a position (2,) as two floats, which may be NaN or infinite."""
     pair = plain_pair(values)
     if pair is None:
         point = as_positions(values, name)
@@ -90,7 +90,7 @@ def as_point(values: ArrayLike, name: str) -> Pair:
 
 
 def plain_pair(values: Any) -> Pair | None:
-    """Return `values` as two floats if it is a tuple, list or array of two numbers, else None."""
+    """Return a tuple, list or array of two numbers as two floats; None for other values."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind not in "fiu":
@@ -125,7 +125,7 @@ def as_finite(
     least: float = -math.inf,
     above: float = -math.inf,
 ) -> float:
-    """Return `value` as a float, which must be finite, at least `least`, and above `above`."""
+    """Return a number as a float, after a check that it is finite, >= `least` and > `above`."""
     number = as_number(value, name)
     if not (math.isfinite(number) and number >= least and number > above):
         limit = f" >= {least:g}" if math.isfinite(least) else ""
@@ -158,7 +158,7 @@ def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[A
 
 
 def as_floats(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return numbers as an array: float32 stays float32, other types become float64."""
+    """Return numbers as a float32 array if they are float32, else as a float64 array."""
     numbers = as_numbers(values, name)
     return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)
 
@@ -174,7 +174,7 @@ def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
 
 
 def as_rigid(transform: ArrayLike) -> Positions:
-    """Check that a transform is rigid, and return it as (4, 4) float64."""
+    """Return a transform as a (4, 4) float64 matrix, after a check that it is rigid."""
     matrix: Positions = as_array(transform, np.float64, "transform")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         text = f"transform: expected (4, 4) finite numbers, got {short(transform)}"
@@ -205,7 +205,7 @@ def as_size(values: ArrayLike, name: str) -> Size:
 
 
 def plain_cell(values: Any) -> Size | None:
-    """Return `values` as two `int` if it is a tuple, list or array of two integers, else None."""
+    """Return a tuple, list or array of two integers as two `int`; None for other values."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind != "i":
@@ -227,9 +227,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
     """Return cells as a tuple (rows, cols) of int64 arrays.
 
     Args:
-        values: a tuple (rows, cols), as for NumPy indexing, or an (N, 2) array of rows and columns.
-            A single cell may be given as (row, col).
-        name: parameter name for error messages.
+        values: a tuple (rows, cols) or (row, col), or an (N, 2) array of rows and columns.
     """
     if isinstance(values, tuple):
         numbers = [_as_integers(value, name) for value in values]
@@ -248,7 +246,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or (rows, cols) array to a new layer; warn about overflow and lost digits."""
+    """Copy a scalar or an array (rows, cols) to a new layer; warn if float32 cannot hold it."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""
@@ -278,10 +276,7 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
 
 
 def is_name(text: object) -> bool:
-    """Return whether `text` is a valid name of a layer or a frame.
-
-    A valid name is a non-empty string without control characters or lone surrogates.
-    """
+    """Return whether `text` is a non-empty string without control characters or surrogates."""
     if not isinstance(text, str) or not text:
         return False
     return text.isprintable() or not _CONTROL.search(text)
@@ -308,7 +303,7 @@ def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) 
 
 
 def as_text(values: ArrayLike) -> str:
-    """Format a pair of numbers as a tuple for messages, with at most 12 significant digits each."""
+    """Format two numbers as a tuple with at most 12 significant digits each, for messages."""
     return str(tuple(float(f"{value:.12g}") for value in np.asarray(values, dtype=np.float64)))
 
 

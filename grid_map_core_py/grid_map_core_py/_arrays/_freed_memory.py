@@ -15,8 +15,8 @@ def keep_memory() -> None:
 
     By default, glibc returns each freed block above 32 MB to the system. The kernel then clears the
     pages of the next block, which takes longer than copying a message. The subscriptions of this
-    suite call this function when they receive large messages. A node that only publishes large
-    messages must call this function itself.
+    suite call this function for large messages. A node that only publishes large messages must call
+    this function itself.
     """
     with suppress(AttributeError):  # Other C libraries have no `mallopt`.
         mallopt = ctypes.CDLL(None).mallopt

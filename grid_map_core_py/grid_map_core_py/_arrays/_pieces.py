@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Computes on arrays piece by piece, so that temporary arrays fit into the CPU cache."""
+"""Array computations in pieces, so that temporary arrays fit into the CPU cache."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -20,12 +20,11 @@ def elementwise(
     """Return `function(*arrays)` computed piece by piece.
 
     Args:
-        function: maps (n,) arrays to an (n,) array.
-        dtype: dtype of the result.
+        function: converts arrays (n,) to an array (n,).
         arrays: arrays with shapes that can be broadcast together.
 
     Returns:
-        An array of the broadcast shape, in the memory order of the arrays.
+        An array of type `dtype` with the broadcast shape, in the memory order of the arrays.
     """
     iterator = np.nditer(
         (*arrays, None),
@@ -45,13 +44,13 @@ def elementwise(
 def piece_of(count: int) -> int:
     """Return the number of elements per piece for an array with `count` elements.
 
-    Small arrays get smaller pieces, so that temporary arrays stay smaller than the array.
+    Small arrays get smaller pieces, which limits the size of temporary arrays.
     """
     return max(_SMALL_PIECE, min(PIECE, count // 16))
 
 
 def slices(count: int, step: int) -> Iterator[slice]:
-    """Split `count` items into slices of `step` items; the last slice may be shorter."""
+    """Yield slices of `step` items that cover `count` items; the last slice may be shorter."""
     for first in range(0, count, max(1, step)):
         yield slice(first, min(first + max(1, step), count))
 

@@ -14,7 +14,6 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     """Add the arguments for the source file and the options for reading.
 
     Args:
-        parser: parser of the command.
         which: help text that says which maps of a bag are read without `--index`.
     """
     parser.add_argument("source", help="file or folder of any format, or - for .npz from a pipe")

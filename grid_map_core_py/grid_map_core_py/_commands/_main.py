@@ -50,7 +50,7 @@ Handler: TypeAlias = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that prints one-line errors and accepts negative numbers such as -1e-3."""
+    """Argument parser with one-line errors that accepts negative numbers such as -1e-3."""
 
     def __init__(self, **options: Any) -> None:
         # An abbreviated option that is unique today may become ambiguous when an option is added.
@@ -70,7 +70,7 @@ class Parser(argparse.ArgumentParser):
 def make_parser(words: Sequence[str]) -> Parser:
     """Create the parser for the command line `words`.
 
-    To save time, only the module of the command in `words` is imported.
+    Only the module of the command in `words` is imported, to save time.
     """
     parser = Parser(
         prog=PROGRAM, description="Look at grid maps in files, convert, filter and draw them."
@@ -97,7 +97,7 @@ def make_parser(words: Sequence[str]) -> Parser:
 
 
 def _commands() -> dict[str, EntryPoint]:
-    """Return the commands of all packages by name; other packages cannot replace built-in ones."""
+    """Return the commands of all packages by name; built-in commands take precedence."""
     known = {name: EntryPoint(name, f"{__package__}.{name}", GROUP) for name in BUILT_IN}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         known.setdefault(entry.name, entry)
@@ -190,8 +190,8 @@ def _failed(text: str) -> int:
 def on_end(handler: Handler) -> dict[signal.Signals, Any]:
     """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
-    If SIGHUP is ignored, as under `nohup`, it stays ignored. The handler must not acquire locks, as
-    `threading.Event` does, because the interrupted thread may hold them.
+    If SIGHUP is ignored, as under `nohup`, it stays ignored. The handler must not acquire locks,
+    for example with `threading.Event`, because the interrupted thread may hold them.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
@@ -200,7 +200,7 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
-    """Return a `preexec_fn` that makes Linux signal the child when the parent thread ends."""
+    """Return a `preexec_fn` that makes Linux signal a child when its parent thread ends."""
     set_parent_death_signal = 1
     # libc is loaded before the fork, because the child should do little before it calls `exec`.
     parent, control = os.getpid(), ctypes.CDLL(None).prctl

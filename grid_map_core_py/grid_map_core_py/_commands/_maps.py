@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads and writes the map files named on a command line.
-
-Modules that are slow to import are imported inside functions.
-"""
+"""Reads and writes the map files named on a command line."""
 
 import argparse
 import os
@@ -49,9 +46,8 @@ def _choose(
     """Return the format of the source or destination, and the options given for this format.
 
     Args:
-        options: the arguments.
-        of_source: None for the source. For the destination, names of the options that the source
-            uses, and that are therefore accepted even if the destination does not use them.
+        of_source: None selects the source. To select the destination, pass the names of the source
+            options; these are accepted even if the destination does not use them.
     """
     from ..files._formats import find_format, formats, options_of
 
@@ -130,8 +126,8 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield the sequence of map records to copy from the source to the destination.
 
-    The sequence contains all maps of a bag if the destination can store several maps and `--index`
-    is not given. Otherwise, the sequence contains a single map.
+    It contains all maps of a bag if the destination can store several maps and `--index` is not
+    given; otherwise, it contains one map.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)
@@ -188,9 +184,8 @@ class Destination:
     """Destination of maps, selected by the `add_destination` arguments.
 
     Args:
-        options: the arguments.
-        usual_topic: topic of the maps if the destination is a bag and no topic is given. None means
-            the source topic if the source is a bag too, else `/grid_map`.
+        usual_topic: default topic of the maps in a bag. None means the source topic if the source
+            is a bag too, else `/grid_map`.
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
@@ -246,7 +241,7 @@ class Destination:
         return count
 
     def tell(self, count: int) -> None:
-        """Print the number of written maps, unless the destination is standard output."""
+        """Print the number `count` of written maps, unless they went to standard output."""
         if self.path != STANDARD:
             message(f"{count} {'map' if count == 1 else 'maps'} in {self.path}")
 

@@ -21,7 +21,7 @@ class CommandError(GridMapError):
 
 
 class UsageError(CommandError):
-    """Arguments are invalid, regardless of the content of files; the exit code is 2."""
+    """Invalid command-line arguments; exit code 2."""
 
 
 def message(text: str) -> None:
@@ -56,7 +56,7 @@ def number(value: float) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Format a length or coordinate [m] with 12 significant digits, so UTM keeps millimeters."""
+    """Format a coordinate [m] with 12 significant digits, enough for millimeters in UTM."""
     return f"{value:.12g}"
 
 
@@ -76,12 +76,12 @@ class ProgressBar:
     written. With `cells`, the rate counts only units that finish after the first call.
 
     Args:
-        stream: stream to write to; None means standard error, or standard output for `as_json`.
+        stream: output stream; None means standard error, or standard output with `as_json`.
         clock: function that returns the time [s].
-        quiet: whether to hide the progress; ignored for `as_json`.
+        quiet: whether to hide the progress; ignored with `as_json`.
         unit: plural name of the counted items.
-        cells: number of cells per unit, to show the rate in cells per second. If 0, the rate is
-            shown in units per second.
+        cells: number of cells per unit, to show the rate in cells per second; 0 means units per
+            second.
         as_json: whether to print a JSON line every second and at the end.
     """
 

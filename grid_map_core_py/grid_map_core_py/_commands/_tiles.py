@@ -56,7 +56,7 @@ def _count(text: str) -> int:
 
 
 def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
-    """Add the options that select a rectangle of a map, which may be larger than memory."""
+    """Add the options that select a rectangle of a map of any size."""
     group = parser.add_argument_group("rectangle")
     about = "its center [m] in the frame of the map"
     group.add_argument("--position", type=float, nargs=2, metavar=("X", "Y"), help=about)
@@ -72,7 +72,7 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
     """Read the rectangle that the `add_rectangle` arguments select.
 
-    If the source is a Zarr store or GeoTIFF file, only chunks that overlap the rectangle are read.
+    From a Zarr store or GeoTIFF file, only chunks that overlap the rectangle are read.
     """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
@@ -103,11 +103,11 @@ def has_rectangle(options: argparse.Namespace) -> bool:
 def tiled_source(
     options: argparse.Namespace, destination: Destination | None = None, *, also_small: bool = False
 ) -> "TiledMap | None":
-    """Return the source as a `TiledMap` if it should be read window by window, else None.
+    """Return the source as a `TiledMap` if it should be read tile by tile, else None.
 
-    Only Zarr stores and GeoTIFF files can be read and written in windows. A map of at most
-    `max_cells` cells is read as a whole if there is no destination, or if source and destination
-    are GeoTIFF files. With `also_small` or an option in `_OPTIONS`, such a map is read in windows.
+    Source and destination must be Zarr stores or GeoTIFF files. Without a destination, or from
+    GeoTIFF to GeoTIFF, a map of at most `max_cells` cells is read as a whole, unless `also_small`
+    or an option in `_OPTIONS` is set.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -137,14 +137,12 @@ def write_tiles(
     threads: int | None = None,
     **progress: Any,
 ) -> None:
-    """Compute a map tile by tile, write it to a store or a raster, and print the path.
+    """Compute a map tile by tile, write it to a Zarr store or GeoTIFF file, and print the path.
 
     Args:
-        tiled_map: the map.
-        destination: a Zarr store or a GeoTIFF file.
         options: the `add_tiles` arguments, and `layers`.
-        threads: number of threads; ignored if `options` select worker processes or a cluster. None
-            means one thread per processor.
+        threads: number of threads; None means one per processor. Ignored if `options` select
+            worker processes or a cluster.
         progress: `ProgressBar` arguments.
     """
     if options.memory and not options.workers:
@@ -165,7 +163,7 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Context manager that makes Dask use the threads, processes or cluster in the options."""
+    """Make Dask use the threads, processes or cluster in `options` inside the context."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles").config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):

@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
 def examined(modules: list[str]) -> dict[str, tuple[str, str]]:
     """Return the status ("ok", "missing" or "broken") of each module, and its version or error.
 
-    A separate process imports the modules, because importing a broken module may end the process.
+    A separate process imports the modules, because a broken module may end Python.
     """
     found: dict[str, tuple[str, str]] = {}
     while rest := modules[len(found) :]:

@@ -66,10 +66,9 @@ def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[
     For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
 
     Args:
-        name: name of the layer.
         each: `each(function, layers)` calls `function` with the map, or with each tile if the map
             is tiled, and returns a list of the results.
-        bins: number of bins of the histogram.
+        bins: number of histogram bins.
     """
     import numpy as np
 
@@ -119,6 +118,6 @@ def _row(layer: dict[str, Any]) -> tuple[str, ...]:
 
 
 def sparkline(counts: list[int]) -> str:
-    """Return one bar character per number; only the number 0 is shown as a blank."""
+    """Return one bar character per number; only 0 becomes a blank."""
     highest, steps = max(counts, default=0), len(BLOCKS) - 1
     return "".join(BLOCKS[-(-steps * count // highest)] if count else BLOCKS[0] for count in counts)

@@ -102,8 +102,8 @@ class CostRange:
     """Maps a range of values linearly to the costs 0 to 254, like the C++ conversion for nav2.
 
     Attributes:
-        data_min: value of cost 0.
-        data_max: value of cost 254; may be less than `data_min`.
+        data_min: layer value of cost 0.
+        data_max: layer value of cost 254; may be less than `data_min`.
 
     Raises:
         GeometryError: the bounds are not finite, or are equal as float32.
@@ -153,7 +153,7 @@ class Costmap:
     """A costmap with the attributes of nav2's `PyCostmap2D`.
 
     Attributes:
-        costmap: (size_x * size_y,) uint8 costs: x ascends within a row, and y from row to row.
+        costmap: (size_x * size_y,) uint8 costs, row by row; rows are along x and ascend in y.
         size_x, size_y: number of cells along x and y.
         resolution: side of a cell [m].
         origin_x, origin_y: position of the corner with the smallest x and y [m].
@@ -173,8 +173,6 @@ def to_costs(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     """Convert a layer to a costmap.
 
     Args:
-        grid_map: the map.
-        layer: name of the layer.
         codec: converts values to costs, such as a `CostTable` or `CostRange`.
     """
     costs = codec.to_costs(grid_map[layer])
@@ -198,7 +196,6 @@ def from_costs(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int
     Args:
         costmap: a `Costmap`, or an object with the same attributes, such as `PyCostmap2D` in Nav2
             Kilted and later.
-        layer: name of the layer.
         codec: converts costs to values, such as a `CostTable` or `CostRange`.
         timestamp: time of the data [ns].
 

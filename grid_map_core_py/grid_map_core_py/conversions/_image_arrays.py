@@ -96,7 +96,7 @@ def to_color_image(
     """Convert a layer of packed colors to a color image.
 
     Args:
-        layer: name of a layer of packed colors, as returned by `color_vector_to_value`.
+        layer: layer of packed colors, as returned by `color_vector_to_value`.
         dtype: uint8, uint16, float32 or float64.
         channels: 3, or 4 with alpha.
         order: order of the channels; "bgr" suits OpenCV.
@@ -147,7 +147,7 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return a function that converts layer values to gray values; both are floats."""
+    """Return a function that scales layer values to gray values in the range of `pixel`."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _range(lower, upper, values)
@@ -170,7 +170,7 @@ def _encoder(
 def _range(
     lower: float | None, upper: float | None, values: Layer
 ) -> tuple[np.float32, np.float32]:
-    """Return `lower` and `upper`; None becomes the smallest or the largest finite value."""
+    """Return the bounds; None becomes the smallest (lower) or largest (upper) finite value."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
     # If only one bound is given, and all finite values lie beyond it, both bounds are equal.
@@ -302,7 +302,7 @@ def _read_gray(
 
 
 def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: float) -> Layer:
-    """Convert pixels to a layer in map order, block by block; transparent pixels become NaN."""
+    """Convert pixels to a layer in map order; transparent pixels become NaN."""
     rows, columns, channels = pixels.shape
     values: Layer = np.empty((rows, columns), np.float32, order="F")
     share = as_number(alpha_threshold, "alpha_threshold")
@@ -325,8 +325,8 @@ def change_resolution(
 
     Layers are interpolated as float images with OpenCV's `resize`. If the nearest cell in the
     original map is NaN or infinite, the new cell gets that value. All other cells are interpolated
-    from finite cells only. In the layer `color`, each cell gets the nearest color. For other layers
-    of packed colors, pass `cv2.INTER_NEAREST_EXACT`.
+    from finite cells only. In the layer `color`, each cell gets the nearest color. If other layers
+    contain packed colors, pass `cv2.INTER_NEAREST_EXACT`.
 
     Args:
         resolution: new side of a cell [m].

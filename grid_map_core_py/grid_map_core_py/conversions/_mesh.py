@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Convert triangle meshes to layers: the highest point of the mesh at each cell center."""
+"""Convert triangle meshes to layers with the largest mesh height at each cell center."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ROUNDING = 1e-9  # largest rounding error of a distance to an edge [cells]
 def rasterize_triangles(
     vertices: ArrayLike, faces: ArrayLike, grid_map: GridMap, layer: str = "elevation"
 ) -> GridMap:
-    """Return a map with a layer that holds the highest point of a mesh at each cell center.
+    """Return a map with a layer that contains the largest mesh height [m] at each cell center.
 
     A triangle also covers centers up to 1e-9 m outside its edges, so that no center on the edge
     between two triangles is missed. Triangles that are vertical, have zero area or are not finite
@@ -85,7 +85,7 @@ def from_mesh(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Create a map from a mesh, just large enough to cover the finite vertices of all faces.
+    """Create the smallest map that covers the finite vertices of all faces of a mesh.
 
     Arguments and errors not listed here are as in `rasterize_triangles`.
 
@@ -112,7 +112,7 @@ def from_mesh(
 
 
 def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
-    """Split faces (F, n) into triangles (F', 3) that share the first vertex of their face."""
+    """Split polygons (F, n) into triangles (F', 3) that share the first vertex of the polygon."""
     try:
         given = np.asarray(faces)
     except ValueError as error:
@@ -136,12 +136,12 @@ class _Triangles(NamedTuple):
     """Triangles that may cover a cell center; horizontal lengths are in cells.
 
     Attributes:
-        row, column: (T,) position of the first corner.
+        row, column: (T,) first corner of each triangle.
         by_row, by_column: (3, T) change of each barycentric coordinate per row and per column.
-        slacks: (3, T) tolerances: a triangle covers cells with barycentric coordinates >= -slack.
+        slacks: (3, T) tolerances; covered cells have barycentric coordinates >= -slack.
         heights: (3, T) heights of the corners [m].
-        first_row, row_count, first_column, column_count: (T,) bounding rectangles.
-        counts: (T,) number of cells in each bounding rectangle.
+        first_row, row_count, first_column, column_count: (T,) cells in each bounding rectangle.
+        counts: (T,) number of these cells.
     """
 
     row: Positions
@@ -160,13 +160,12 @@ class _Triangles(NamedTuple):
 def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
 ) -> _Triangles:
-    """Return the triangles that are finite, are not vertical and have a nonzero area.
+    """Return the triangles that are finite, not vertical and of nonzero area.
 
     Args:
-        rows, columns: (3, T) positions of the corners [cells]; cell centers are at integers.
+        rows, columns: (3, T) corners of the triangles [cells]; cell centers are at integers.
         z: (3, T) heights of the corners [m].
-        size: rows and columns of the map.
-        tolerance: largest distance outside an edge at which a center is still covered [cells].
+        tolerance: distance from an edge up to which cell centers outside are covered [cells].
     """
     along_rows, along_columns = _edges(rows), _edges(columns)
     area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
@@ -191,7 +190,7 @@ def _prepared(
 
 
 def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the column-major indices (n,) of covered cells, and the triangle heights (n,) there."""
+    """Yield the column-major indices (n,) of covered cells, and the mesh heights (n,) [m]."""
     for numbers, members in expanded(triangles.counts, _PAIRS):
         strides = triangles.row_count[numbers]
         beside = members // strides
@@ -210,7 +209,7 @@ def _hits_of_small(triangles: _Triangles, map_rows: int) -> Iterator[tuple[Integ
 
 
 def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the results of `_hits_of_small` for one triangle, whose data is not copied per cell."""
+    """Yield the results of `_hits_of_small` for one large triangle."""
     cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
     cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
     rows, columns = cell_rows - triangle.row, cell_columns - triangle.column
@@ -228,10 +227,7 @@ def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Intege
 def _inside(
     first: Positions, second: Positions, slacks: Sequence[Positions] | Positions
 ) -> tuple[tuple[Positions, ...], Integers]:
-    """Return the three barycentric coordinates of cells, and the indices (n,) of covered cells.
-
-    Each coordinate is linear over the triangle, 1 at one corner and 0 along the opposite edge.
-    """
+    """Return three barycentric coordinates of each cell, and the indices (n,) of covered cells."""
     weights = 1.0 - first - second, first, second
     hit = weights[0] >= -slacks[0]
     hit &= first >= -slacks[1]
@@ -253,7 +249,7 @@ def _heights(
 
 
 def _range(corners: Positions, cells: int, tolerance: float) -> tuple[Integers, Integers]:
-    """Return the first cell and the number of cells under each triangle, along one axis."""
+    """Return the first row or column under each triangle, and the number of rows or columns."""
     first = np.ceil(np.clip(corners.min(axis=0) - tolerance, 0, cells))
     last = np.floor(np.clip(corners.max(axis=0) + tolerance, -1, cells - 1))
     return first.astype(np.int64), np.maximum(last - first + 1, 0).astype(np.int64)

@@ -62,7 +62,7 @@ def join_channels(red: Any, green: Any, blue: Any) -> Any:
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Split uint32 bits 0x00RRGGBB into three values, whose low bytes are red, green and blue."""
+    """Shift uint32 bits 0x00RRGGBB so that the lowest bytes are red, green and blue."""
     return bits >> _RED, bits >> _GREEN, bits
 
 
@@ -100,7 +100,7 @@ def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
 
 
 def _pack(*channels: NDArray[Any]) -> NDArray[np.uint32]:
-    """Pack channels, floats in [0, 1] or integers in [0, 255], into the bits 0x00RRGGBB."""
+    """Pack channels, as floats in [0, 1] or integers in [0, 255], into bits 0x00RRGGBB."""
     bits: NDArray[np.uint32] = join_channels(*map(_byte, channels))
     for channel in channels:
         if channel.dtype.kind == "f":

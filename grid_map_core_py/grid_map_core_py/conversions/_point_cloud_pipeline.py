@@ -29,7 +29,7 @@ _Edges: TypeAlias = list[tuple[Integers, Integers]]
 
 @dataclass(frozen=True, kw_only=True)
 class _CloudTransform:
-    """The rigid transform from the cloud to the map: first the rotation, then the translation.
+    """Rigid transform from the cloud to the map: a rotation, then a translation.
 
     Attributes:
         translation: x, y, z [m].
@@ -77,8 +77,8 @@ class _ClusterExtraction:
     Attributes:
         cluster_tolerance: largest distance between neighboring points of a cluster [m].
         min_num_points, max_num_points: clusters with fewer or more points are ignored.
-        use_max_height_as_cell_elevation: with height type 0, use the highest cluster of a cell
-            instead of the lowest.
+        use_max_height_as_cell_elevation: use the highest cluster of a cell instead of the lowest;
+            applies to height type 0.
     """
 
     cluster_tolerance: float = 0.3
@@ -98,10 +98,10 @@ class _Grid:
     Attributes:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
         resolution: side of a cell [m].
-        height_type: 0 uses the smallest mean height of all clusters; 1 uses the mean height of the
-            cluster with the most points (the lowest one if several are equally large).
-        height_thresh: with height type 1, largest height of a cluster above the lowest cluster of
-            the cell [m]; higher clusters are ignored.
+        height_type: 0 selects the cluster with the smallest mean height; 1 selects the cluster with
+            the most points (the lowest of several such clusters).
+        height_thresh: largest height of a cluster above the lowest cluster of the cell [m]; higher
+            clusters are ignored. Applies to height type 1.
     """
 
     min_num_points_per_cell: int = 2
@@ -120,7 +120,7 @@ class _Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudPipeline:
-    """Creates a map from a raw point cloud; the fields are the parameters of `grid_map_pcl`.
+    """Creates a map from a raw point cloud, with the parameters of `grid_map_pcl`.
 
     First, outliers are removed and the cloud is downsampled, if the parameters enable these steps.
     Then the cloud is transformed to the map frame, and the points of each cell are clustered. The
@@ -204,7 +204,7 @@ class PointCloudPipeline:
         return grid_map.with_layers({layer: values.reshape(geometry.size, order="F")})
 
     def prepared(self, points: npt.ArrayLike) -> Positions:
-        """Return the cloud (M, 3) after outlier removal and downsampling, in the map frame [m]."""
+        """Return the filtered and downsampled cloud (M, 3) [m] in the map frame."""
         cloud = finite_points(points)
         outliers, voxels = self.outlier_removal, self.downsampling
         if outliers.is_remove_outliers:
@@ -224,7 +224,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks that contain all points of their cells.
+        """Yield point indices (n,) in chunks of whole cells.
 
         Cells with too few or too many points are skipped.
         """
@@ -243,7 +243,7 @@ class PointCloudPipeline:
     def _heights(
         self, cells: Integers, points: Positions
     ) -> tuple[Integers, npt.NDArray[np.float64]]:
-        """Cluster points (n, 3); return the cells (m,) with clusters, and the cell heights (m,)."""
+        """Return the cells (m,) in which points (n, 3) form clusters, and the heights (m,) [m]."""
         extraction = self.cluster_extraction
         groups = np.unique(cells, return_inverse=True)[1]
         clusters = euclidean_clusters(
@@ -306,7 +306,7 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
 
 
 def finite_points(points: npt.ArrayLike) -> Positions:
-    """Return x, y, z (M, 3) of the points with finite coordinates, as float64."""
+    """Return the points with finite x, y and z as (M, 3) float64."""
     xyz: Positions = as_points(points)[:, :3].astype(np.float64)
     finite = np.isfinite(xyz).all(axis=1)
     return xyz if finite.all() else xyz[finite]
@@ -315,11 +315,11 @@ def finite_points(points: npt.ArrayLike) -> Positions:
 def remove_outliers(
     points: npt.ArrayLike, mean_k: int, stddev_threshold: float, *, workers: int = 1
 ) -> Positions:
-    """Remove points far from their neighbors; the remaining points (M, 3) keep their order.
+    """Remove points far from their neighbors, with PCL's statistical outlier removal.
 
-    This is PCL's statistical outlier removal. For each point, the mean distance to the nearest
-    `mean_k` neighbors is computed. A point is removed if this distance exceeds the mean over all
-    points by more than `stddev_threshold` sample standard deviations.
+    A point is removed if the mean distance to its nearest `mean_k` neighbors exceeds the average
+    over all points by more than `stddev_threshold` sample standard deviations. The remaining points
+    (M, 3) keep their order.
 
     Args:
         points: (N, 3) or wider, x, y, z [m]; points that are not finite are removed.
@@ -361,14 +361,14 @@ def remove_outliers(
 def euclidean_clusters(
     points: Positions, groups: Integers, tolerance: float, *, workers: int = 1
 ) -> Integers:
-    """Return the cluster number (n,) of each point; clusters are numbered in arbitrary order.
+    """Return the cluster number (n,) of each point; the numbering is arbitrary.
 
-    Two points are in the same cluster if a chain of points connects them. All points of the chain
-    must be in the same group, and no step may be longer than the tolerance.
+    Two points are in the same cluster if a chain of points of the same group connects them, with
+    no step longer than the tolerance.
 
     Args:
         points: (n, 3) finite x, y, z [m].
-        groups: (n,) nonnegative group number of each point; a cluster never spans several groups.
+        groups: (n,) nonnegative group number of each point.
         tolerance: longest step [m]; steps up to 1e-9 m longer are accepted.
         workers: number of threads that search for neighbors.
     """
@@ -407,17 +407,14 @@ def _missing_links(
 ) -> _Edges:
     """Return links between points of different clusters in the same group.
 
-    For each pair of clusters, one cluster is chosen: the one with fewer crowded points. Each of
-    these points is linked to the nearest crowded point of the other cluster, if the distance is
-    less than `reach`.
+    In each pair of clusters, each crowded point of the cluster that has fewer crowded points is
+    linked to the nearest crowded point of the other cluster, if the distance is less than `reach`.
 
     Args:
         points: (n, 3) x, y, z [m].
         groups, clusters: (n,) group and cluster of each point.
-        crowded: indices of the points that already have the maximum number of links. Only such
-            points can lack a link.
+        crowded: indices of the points with the maximum number of links; only they can lack links.
         reach: largest length of a link [m].
-        workers: number of threads that search for neighbors.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -448,7 +445,7 @@ def _missing_links(
 
 
 def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
-    """Add a fourth coordinate that keeps points of different groups more than `reach` apart."""
+    """Return points (n, 4) such that different groups are at least `2 * reach` apart."""
     return np.column_stack([points, 2.0 * reach * groups])
 
 

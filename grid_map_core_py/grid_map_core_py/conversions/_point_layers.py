@@ -135,7 +135,7 @@ def from_points(
     """Create a map from points; arguments not listed here are as in `rasterize`.
 
     Without `length` and `position`, the result is the smallest map that covers all points within
-    the height limits and whose borders are at multiples of the resolution. The cells of maps from
+    the height limits and has its borders at multiples of the resolution. The cells of maps from
     different clouds are then aligned.
 
     Args:
@@ -184,7 +184,6 @@ def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
 
     Args:
         values: (N,) 0xAARRGGBB as integers or as float32 bits; `float("nan")` means no color.
-        name: name of the values in error messages.
     """
     given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
     if given.dtype.kind in "iu":
@@ -214,7 +213,7 @@ def fitting_geometry(
             not contain its -x and -y borders, so the grid may need one more row and column.
         align: if True, align the borders with multiples of the resolution; if False, center the
             grid on the rectangle.
-        layers: number of layers to be created, for the check of the memory limit.
+        layers: number of layers for the check of the memory limit.
 
     Raises:
         LimitError: the grid or the layers would be too large.
@@ -254,7 +253,7 @@ def as_limits(min_height: float, max_height: float) -> tuple[float, float]:
 
 
 def _counted(points: NDArray[Any], limits: tuple[float, float]) -> Mask:
-    """Return a mask of the points with a finite height within the limits."""
+    """Return a mask (N,) of the points with a finite height within the limits [m]."""
     z = np.ascontiguousarray(points[:, 2])
     counted: Mask = np.isfinite(z) & (z >= limits[0]) & (z <= limits[1])
     return counted
@@ -273,10 +272,7 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Find the points on the map and within the height limits.
-
-    Return the flat cell indices (n,) of these points, and a mask (N,) that selects the points.
-    """
+    """Return flat cell indices (n,) of points on the map and within limits, and their mask (N,)."""
     point_loops.count(len(points))
     find = point_loops.ready(point_loops.find_cells)
     # For comparisons, NumPy rounds the limits to the data type of the heights.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compiled loops over points, loaded only after a process has handled many points."""
+"""Compiled loops over points, loaded after a process has handled many points."""
 
 from typing import Any
 
@@ -29,15 +29,14 @@ def ready(wanted: Loop) -> Compiled | None:
 
 @loop("const float32*", "int64", ("float64", 7), ("int64", 2), "int64*", "uint8*")
 def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted: Any) -> None:
-    """Find the points on a map and their cells, with the rounding of `GridGeometry.cells_at`.
+    """Find the cells of points, with the rounding of `GridGeometry.cells_at`.
 
     Args:
         xyz: (3, n) coordinates of points [m], float32 or float64.
         frame: lower and upper z limit, half the side lengths of the map (x, y), center of the map
-            (x, y), and the negative resolution, all in meters.
-        size: number of rows and columns.
-        cells: (n,) output: flat cell indices of the counted points, stored without gaps.
-        counted: (n,) output: 1 for points on the map and within the z limits, else 0.
+            (x, y), and the negative resolution; all [m].
+        cells: (n,) output; it begins with the flat cell indices of the points whose `counted` is 1.
+        counted: (n,) output; 1 for points on the map and within the z limits, else 0.
     """
     lowest, highest, half_x, half_y, center_x, center_y, step = frame
     kept = 0
@@ -60,8 +59,8 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 def find_medians(cells: Any, values: Any, places: Any, dealt: Any, medians: Any) -> None:
     """Write the median of the values (n,) in each cell to `medians`.
 
-    `dealt` is a buffer for the values sorted by cell. `places` holds the index in `dealt` at which
-    each cell starts. Both arrays are modified. Cells without values keep their entry in `medians`.
+    Cells without values keep their entry in `medians`. `dealt` is a buffer (n,) for the values
+    sorted by cell. `places` contains the first index of each cell in `dealt`, and is modified.
     """
     for i in range(len(values)):
         dealt[places[cells[i]]] = values[i]
