@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Benchmarks of the steps of the node `costmap`: full messages, updates and other frames."""
+"""Benchmarks of the steps of the `costmap` node: full messages, updates and other frames."""
 
 import sys
 from pathlib import Path

@@ -8,7 +8,7 @@ drive in a circle in a walled yard with boxes. FILE contains a real scan: an .np
 (N, 3) in the frame of a level lidar, with missing returns at the origin. The default is the file in
 the environment variable GRID_MAP_LIDAR_SCAN; without a file, the real scan is skipped. With
 `--topics`, the script prints the latency from publishing a scan to the callback with the map,
-through the node `elevation_mapping` in another process, at 10 Hz. In `make bench`, each scan is a
+through the `elevation_mapping` node in another process, at 10 Hz. In `make bench`, each scan is a
 row in yardsticks.
 """
 

@@ -12,7 +12,7 @@ raw bytes, and decode one layer from raw bytes). With `--best-effort`, the topic
 for sensors and `ros2 topic hz`.
 
 The second command prints the latency from publishing a map to the callback with the filtered map,
-through the node `filter_chain` in a third process. It measures a chain of one cheap filter with 1,
+through the `filter_chain` node in a third process. It measures a chain of one cheap filter with 1,
 4, 11 and 16 layers, and the filters demo chain on the demo terrain. `chain` is the filter time that
 the node reports in its diagnostics. The first two seconds, during which processes discover each
 other and allocate memory, are excluded.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tests of the node `costmap` with the messages of Nav2, run by test_optional_messages.py."""
+"""Tests of the `costmap` node with the messages of Nav2, run by test_optional_messages.py."""
 
 import itertools
 import math

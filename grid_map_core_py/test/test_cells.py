@@ -55,7 +55,7 @@ def touches_a_center(grid_map, center, radius):
 
 @by_map
 def test_cells_equal_cpp(name, case):
-    """For shapes whose rims C++ does not decide by rounding."""
+    """For shapes whose edges C++ does not decide by rounding."""
     grid_map = golden_map(name)
     assert pairs(map_cells(grid_map)) == case["grid_map"]["index"]
     shapes = {
@@ -104,7 +104,7 @@ def test_invalid_block_is_an_error():
 
 @by_map
 def test_circle_cells_equal_cpp(name, case):
-    """Except for rims that C++ decides by rounding (contract 3: discs are closed within 1e-9 m)."""
+    """Except for edges that C++ rounds (contract 3: discs are closed within 1e-9 m)."""
     grid_map = golden_map(name)
     compared = 0
     for circle in case["circle"]:
@@ -137,7 +137,7 @@ def test_a_disc_holds_the_cells_exactly_on_its_rim():
 
 @by_map
 def test_spiral_cells_equal_cpp(name, case):
-    """Select the cases where C++ is right: unmoved maps, inside its buffers, no cell on the rim.
+    """Select the cases where C++ is right: unmoved maps, inside its buffers, no cell on the edge.
 
     Contract 3: moved maps must work, and cells that exist in the disc must not be missed.
     """

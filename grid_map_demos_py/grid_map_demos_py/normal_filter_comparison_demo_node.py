@@ -136,7 +136,7 @@ def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
 
 
 class NormalFilterComparisonDemoNode(Demo):
-    """Node that publishes a surface with the true normals and the normals of two algorithms."""
+    """Node that publishes a surface, its true normals, and normals computed by two algorithms."""
 
     def __init__(self) -> None:
         super().__init__("normal_filter_comparison_demo")

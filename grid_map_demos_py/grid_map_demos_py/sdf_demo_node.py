@@ -75,7 +75,7 @@ class SdfDemoNode(Demo):
         about = "prefix of the topics full_sdf, free_space and occupied_space"
         default = "/grid_map_sdf_demo/signed_distance_field"
         clouds = self.read_topic("pointcloud_topic", default, about)
-        maps = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        maps = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         self._full, self._free, self._occupied = (
             self.create_publisher(PointCloud2, f"{clouds}/{name}", map_qos())
             for name in ("full_sdf", "free_space", "occupied_space")

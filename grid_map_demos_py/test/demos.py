@@ -61,7 +61,7 @@ def published(
     Args:
         demo: module of the node without `_node`.
         pairs: parameters, each as `name:=value`.
-        topic: topic of the maps.
+        topic: topic of grid maps.
         count: number of maps to wait for.
         until: condition to wait for.
     """

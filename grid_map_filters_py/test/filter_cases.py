@@ -9,7 +9,7 @@ from grid_map_core_py import GridMap, circle_cells
 from grid_map_filters_py import FilterChain, Step
 
 CELLS = st.sampled_from([0.0, 0.9, 1.0, 1.5, 2.0, 2.3, 5.0, 8.0])
-"""Radii in cells: below one, on the rim of a disc, beyond the map."""
+"""Radii in cells: below one, on the edge of a disc, beyond the map."""
 
 CELLS_OF_PLANES = st.sampled_from([0.9, 1.0, 1.5, 2.0, 3.0])
 """Radii in cells: of discs with one point, and with enough points for a plane."""

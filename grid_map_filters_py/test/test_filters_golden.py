@@ -57,7 +57,7 @@ def unwrapped(values, description) -> np.ndarray:
 
 
 def is_whole_number_of_cells(case) -> bool:
-    """Contract 3: discs are closed, as in the oracles; C++ rounds at the rim."""
+    """Contract 3: discs are closed, as in the oracles; C++ rounds at the edge."""
     cells = case["params"].get("radius", 0.0) / golden()["maps"][case["map"]]["resolution"]
     return cells > 0 and abs(cells - round(cells)) < 1e-6
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `filter_chain` as a process, over DDS."""
+"""The `filter_chain` node as a process, over DDS."""
 
 import copy
 import sys

@@ -2,7 +2,7 @@
 """The traversability chain on a map that the C++ nodes recorded, and their result.
 
 C++ squeezes the inpainted layer through 8 bits, and decides by rounding which cells exactly on the
-rim of a disc belong to it. This library does neither (contracts 6 and 3). Each step is therefore
+edge of a disc belong to it. This library does neither (contracts 6 and 3). Each step is therefore
 compared on C++'s own input, where all are equal; the inpainted and the smooth layer in steps of 8
 bits; and the derived layers as far as the quantisation lets them.
 """
@@ -72,9 +72,9 @@ def test_later_steps_equal_cpp_on_its_own_layers(theirs):
 
 
 def closest_mean(inpainted: GridMap, expected: np.ndarray) -> np.ndarray:
-    """Return the smallest distance to a mean over a disc with any of the four rim cells.
+    """Return the smallest distance to a mean over a disc with any of the four edge cells.
 
-    The radius of 0.06 m is three cells of 0.02 m: four centers are exactly on the rim.
+    The radius of 0.06 m is three cells of 0.02 m: four centers are exactly on the edge.
     """
     heights = inpainted["elevation_inpainted"]
     offset, known = np.nanmean(heights, dtype=float), np.isfinite(heights)

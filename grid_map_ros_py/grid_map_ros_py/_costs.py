@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cost layers (whole numbers from 0 to 254, or NaN) for the node `costmap`."""
+"""Cost layers (whole numbers from 0 to 254, or NaN) for the `costmap` node."""
 
 import itertools
 import math
@@ -132,10 +132,10 @@ def _worst(
     direction: tuple[float, float],
     side: float,
 ) -> npt.NDArray[np.int16]:
-    """For each rotated square, return the highest rank of the unit squares that it touches, or 0.
+    """Return the highest rank among the unit squares that each rotated square touches; 0 if none.
 
-    Two squares touch if their projections on all four side directions overlap (separating axis
-    theorem).
+    Two squares touch if their projections onto the side directions of both squares overlap
+    (separating axis theorem).
 
     Args:
         ranks: ranks of the unit squares; square (i, j) has its center at (i, j).
@@ -168,9 +168,9 @@ def _worst(
 def _worst_along(
     ranks: npt.NDArray[np.int16], centers: npt.NDArray[np.float64], side: float
 ) -> npt.NDArray[np.int16]:
-    """For each interval, return the elementwise maximum of the rows of `ranks` that it touches.
+    """Return, for each interval, the elementwise maximum over the rows of `ranks` that it touches.
 
-    Row i extends from i - 0.5 to i + 0.5. The intervals have the length `side`.
+    Row i covers i - 0.5 to i + 0.5. Each interval has length `side` and its center in `centers`.
     """
     reach = 0.5 * (1 + side) - TOLERANCE
     ends = np.stack([np.ceil(centers - reach), np.floor(centers + reach)])

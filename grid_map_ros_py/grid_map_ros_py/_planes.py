@@ -35,9 +35,9 @@ def on_plane(region: "PlanarRegion", points: Positions) -> Positions:
 
 
 def plane_frame(region: "PlanarRegion") -> Positions:
-    """Return the pose (4, 4) of a plane: origin at the center, z along the normal.
+    """Return the pose (4, 4) of a region's plane: origin at its center, z along the normal.
 
-    The y axis has no component along x of the map, as in `convex_plane_decomposition`.
+    The y axis is perpendicular to the map's x axis, as in `convex_plane_decomposition`.
     """
     y_axis = np.cross(region.normal, (1.0, 0.0, 0.0))
     y_axis /= np.linalg.norm(y_axis)

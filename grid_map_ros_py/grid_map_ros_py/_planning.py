@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Settings of the node `path_planner`, and checks of plans on one map."""
+"""Settings of the `path_planner` node, and checks of plans on one map."""
 
 import math
 from ast import literal_eval

@@ -123,7 +123,7 @@ def test_occupancies_survive_the_way_through_maps() -> None:
     assert grid.data.tolist() == [*range(100, -1, -1), -1]
     costs = to_costmap(from_occupancy_grid(grid, "o"), "o", codec=OCCUPANCIES)
     assert to_occupancy_grid(from_costmap(costs, "c"), "c", codec=CostRange()) == grid
-    # On Jazzy, this class holds occupancies.
+    # On Jazzy, this class holds occupancy values.
     assert to_occupancy_grid(from_costmap(PyCostmap2D(grid), "c"), "c", codec=CostRange()) == grid
 
 

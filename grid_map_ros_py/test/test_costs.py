@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Costs of the node `costmap`: checks, windows and the transform to another frame."""
+"""Costs of the `costmap` node: checks, windows and the transform to another frame."""
 
 import itertools
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `elevation_mapping` as a process, over DDS."""
+"""The `elevation_mapping` node as a process, over DDS."""
 
 import array
 import json

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `grid_map_server` as a process: topics, services, refused requests, restarts."""
+"""The `grid_map_server` node as a process: topics, services, refused requests, restarts."""
 
 from pathlib import Path
 from typing import Any

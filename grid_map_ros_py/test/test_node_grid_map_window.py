@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `grid_map_window` as a process: windows around a robot, and maps merged into a store."""
+"""The `grid_map_window` node as a process: windows around a robot, and maps merged into a store."""
 
 import fcntl
 import signal

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `point_cloud_to_grid_map` as a process, over DDS."""
+"""The `point_cloud_to_grid_map` node as a process, over DDS."""
 
 import math
 

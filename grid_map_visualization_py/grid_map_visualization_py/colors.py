@@ -70,7 +70,7 @@ class Coloring:
         color_map: name of the color map.
         lower, upper: values at the ends of the color map; None means the smallest and the largest
             finite value. Values outside this range get the color of the nearest end.
-        invert: swap the ends of the color map.
+        invert: reverse the color map.
         color: color for the mode "flat", 0xRRGGBB.
 
     Raises:

@@ -34,7 +34,7 @@ __all__ = [
 
 def check_max_drawn_cells(max_drawn_cells: int) -> None:
     """Raise `ConfigError` unless `max_drawn_cells` is 0 (no limit) or at least 9."""
-    # A thinned-out map may have three rows and columns: first, inner, and last.
+    # A downsampled map may have three rows and columns: first, inner, and last.
     is_limit = max_drawn_cells == 0 or max_drawn_cells >= 9
     check(is_limit, "max_drawn_cells", "0 (never thin out) or at least 9", max_drawn_cells)
 

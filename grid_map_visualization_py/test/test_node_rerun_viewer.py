@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `rerun_viewer`: messages over DDS, read back by a second client of Rerun."""
+"""The `rerun_viewer` node: messages over DDS, read back by a second client of Rerun."""
 
 import itertools
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `grid_map_visualization` as a process, over DDS."""
+"""The `grid_map_visualization` node as a process, over DDS."""
 
 import sys
 

@@ -77,13 +77,13 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--bits", type=int, choices=(8, 16, 32), help=about)
     about = "map_server: mode of the image (trinary)"
     group.add_argument("--mode", choices=("trinary", "scale", "raw"), help=about)
-    about = "map_server: values of free and occupied cells, if the layer holds no occupancies"
+    about = "map_server: values of free and occupied cells, if the layer holds no occupancy values"
     group.add_argument("--data-min", type=float, metavar="VALUE", help=about)
     group.add_argument("--data-max", type=float, metavar="VALUE", help="see --data-min")
     about = "GeoTIFF, Zarr: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
     group.add_argument("--crs", help=about)
     group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: storage format")
-    group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic of the maps")
+    group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic to write the maps to")
 
 
 def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:

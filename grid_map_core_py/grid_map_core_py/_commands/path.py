@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         about = "X,Y [m] in the frame of the map, or X,Y,YAW [rad]"
         parser.add_argument(name, metavar=name.upper(), type=_numbers, help=about)
     add = parser.add_argument_group("costs and limits").add_argument
-    completed(add("--cost", metavar="LAYER", help="layer of costs"), complete_layers)
+    completed(add("--cost", metavar="LAYER", help="cost layer"), complete_layers)
     about = "extra cost per meter at a cost of 252 (1)"
     add("--cost-weight", type=float, default=1.0, metavar="NUMBER", help=about)
     about = "cost from which cells are blocked, 253 for costs of Nav2"

@@ -41,18 +41,18 @@ class CostTable:
     """Maps layer values to the costs of costmap_2d and Nav2: free, inscribed, lethal, unknown.
 
     Values between `free` and `inscribed` are mapped linearly to the costs 0 to 253. The defaults
-    suit layers with occupancies: 0 to 100, and -1 for unknown. For layers that store costs, use
-    `CostTable(0, 253, 254, 255)`.
+    suit occupancy layers, with values from 0 to 100 and -1 for unknown. For layers that store
+    costs, use `CostTable(0, 253, 254, 255)`.
 
     Attributes:
-        free: layer value of cost 0.
-        inscribed: layer value of cost 253.
-        lethal: layer value of cost 254.
-        unknown: layer value of cost 255; may be NaN.
+        free: layer value that maps to cost 0.
+        inscribed: layer value that maps to cost 253.
+        lethal: layer value that maps to cost 254.
+        unknown: layer value that maps to cost 255; may be NaN.
 
     Raises:
         GeometryError: `free`, `inscribed` and `lethal` are not in ascending order, or `unknown`
-            equals the value of another cost.
+            coincides with the layer value of a known cost.
     """
 
     free: float = 0.0
@@ -102,8 +102,8 @@ class CostRange:
     """Maps a range of values linearly to the costs 0 to 254, like the C++ conversion for nav2.
 
     Attributes:
-        data_min: layer value of cost 0.
-        data_max: layer value of cost 254; may be less than `data_min`.
+        data_min: layer value that maps to cost 0.
+        data_max: layer value that maps to cost 254; may be less than `data_min`.
 
     Raises:
         GeometryError: the bounds are not finite, or are equal as float32.

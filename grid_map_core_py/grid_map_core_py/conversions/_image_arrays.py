@@ -68,10 +68,10 @@ def to_image(
     Args:
         dtype: uint8, uint16, float32 or float64.
         channels: 1, 3 (three equal channels) or 4 (three equal channels and alpha).
-        lower: layer value of black; None means the smallest finite value. Values beyond the bounds
-            are clamped. If both bounds are None, a float image contains the layer values unchanged.
-        upper: layer value of white (255, 65535 or 1.0), which may be less than `lower`; None means
-            the largest finite value.
+        lower: layer value mapped to black; by default, the smallest finite value.
+        upper: layer value mapped to white (255, 65535 or 1.0); by default, the largest finite
+            value. May be less than `lower`. Values outside the bounds are clamped. If both bounds
+            are None, a float image contains the layer values unchanged.
 
     Returns:
         (rows, cols) for one channel, else (rows, cols, channels); C-contiguous.
@@ -207,7 +207,7 @@ def from_image(
         image: (rows, cols), or (rows, cols, channels) with 1, 3 or 4 channels; uint8, uint16,
             float32 or float64. OpenCV's `cvtColor` converts colors to gray values (ITU-R BT.601).
         resolution: side of a pixel [m].
-        lower, upper: layer values of black (0) and white (255, 65535 or 1.0) pixels. With 0 and 1,
+        lower, upper: layer values for black (0) and white (255, 65535 or 1.0) pixels. With 0 and 1,
             the values of a float image are copied unchanged.
         position: (2,) center of the map [m].
         alpha_threshold: alpha below which pixels become NaN, from 0 to 1 (opaque). For integer

@@ -29,13 +29,13 @@ def ready(wanted: Loop) -> Compiled | None:
 
 @loop("const float32*", "int64", ("float64", 7), ("int64", 2), "int64*", "uint8*")
 def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted: Any) -> None:
-    """Find the cells of points, with the rounding of `GridGeometry.cells_at`.
+    """Find the cells of points, rounding as in `GridGeometry.cells_at`.
 
     Args:
         xyz: (3, n) coordinates of points [m], float32 or float64.
         frame: lower and upper z limit, half the side lengths of the map (x, y), center of the map
             (x, y), and the negative resolution; all [m].
-        cells: (n,) output; it begins with the flat cell indices of the points whose `counted` is 1.
+        cells: (n,) output; the first k entries are the flat cells of the k counted points.
         counted: (n,) output; 1 for points on the map and within the z limits, else 0.
     """
     lowest, highest, half_x, half_y, center_x, center_y, step = frame

@@ -197,7 +197,7 @@ class Clusters:
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the concatenated point indices of k clusters, and each cluster's offset (k,)."""
+        """Return the point indices of k clusters, concatenated, and the offset (k,) of each."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -206,7 +206,7 @@ class Clusters:
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
     """Group the points of each cell into clusters of consistent heights.
 
-    `common` (m,) is the height variance [m^2] due to the pose, shared by all points of a cell.
+    `common` (m,) is the height variance [m^2] due to pose uncertainty, shared by a cell's points.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances

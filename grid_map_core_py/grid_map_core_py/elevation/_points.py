@@ -60,15 +60,15 @@ class Covariance:
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the height variance [m^2] of cells due to the uncertainty of the pose.
+        """Return the height variance [m^2] of cells due to pose uncertainty.
 
-        Unlike `of_points`, the result includes the covariances of z with roll and with pitch.
+        Unlike the result of `of_points`, it includes the covariances of z with roll and with pitch.
         """
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the horizontal variances of cells [m^2] due to the pose, averaged over x and y.
+        """Return the horizontal variances [m^2] of cells due to pose uncertainty: mean of x and y.
 
         A yaw error moves a cell by `yaw * (-y, x)`.
         """
@@ -76,9 +76,9 @@ class Covariance:
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the horizontal variances of points [m^2] due to the pose, averaged over x and y.
+        """Return the horizontal variances [m^2] of points due to pose uncertainty: mean of x and y.
 
-        Unlike `level_of_places`, the result includes tilt errors. A tilt error moves a point
+        Unlike the result of `level_of_places`, it includes tilt errors. A tilt error moves a point
         horizontally by the tilt angle times `z`, the height of the point above the sensor.
         """
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
@@ -201,7 +201,7 @@ def distances_of(points: NDArray[np.float64]) -> Numbers:
 
 
 def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
-    """Return a copy of a map in map order, moved to `position` unless `position` is None."""
+    """Return a copy of a map with start index (0, 0), moved to `position` if it is given."""
     result = grid_map.copy()
     if position is not None:
         result.move(position)

@@ -85,7 +85,8 @@ class ValueFusion:
         """Fuse point values (n,) into flat layers (cells,).
 
         Args:
-            values: values of all points on the map by layer name, in the order before sorting.
+            chosen: sorted points of the scan, with a mask of the points that were fused.
+            values: point values by layer name, for all points on the map in their original order.
             layers: layers by name; updated in place.
             weights: weights of `average` by layer name, and counts of `class_bayesian` by class
                 pattern; updated in place.

@@ -72,9 +72,9 @@ def cleared_cells(
     geometry: GridGeometry,
     given: Parameters,
 ) -> Integers:
-    """Return the indices of the cells that beams prove to be free.
+    """Return the indices of the cells that beams show to be free.
 
-    `points` are the scan points on the map. `confirmed` (k,) are the cells that the scan confirmed.
+    `points` are the scan points on the map. `confirmed` (k,) are the indices of confirmed cells.
     """
     heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
@@ -270,7 +270,7 @@ def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, las
     ("float64*", "int64*", "float64*", "float64*", "float64*", "float64*", "uint8*"),
 )
 def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any) -> None:
-    """Find the cells that beams prove to be free.
+    """Find the cells that beams show to be free.
 
     Args:
         ways: x, y and z of the vectors from the sensor to the points of the beams [m].
@@ -283,7 +283,7 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
             floors: for each candidate, the height above which a beam can clear the candidate.
             normals: surface normals of the candidates, three numbers each.
             guards: for each cell, the height below which a beam ends in the cell.
-            proofs: output, the height of the lowest beam that proves each candidate to be free.
+            proofs: output, the height of the lowest beam that shows each candidate to be free.
             crossed: output, 1 for candidates that a beam crossed below their foot.
     """
     rows, columns = size

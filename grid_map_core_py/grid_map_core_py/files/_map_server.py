@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Occupancy maps of Nav2's `map_server`: a YAML file, and an image in the same folder.
 
-The YAML file selects one of three modes, which convert pixels to occupancies. Let `shade` be the
+The YAML file selects one of three modes, which convert pixels to occupancy. Let `shade` be the
 mean of the color channels, from 0 (black) to 1 (white). Let `occ` be `1 - shade`, or `shade` if
 `negate` is set. In each mode, the occupancy is:
 
@@ -12,7 +12,7 @@ mean of the color channels, from 0 (black) to 1 (white). Let `occ` be `1 - shade
   are unknown.
 - `raw`: the 8-bit pixel value if it is at most 100, otherwise unknown. `negate` has no effect.
 
-In the map, occupancies range from 0 to 100. Unknown cells are NaN.
+In the map, occupancy ranges from 0 to 100. Unknown cells are NaN.
 Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
 """
 
@@ -116,11 +116,11 @@ def save_map_server(
             `data_min` and `data_max`, the values must be whole numbers from 0 (free) to 100
             (occupied), or NaN or -1 (unknown).
         mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw`
-            keep the occupancies.
+            keep the occupancy values.
         negate: if True, white means occupied. This has no effect in `raw` mode.
         occupied_thresh, free_thresh: thresholds for occupied and free cells, 0 to 1. None means
             0.65 and 0.196, or 1 and 0 in `scale` mode. If the thresholds are at least 0.4 apart,
-            loading a `scale` map restores all occupancies exactly.
+            loading a `scale` map restores all occupancy values exactly.
         data_min, data_max: layer values that become occupancy 0 and 100; `data_max` may be less
             than `data_min`. Values in between are scaled linearly and rounded to whole numbers, and
             other values are clamped. If these arguments are given, only NaN means unknown.
@@ -200,7 +200,7 @@ def _settings(document: Any) -> _Settings:
 
 
 def _occupancy(pixels: Image, settings: _Settings) -> Layer:
-    """Convert the pixels of an image to occupancies (rows, cols): 0 to 100, or NaN."""
+    """Convert the pixels of an image to occupancy values (rows, cols): 0 to 100, or NaN."""
     if pixels.dtype.kind != "u":
         raise ValueError(f"expected an image of 8 or 16 bits, got {pixels.dtype}")
     largest = np.iinfo(pixels.dtype).max
@@ -229,7 +229,7 @@ def _occupancy(pixels: Image, settings: _Settings) -> Layer:
 def _as_occupancies(
     values: Layer, name: str, data_min: float | None, data_max: float | None
 ) -> Layer:
-    """Return occupancies from 0 to 100, or NaN; see `save_map_server`."""
+    """Return occupancy values from 0 to 100, or NaN; see `save_map_server`."""
     if data_min is None and data_max is None:
         known = (values >= 0) & (values <= 100) & (values == np.rint(values))
         wrong = ~(known | (values == -1) | np.isnan(values))
@@ -249,7 +249,7 @@ def _as_occupancies(
 
 
 def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
-    """Convert occupancies to image pixels. `_occupancy` is the inverse."""
+    """Convert occupancy values to image pixels. `_occupancy` is the inverse."""
     known = ~np.isnan(values)
     rounded = np.where(known, np.rint(values.astype(np.float64)), 0.0)
     if mode == "raw":

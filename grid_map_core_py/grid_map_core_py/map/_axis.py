@@ -49,21 +49,21 @@ class Axis:
     def contains(self, x: Coordinate) -> bool | Mask:
         """Return whether coordinates are on the map. The result is False for NaN.
 
-        The border with the larger coordinate (the + border) belongs to the map; the other border
-        does not. Coordinates near a border are rounded as in the C++ library.
+        The upper border, with the larger coordinate, belongs to the map; the lower border does not.
+        Coordinates near a border are rounded as in the C++ library.
         """
         offset = self.offset(x)
         return (offset >= 0.0) & (offset < self.length)
 
     def offset(self, x: Coordinate) -> Coordinate:
-        """Return the distances [m] of coordinates from the + border, rounded as in `contains`."""
+        """Return the distances [m] from the upper border, rounded as in `contains`."""
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
-        """Return the distances of coordinates from the + border [cells].
+        """Return the fractional distances from the upper border [cells].
 
-        The distances are fractional. As in the C++ library, rounding errors are possible: for a
-        coordinate on the map, the result may be slightly below 0, or equal to `size`.
+        As in the C++ library, rounding errors are possible: for a coordinate on the map, the result
+        may be slightly below 0, or equal to `size`.
         """
         steps = x - self.half
         steps -= self.center
@@ -86,7 +86,7 @@ class Axis:
         return lower, upper
 
     def cell_at(self, x: float) -> int:
-        """Return the cell that contains a coordinate on the map. A cell includes its + border."""
+        """Return the cell of a coordinate on the map. A cell includes its upper border."""
         return min(max(int(self.steps(x)), 0), self.size - 1)
 
     def center_of(self, cell: Coordinate) -> Coordinate:

@@ -402,9 +402,9 @@ class GridMap(MutableMapping[str, Layer]):
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a new map in which `layers` are added or replaced.
 
-        The new map shares all other layers with this map. A shared layer is copied on first access
-        as `new[layer]`. Float32 arrays in Fortran order are used without a copy. Other arrays in
-        `layers` are copied.
+        The new map `new` shares all other layers with this map. A shared layer is copied when it is
+        first accessed through `new[layer]`. Float32 arrays in Fortran order are used without a
+        copy. Other arrays in `layers` are copied.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
@@ -900,7 +900,11 @@ class GridMap(MutableMapping[str, Layer]):
         geometry: GridGeometry | None = None,
         start: Size | None = None,
     ) -> GridMap:
-        """Return a map with the given layers. The other attributes are copied without checks."""
+        """Return a map with these layers, without any checks.
+
+        `geometry` and `start` default to those of this map. Basic layers that are not in `layers`
+        are dropped; all other attributes are copied.
+        """
         result = GridMap.__new__(GridMap)
         result._put(
             geometry or self._geometry,
@@ -914,7 +918,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Reorder `data` from the start index of this map to `start`. May return `data` itself."""
+        """Reorder `data` from this map's start to `start`; if both are equal, return `data`."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

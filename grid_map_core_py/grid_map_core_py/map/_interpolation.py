@@ -268,9 +268,9 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Return outer weights with which the slope at the border cell continues beyond the border.
+    """Return outer weights that extrapolate with the slope at the border cell.
 
-    `far` is the weight of the outer neighbor on the map, `near` of the one beyond the border.
+    `far` is the weight of the outer neighbor on the map, `near` of the neighbor off the map.
     """
     return far - near, 2.0 * near
 

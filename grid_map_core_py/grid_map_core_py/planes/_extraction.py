@@ -86,11 +86,11 @@ def extract_planes(
 def _cleaned(rounds: Image, margin: int) -> Image:
     """Remove cells until no outline through the centers of border cells touches itself.
 
-    Every remaining cell belongs to a block of 2 x 2 cells with the same number. If two cells with
-    the same number touch at a corner, a third cell with this number shares a side with both.
+    In the result, every cell of a plane belongs to a block of 2 x 2 cells with the same number. If
+    two such cells touch at a corner, a third cell with this number shares a side with both.
 
     Args:
-        rounds: image of numbers, as returned by `Splitter.split`; 0 for no region.
+        rounds: round in which each cell was assigned to a plane; 0 for none.
         margin: width of the border to remove first [cells].
     """
     image = np.pad(rounds, 1)
@@ -134,7 +134,7 @@ def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
 def _fitted(
     cells: Cells, labels: NDArray[np.int32], count: int, variances: Layer | None
 ) -> tuple[dict[str, NDArray[Any]], Mask]:
-    """Return the plane attributes of N labels, by name, and a mask (N,) of the fitted labels."""
+    """Return plane attributes of N labels, and a mask (N,) of those with a fitted plane."""
     groups = labels.reshape(-1)[cells.places].astype(np.int64) - 1
     chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
     points, groups = cells.points.take(chosen, axis=1), groups[chosen]

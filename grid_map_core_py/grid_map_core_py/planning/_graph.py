@@ -83,7 +83,7 @@ class TravelGraph:
 
     Args:
         grid_map: the map.
-        cost: layer of costs, not negative; None for a cost of 0 everywhere.
+        cost: cost layer, not negative; None for a cost of 0 everywhere.
         cost_weight: extra cost per meter at a cost of 252; 0 finds the shortest path.
         lethal: lowest cost at which a cell is blocked; 253 for costs of Nav2. None blocks only
             infinite costs.
@@ -345,7 +345,7 @@ class CostField:
 
 
 def _as_pose(values: ArrayLike, name: str) -> Floats:
-    """Return a position (2,) or pose (3,) of a start or goal as an array."""
+    """Return a start or goal position (2,) or pose (3,) as an array."""
     pose: Floats = as_array(values, np.float64, name)
     if pose.shape not in ((2,), (3,)):
         expected = "x, y of shape (2,) or x, y, yaw of shape (3,)"

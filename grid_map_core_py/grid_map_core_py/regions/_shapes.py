@@ -84,7 +84,7 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
 def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) whose centers are in a disc, row by row.
 
-    A center within 1e-9 m of the rim counts as inside.
+    A center within 1e-9 m of the edge counts as inside.
 
     Args:
         center: (2,) center of the disc [m]; it may be outside the map.
@@ -108,7 +108,7 @@ def half_chords(radius: float, distances: Positions) -> Positions:
     """Return half the length of each line's chord in a disc; negative if the line misses the disc.
 
     Args:
-        radius: radius of the disc, positive. To include cell centers on the rim, as `circle_cells`
+        radius: radius of the disc, positive. To include cell centers on the edge, as `circle_cells`
             does, add `BORDER_TOLERANCE` [m].
         distances: (...) distances from the center to the lines, in the unit of the radius.
     """
@@ -211,13 +211,13 @@ def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, 
     """Return where the edges of a polygon cross the columns of a grid.
 
     As in `Polygon.is_inside`, an edge crosses a column if exactly one end of the edge has a greater
-    y than the column. Each column is therefore crossed an even number of times.
+    y, before negation, than the column. Each column is crossed an even number of times.
 
     Args:
         x, y: (rows,) and (columns,) negated coordinates of the cells [m], ascending.
 
     Returns:
-        first_below: (N,) first row on the -x side of each crossing.
+        first_below: (N,) first row with a smaller x (before negation) than each crossing.
         crossed: (N,) column of each crossing.
     """
     vertices = -polygon._closed.T

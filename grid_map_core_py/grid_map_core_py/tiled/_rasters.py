@@ -177,7 +177,7 @@ def _open(
 
 
 def _warped(raster: Any, crs: str, **cells: Any) -> Any:
-    """Return a virtual raster that GDAL reprojects to `crs` with bilinear interpolation on read."""
+    """Return a virtual raster that GDAL reprojects to `crs` on read, interpolating bilinearly."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
     return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)

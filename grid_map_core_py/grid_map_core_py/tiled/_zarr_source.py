@@ -153,11 +153,11 @@ def merge(
 
 
 def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArray[Any]]]:
-    """Return the store cells whose centers are on a map, and the map cells that contain them.
+    """Return the store cells with centers inside a map, and the map cells that contain the centers.
 
     Returns:
         window: rectangle of store cells.
-        lines: map row of each row of `window`, and map column of each column of `window`.
+        lines: index arrays: map row of each row of `window`, map column of each column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution

@@ -183,7 +183,7 @@ class Expression:
         cells are computed together, in double precision.
 
         Args:
-            name: name of the input layer; in the expression, this name means the window.
+            name: name of the input layer, which stands for the window values in the expression.
             layer: (rows, columns) array with start index (0, 0).
             window_size: odd number of cells along a side.
             edge_handling: treatment of windows that extend beyond the map. `inside`: the result is

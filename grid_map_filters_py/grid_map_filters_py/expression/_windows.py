@@ -150,7 +150,7 @@ def _is_number(node: Node, name: str) -> bool:
 
 
 def _keeps_missing(node: Node, name: str) -> bool:
-    """Return True if a subtree is NaN wherever the window is NaN, or `_is_number` is True."""
+    """Return True if a subtree is NaN wherever the window is, or if `_is_number` holds for it."""
     if _is_number(node, name):
         return True
     match node.kind, node.parts:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sums over the disc around every cell.
 
-A disc contains the cells whose centers are inside, on the rim, or at most 1e-9 m beyond the rim.
+A disc contains the cells whose centers are inside, on the edge, or at most 1e-9 m beyond the edge.
 Cells outside the map count as missing.
 
 Unlike in an integral image, sums are not differences of running sums. Therefore, a huge value
@@ -73,7 +73,7 @@ class Disc:
 
     @cached_property
     def reach(self) -> Size:
-        """Number of rows and columns from the center to the rim."""
+        """Number of rows and columns from the center to the edge."""
         rows, columns = (int(min(self._limit, count - 1)) for count in self.size)
         return rows, columns
 
@@ -143,7 +143,7 @@ class Disc:
             moments: multiply each value by its signed distance from the middle of the line.
 
         Yields:
-            distance: distance of the lines from the center [cells]; decreases from the rim to 0.
+            distance: distance of the lines from the center [cells]; decreases from the edge to 0.
             ahead: sum for every cell over the line at a higher index than the cell, in the layout
                 of the flat array of `totals`; overwritten by the next iteration.
             behind: the same for the line at a lower index; equal to `ahead` if the distance is 0.
@@ -170,10 +170,9 @@ class Disc:
             yield distance, line[first + shift :][:length], line[first - shift :][:length]
 
     def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
-        """Return an array of zeros (rows, columns) to add sums to, and a flat view of its memory.
+        """Return a zeroed array (rows, columns) for accumulating sums, and a flat view of it.
 
-        The flat view has the layout of the arrays from `sums_of_lines`, with unused elements
-        between the columns.
+        The flat view includes the padding between columns, as the sums of `sums_of_lines` do.
         """
         (height, width), (rows, _) = self.size, self.reach
         stride = height + 2 * rows

@@ -2,7 +2,7 @@
 """Compiled version of `cv2.inpaint`, several times faster for maps with many holes.
 
 The method is from Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and
-Video Inpainting" (2001). Fast marching (Sethian 1996) fills holes from the rim inwards. A cell gets
+Video Inpainting" (2001). Fast marching (Sethian 1996) fills holes from the edge inward. A cell gets
 a weighted mean of the known and filled cells around it. Weights decrease with distance, and are
 largest where the gradient is perpendicular to the line between the two cells.
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts of the node `elevation_mapping`: settings, sources, cameras and fusion."""
+"""Parts of the `elevation_mapping` node: settings, sources, cameras and fusion."""

@@ -232,7 +232,7 @@ class CameraImages:
         return Picture(message.header.frame_id, stamp, pixels, self.camera)
 
     def read_depths(self, message: Any) -> Cloud:
-        """Convert an `Image` of depths, or its serialized bytes, to points; skip invalid depths."""
+        """Convert a depth image (`Image` or its bytes) to points; skip invalid depths."""
         if isinstance(message, bytes):
             message = view(message, Image)
         picture = self.read_picture(message)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Services of the node `elevation_mapping`."""
+"""Services of the `elevation_mapping` node."""
 
 from typing import Any
 

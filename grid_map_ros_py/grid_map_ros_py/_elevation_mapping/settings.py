@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters of the node `elevation_mapping`."""
+"""Parameters of the `elevation_mapping` node."""
 
 import math
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ POSITIVE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Parameters of the node `elevation_mapping`, except source and mapper parameters.
+    """Parameters of the `elevation_mapping` node, except source and mapper parameters.
 
     Attributes:
         map_frame_id: map frame, usually the odometry frame; poses in it must not jump.

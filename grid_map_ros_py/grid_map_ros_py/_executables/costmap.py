@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `costmap`: publishes a layer of costs for Nav2, as full grids and as updates."""
+"""Node `costmap`: publishes a cost layer for Nav2, as full grids and as updates."""
 
 import time
 from collections import deque
@@ -39,7 +39,7 @@ PATIENCE, QUEUE = 1.0, 10
 
 @dataclass(frozen=True, kw_only=True)
 class CostmapSettings:
-    """Parameters of the node `costmap` that can be changed while it runs.
+    """Parameters of the `costmap` node that can be changed while it runs.
 
     Attributes:
         layer: layer with integer costs from 0 to 254; NaN means unknown.
@@ -128,7 +128,7 @@ class CostmapNode(ConfiguredNode):
         super().__init__("costmap")
         self._log, self._health = LogThrottle(self.get_logger()), health_of(self)
         self._health.drop_level = DiagnosticStatus.ERROR
-        self._map_topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        self._map_topic = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         topic = self.read_topic("costmap_topic", "costmap", "topic of the occupancy grids")
         publishes_raw = self.read("publish_raw", True, "also publish `nav2_msgs/Costmap`")
         about = "maximum time from an update to the next full grid [s]"

@@ -26,7 +26,7 @@ class GridMapSaverNode(ConfiguredNode):
         super().__init__("grid_map_saver")
         about = "folder of the bag; an existing bag is replaced"
         self._path = read_parameter(self, "file_path", str, description=about)
-        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         bag_topic = self.read("bag_topic", "", "topic in the bag; empty means `grid_map_topic`")
         self._topic = bag_topic or self.resolve_topic_name(topic)
         about = "keep running and save every map, each replacing the previous one"

@@ -58,7 +58,7 @@ class GridMapServerNode(ConfiguredNode):
         path = self.read("file_path", "", about)
         about = "topic in the bag; empty means the only topic with maps"
         bag_topic = self.read("bag_topic", "", about)
-        topic = self.read_topic("input_topic", "", "topic of maps to serve; empty means none")
+        topic = self.read_topic("input_topic", "", "topic of grid maps to serve; empty means none")
         open_source = read_source(self, "empty means none")
         self._map: GridMap | TiledMap | None = open_source() if open_source else None
         if self._map is None:

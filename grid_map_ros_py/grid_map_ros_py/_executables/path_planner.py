@@ -52,7 +52,7 @@ class PathPlannerNode(ConfiguredNode):
         super().__init__("path_planner")
         self._log, self._health = LogThrottle(self.get_logger()), health_of(self)
         self._health.drop_level = DiagnosticStatus.ERROR
-        self._map_topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        self._map_topic = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         self._settings = read_fields(self, PlannerSettings, read_only=False)
         self._tf = TfPoses(self, "") if has_tf() else None
         self._planner: Planner | None = None

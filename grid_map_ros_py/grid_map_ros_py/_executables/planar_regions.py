@@ -36,7 +36,7 @@ class PlanarRegionsNode(ConfiguredNode):
         super().__init__("planar_regions")
         self._log, self._health = LogThrottle(self.get_logger()), health_of(self)
         self._health.drop_level = DiagnosticStatus.ERROR
-        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         about = "layer of heights [m]; a layer `variance`, if present, sets their weights"
         self._layer = self.read("height_layer", "elevation", about)
         sections: dict[str, Any] = {

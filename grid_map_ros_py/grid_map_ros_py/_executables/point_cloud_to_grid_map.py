@@ -38,7 +38,7 @@ from ..nodes._spin import steady_timer
 
 @dataclass(frozen=True, kw_only=True)
 class RollingSettings:
-    """Parameters of the node `point_cloud_to_grid_map`.
+    """Parameters of the `point_cloud_to_grid_map` node.
 
     Attributes:
         input_topic: topic of the clouds.

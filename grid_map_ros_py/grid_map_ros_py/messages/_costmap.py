@@ -41,12 +41,12 @@ COSTS = CostRange(FREE, LETHAL)
 
 @dataclass(frozen=True, eq=False)
 class _Occupancies:
-    """Codec of occupancies; `costs` (102,) lists the costs of 0 to 100, then of -1 (unknown)."""
+    """Codec of occupancy; `costs` (102,) lists the costs of 0 to 100, then of -1 (unknown)."""
 
     costs: Costs
 
     def to_costs(self, values: npt.ArrayLike) -> Costs:
-        """Convert occupancies (...) to costs (...) uint8; NaN and negative values become 255."""
+        """Convert occupancy (...) to costs (...) uint8; NaN and negative values become 255."""
 
         def convert(values: npt.NDArray[Any]) -> Costs:
             known = np.where(values >= 0, np.fmin(values, OCCUPIED), UNKNOWN)
@@ -55,7 +55,7 @@ class _Occupancies:
         return elementwise(convert, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: npt.ArrayLike) -> Layer:
-        """Convert costs (...) to the float32 occupancies that Nav2 publishes; 255 becomes NaN."""
+        """Convert costs (...) to the float32 occupancy that Nav2 publishes; 255 becomes NaN."""
         return VALUES.take(OCCUPANCY_OF_COST.take(np.asarray(costs)))
 
 
@@ -69,7 +69,7 @@ def _published(occupancy: int) -> Any:
 
 
 OCCUPANCIES = _Occupancies(np.array([_published(o) for o in (*range(101), UNKNOWN)], np.uint8))
-"""Codec for layers of occupancies from 0 to 100, such as those that `from_occupancy_grid` returns.
+"""Codec for occupancy layers (0 to 100), such as those that `from_occupancy_grid` returns.
 
 An occupancy becomes a cost that Nav2 publishes as this occupancy, so 99 becomes 253.
 """
@@ -125,9 +125,8 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     the message is exactly 0.05 in the map, instead of 0.05000000074505806.
 
     Args:
-        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander. Up to Jazzy, a
-            `PyCostmap2D` holds occupancies instead of costs; the function converts them to costs
-            with `OCCUPANCIES`.
+        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` from nav2_simple_commander. Up to
+            Jazzy, its occupancy values are first converted to costs with `OCCUPANCIES`.
         layer: name of the layer.
         codec: converts costs to layer values; the default keeps the costs, with NaN for unknown.
     """

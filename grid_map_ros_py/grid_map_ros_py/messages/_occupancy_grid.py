@@ -50,7 +50,7 @@ def to_occupancy_grid(
             Values outside this range are clamped; NaN becomes -1 (unknown). Required if
             `codec` is None.
         codec: converts layer values to costs, in place of `data_min` and `data_max`. The message
-            contains the occupancies that Nav2 publishes for these costs. For a layer of costs,
+            contains the occupancy values that Nav2 publishes for these costs. For a cost layer,
             pass `CostRange()`.
     """
     if codec is None:

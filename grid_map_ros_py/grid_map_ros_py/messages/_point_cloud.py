@@ -179,8 +179,8 @@ def from_point_cloud(
             added; replaces `resolution`, `length` and `position`.
         more_layers: statistics of the heights for additional layers, by layer name.
         fields: names of the fields that become layers, besides the heights; None means all fields
-            with one number per point. The packed colors `rgb` or `rgba` become the layer `color`
-            unless the cloud has a field `color`.
+            with one number per point. If the cloud has no field `color`, the packed colors
+            `rgb` or `rgba` become the layer `color`.
         length, position, field_reductions, min_height, max_height, tight: as in
             `grid_map_core_py.from_points`.
     """
@@ -274,8 +274,8 @@ def read_columns(
 def layer_names(message: "PointCloud2") -> dict[str, str]:
     """Return the layer name of each field of a cloud, by field name.
 
-    Layers are named like the fields, except that the field `rgb`, or else `rgba`, becomes the layer
-    `color` unless the cloud has a field `color`.
+    Layers are named after the fields. If the cloud has no field `color`, the layer of `rgb` (or of
+    `rgba` if there is no `rgb`) is named `color`.
     """
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):

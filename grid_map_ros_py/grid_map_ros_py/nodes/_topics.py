@@ -226,7 +226,7 @@ class MapPublisher:
 
     Args:
         node: the node that publishes.
-        topic: topic of the maps.
+        topic: topic of grid maps.
         serialized: function that returns the current map as a message or its serialized bytes, or
             None if there is no map yet.
         log: logs the error if a map cannot be published.

@@ -24,7 +24,7 @@ class ImageVisualization:
         color_map: name of a Matplotlib color map.
         lower: value at the lower end of the color map (default: the smallest value).
         upper: value at the upper end of the color map (default: the largest value).
-        invert: swap the ends of the color map.
+        invert: reverse the color map.
         encoding: order of the color channels. Cells without a value are transparent in encodings
             with alpha, and gray in all others.
 

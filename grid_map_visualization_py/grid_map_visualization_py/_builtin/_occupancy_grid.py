@@ -17,7 +17,7 @@ from grid_map_ros_py.messages._occupancy_grid import occupancies
 
 @dataclass(frozen=True, kw_only=True)
 class OccupancyGridVisualization:
-    """Show a layer as occupancies from 0 (free) to 100 (occupied); NaN cells are unknown.
+    """Show a layer as occupancy values from 0 (free) to 100 (occupied); NaN cells are unknown.
 
     Attributes:
         layer: layer to show.

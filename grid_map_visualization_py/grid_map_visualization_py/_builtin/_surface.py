@@ -25,16 +25,16 @@ class SurfaceVisualization:
     Attributes:
         height_layer: layer with the heights [m].
         flat: draw the surface at height zero.
-        color_mode: "intensity" colors the values of `color_layer` with the color map, "color" reads
-            packed colors from `color_layer`, and "flat" draws the surface in `color`.
+        color_mode: "intensity" colors the surface by `color_layer`, using the color map, "color"
+            reads packed colors from `color_layer`, and "flat" draws the surface in `color`.
         color_layer: layer that determines the colors; empty means `height_layer`.
         color_map: name of a Matplotlib color map.
         lower: value at the lower end of the color map (default: the smallest value).
         upper: value at the upper end of the color map (default: the largest value).
-        invert: swap the ends of the color map.
+        invert: reverse the color map.
         color: surface color as 0xRRGGBB, used by the color mode "flat".
         opacity: surface opacity, from 0 (invisible) to 1 (opaque).
-        max_drawn_cells: maximum number of drawn cells, at least 9; larger maps are thinned out. 0
+        max_drawn_cells: maximum number of drawn cells, at least 9; larger maps are downsampled. 0
             means no limit.
 
     Raises:

@@ -80,7 +80,7 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     completed(add("--color-map", help="Matplotlib color map (viridis)"), complete_color_maps)
     add("--lower", type=float, help="value at the lower end (the smallest)")
     add("--upper", type=float, help="value at the upper end (the largest)")
-    text = "swap the ends of the color map"
+    text = "reverse the color map"
     add("--invert", action="store_const", const=True, help=text)
     add("--label", help="color bar label (layer name)")
 

@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--upper", type=float, help="value at the upper end of the colors (the largest)")
     text = "factor that scales the heights (%(default)s)"
     add("--exaggeration", type=float, default=1.0, help=text)
-    text = "maximum cell count of a surface; larger maps are thinned out; 0 for no limit"
+    text = "maximum cell count of a surface; larger maps are downsampled; 0 for no limit"
     add("--max-drawn-cells", type=int, default=150_000, help=text)
     page = parser.add_argument_group("page")
     text = "address to serve at (%(default)s: this machine only)"

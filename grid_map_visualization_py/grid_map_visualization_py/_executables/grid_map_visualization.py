@@ -34,7 +34,7 @@ class GridMapVisualizationNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
-        self._topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        self._topic = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         about = (
             "also receive the last map published before the node subscribed; must be false to "
             "receive maps from volatile publishers"

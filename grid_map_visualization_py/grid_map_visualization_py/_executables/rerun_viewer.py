@@ -55,7 +55,7 @@ class RerunViewerNode(ConfiguredNode):
         about = "factor that scales heights in the 3-D view"
         exaggeration = self.read_positive("exaggeration", 1.0, about)
         about = (
-            "maximum number of cells in a surface or image; larger maps are thinned out. "
+            "maximum number of cells in a surface or image; larger maps are downsampled. "
             "0 means no limit"
         )
         max_drawn_cells = self.read("max_drawn_cells", 50_000, about)

@@ -66,7 +66,7 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
         prog="snapshot",
         description="Draw the next map of a topic. For maps in files, use 'grid-map plot'.",
     )
-    parser.add_argument("--topic", default="/grid_map", help="topic of the maps (%(default)s)")
+    parser.add_argument("--topic", default="/grid_map", help="topic of grid maps (%(default)s)")
     text = "maximum time to wait for a map [s] (10)"
     parser.add_argument("--timeout", type=float, default=10.0, help=text)
     text = "file to write (%(default)s)"

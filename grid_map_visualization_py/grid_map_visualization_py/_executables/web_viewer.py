@@ -37,13 +37,13 @@ LOOK_PERIOD = 1.0
 
 
 class WebViewerNode(ConfiguredNode):
-    """Node that shows the maps of one topic on a web page, where the user selects the topic."""
+    """Node that shows the grid maps of one topic, which the user selects on the web page."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
         about = "initial map topic; other topics can be selected on the page"
         topic = self.resolve_topic_name(self.read_topic("grid_map_topic", "/grid_map", about))
-        about = "maximum number of cells; larger maps are thinned out. 0 means no limit"
+        about = "maximum number of cells; larger maps are downsampled. 0 means no limit"
         max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
         check_max_drawn_cells(max_drawn_cells)
         period = 1 / self.read_positive("update_rate", 20.0, "maximum update rate of the page [Hz]")

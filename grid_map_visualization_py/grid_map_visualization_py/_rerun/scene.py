@@ -79,7 +79,7 @@ class Style:
             value of each map.
         exaggeration: factor by which the 3-D view scales heights.
         max_drawn_cells: maximum number of cells in a surface, and of points in a point cloud;
-            larger ones are thinned out. 0 means no limit.
+            larger ones are downsampled. 0 means no limit.
         max_image_cells: maximum number of cells in the image of each layer; larger layers are
             thinned out. If 0, only the width and the height are limited, to 4096 pixels.
     """

@@ -18,10 +18,10 @@ CORNERS = {STRIP: 2, LINES: 2, TRIANGLES: 3}
 
 
 class Markers:
-    """Current markers of one topic, according to the messages received so far.
+    """Markers of one topic that are visible after all messages received so far.
 
     Attributes:
-        frames: frames of the markers.
+        frames: names of the frames that contain markers.
     """
 
     def __init__(self) -> None:

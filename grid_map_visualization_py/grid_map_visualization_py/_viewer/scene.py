@@ -213,7 +213,7 @@ def drawn_path(points: Positions, color: tuple[int, int, int]) -> Drawing:
 
 
 def raised(drawing: Drawing, grid_map: GridMap, settings: ViewSettings) -> Drawing:
-    """Raise a drawing slightly, so that it is visible; flatten it if the surface is flat."""
+    """Return a drawing raised slightly above the surface; flatten it first if `settings.flat`."""
     gap = np.array([0.0, 0.0, GAP * grid_map.resolution])
     flat = np.array([1.0, 1.0, 0.0 if settings.flat else 1.0])
     lines, triangles = drawing.lines * flat + gap, drawing.triangles * flat + gap

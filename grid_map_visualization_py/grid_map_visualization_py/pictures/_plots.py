@@ -64,7 +64,7 @@ def plot(
     Cells without a finite value are hatched in gray. If a side of the map has more than twice as
     many cells as the axes have pixels, blocks of cells are averaged. Each block shows the mean of
     its finite values or colors, and is partly transparent if some are missing. A tiled map is
-    first thinned out to at most four cells per pixel; see `TiledMap.thinned`.
+    first downsampled to at most four cells per pixel; see `TiledMap.thinned`.
 
     Args:
         grid_map: a `GridMap`, a `TiledMap`, or an xarray dataset or array.
@@ -73,7 +73,7 @@ def plot(
         color_mode: "intensity" maps values to colors of `color_map`, "color" reads packed colors.
         color_map: name of a Matplotlib color map.
         lower, upper: values at the ends of the color map; None means smallest and largest value.
-        invert: swap the ends of the color map.
+        invert: reverse the color map.
         hillshade: name of the height layer [m] used for hillshading. False means no shading. None
             shades only height layers: their names start with elevation, height, altitude, DEM, DSM
             or DTM, and contain no word such as variance, slope or color. True also shades other
@@ -104,7 +104,7 @@ def plot(
     axes = _current_axes() if ax is None else ax
     side = block_side(axes, site.size, max_drawn_cells)
     drawn_map = _loaded(site, {layer, heights} - {""}, math.prod(site.size) / side**2)
-    # The block size changes if a tiled map was thinned out.
+    # The block size changes if a tiled map was downsampled.
     side = block_side(axes, drawn_map.size, max_drawn_cells)
     has_holes = paint(axes, drawn_map, coloring, side, heights, exaggeration)
     _use_plain_ticks(axes)
@@ -146,7 +146,7 @@ def plot_3d(
         color_layer: layer with the colors; if empty, the surface is colored by height.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
         exaggeration: factor by which drawn heights are scaled; the z axis shows true heights.
-        max_drawn_cells: maximum number of cells; larger maps are thinned out. 0 means no limit.
+        max_drawn_cells: maximum number of cells; larger maps are downsampled. 0 means no limit.
             Matplotlib needs about one second for the default number.
 
     Returns the Matplotlib axes. Raises the same errors as `plot`.
@@ -309,7 +309,7 @@ def _opened(grid_map: AnyMap) -> "GridMap | TiledMap":
 def _loaded(site: "GridMap | TiledMap", layers: set[str], cells: float) -> "GridMap":
     """Return a `GridMap` unchanged, or load `layers` of a tiled map.
 
-    A large tiled map is thinned out, but keeps at least `cells` cells.
+    A large tiled map is downsampled, but keeps at least `cells` cells.
     """
     if isinstance(site, GridMap):
         return site

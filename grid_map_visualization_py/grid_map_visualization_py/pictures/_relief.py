@@ -22,7 +22,7 @@ Floats: TypeAlias = npt.NDArray[np.floating]
 _sampled = partial(ndimage.map_coordinates, order=1, mode="nearest")
 
 MAX_SIDE = 1500
-"""Maximum number of rows and columns; larger maps are thinned out."""
+"""Maximum number of rows and columns; larger maps are downsampled."""
 
 _SUPERSAMPLING = 2
 _GAMMA = 2.2
