@@ -30,7 +30,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 def scratch_folder() -> Iterator[Path]:
     """Yield a temporary folder that is removed on exit.
 
-    Before that, temporary folders of killed processes are removed.
+    Before it is created, temporary folders left by killed processes are removed.
     """
     for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
         with suppress(OSError), _locked(left):

@@ -246,7 +246,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or an array (rows, cols) to a new layer; warn if float32 cannot hold it."""
+    """Copy a scalar or an array (rows, cols) to a new layer; warn on overflow or lost digits."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""

@@ -153,7 +153,7 @@ class Costmap:
     """A costmap with the attributes of nav2's `PyCostmap2D`.
 
     Attributes:
-        costmap: (size_x * size_y,) uint8 costs, row by row; rows are along x and ascend in y.
+        costmap: (size_x * size_y,) uint8 costs: x ascends within a row, and y from row to row.
         size_x, size_y: number of cells along x and y.
         resolution: side of a cell [m].
         origin_x, origin_y: position of the corner with the smallest x and y [m].

@@ -147,7 +147,7 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return a function that scales layer values to gray values in the range of `pixel`."""
+    """Return a function that converts layer values to gray values for `pixel`, still as floats."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _range(lower, upper, values)

@@ -68,8 +68,8 @@ def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> fl
     The tolerance of a vote is `threshold * sqrt(height variance + cluster variance)`. Votes that
     exceed `max_drift` by more than their tolerance are ignored. Votes agree if they differ from the
     median of the remaining votes by at most their tolerance. The result is the mean of the votes
-    that agree, weighted by inverse variance. The result is 0 if fewer than `min_drift_cells` votes
-    or fewer than half of the votes agree, or if the mean exceeds `max_drift`.
+    that agree, weighted by inverse variance. The result is 0 if fewer than `min_drift_cells` or
+    fewer than half of the remaining votes agree, or if the mean exceeds `max_drift`.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold

@@ -269,8 +269,8 @@ class ElevationMapper:
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace the cells of this map with the cells of another map where the maps overlap.
 
-        Layers that exist in both maps are replaced. Each cell gets the value of the other map at
-        its center, even if that value is NaN. If the new variance is unknown or too small, it
+        Layers that exist in both maps are replaced. Each cell gets the value, even NaN, of the cell
+        in the other map that contains its center. If the new variance is unknown or too small, it
         becomes `min_variance`. `time` and the bounds are not copied. The bounds are recomputed, and
         replaced heights count as confirmed by the last scan.
 
