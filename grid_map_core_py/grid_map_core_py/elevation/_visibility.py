@@ -74,7 +74,8 @@ def cleared_cells(
 ) -> Integers:
     """Return the indices of the cells that beams show to be free.
 
-    `points` are the scan points on the map. `confirmed` (k,) are the indices of confirmed cells.
+    `points` are the scan points on the map. `confirmed` (k,) are the indices of the cells that the
+    scan confirmed.
     """
     heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))

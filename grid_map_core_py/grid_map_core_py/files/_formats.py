@@ -44,8 +44,9 @@ class Format:
         name: unique short name, such as "npz".
         description: short description for tables and messages.
         endings: file extensions, in lower case, such as ".npz".
-        reads: `reads(path)` returns whether the format can read the path. Folders, and extensions
-            that several formats share, need this function. If None, the extension decides.
+        reads: `reads(path)` returns whether the format can read the path. Formats of folders need
+            this function. It can also tell formats with the same extension apart. If None, the
+            extension decides.
         writes: `writes(path)` returns whether the format can write to the path. If None, the
             extension decides.
         load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.

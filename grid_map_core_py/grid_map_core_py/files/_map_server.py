@@ -249,7 +249,7 @@ def _as_occupancies(
 
 
 def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
-    """Convert occupancy values to image pixels. `_occupancy` is the inverse."""
+    """Convert occupancy values to image pixels, which `_occupancy` can convert back."""
     known = ~np.isnan(values)
     rounded = np.where(known, np.rint(values.astype(np.float64)), 0.0)
     if mode == "raw":

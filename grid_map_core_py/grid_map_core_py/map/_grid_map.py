@@ -716,7 +716,7 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy data from another map, which may differ in size, position and resolution.
 
-        Each cell of this map gets the values that `other` has at the center of the cell.
+        Each cell of this map gets the values of the `other` cell that contains its center.
         Values that are not finite are not copied. A map without `crs` adopts the `crs` of `other`.
 
         Args:
@@ -751,7 +751,7 @@ class GridMap(MutableMapping[str, Layer]):
             frame_id: the new frame.
             sample_ratio: distance from a cell center to four additional points, as a fraction of
                 the resolution; 0 for none. The points close gaps in the new map. They lie at the
-                height of the cell, in the directions +x, -x, +y and -y.
+                height of the cell, in the directions +x, -x, +y and -y of this map.
 
         Returns:
             A map with the same resolution, layers, basic layers and time, but no `crs`. Its start
@@ -857,7 +857,7 @@ class GridMap(MutableMapping[str, Layer]):
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`. A `GridMap` is first reordered to the start index of this map."""
+        """Return `layers`. A `GridMap` of the same size is reordered to this map's start index."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers

@@ -32,19 +32,20 @@ def extract_planes(
 ) -> PlanarRegions:
     """Divide the planar parts of a map into regions, each with a plane and an outline.
 
-    Cells without a finite height are in no region. Results are bit-identical for any start index.
+    Cells without a finite height are in no region. The same input yields the same result, bit for
+    bit, for any start index.
 
     Args:
         grid_map: the map, with an optional layer `variance` [m^2]. In regions where all variances
-            are positive and finite, the plane fit weights each cell with 1 / variance, and the
-            covariance of the plane follows from the variances. In other regions, all cells have the
-            same weight, and the covariance follows from the residuals.
+            are positive and finite, the plane is fitted with the weights 1 / variance, and its
+            covariance follows from the variances. In other regions, the weights are equal, and the
+            covariance follows from the residuals.
         layer: name of the height layer [m].
         parameters: thresholds; None means the defaults.
         previous: regions of an earlier map with the same frame and resolution; the map may have
             moved since. The id of each earlier region goes to the new region that shares the most
             cells with it. If a new region would get several ids, it gets the id of the earlier
-            region with the most shared cells. All other regions get new ids.
+            region with the most shared cells. All other regions get ids that were never used.
 
     Raises:
         LayerNotFoundError: the map has no layer `layer`.

@@ -137,6 +137,7 @@ def fit_planes(
     Args:
         groups: (N,) group of each point, 0 to `count` - 1.
         points: (3, N) x, y, z.
+        weights: (N,) positive weights, or one weight for all points.
 
     Returns:
         planes: (3, count) dz/dx, dz/dy, and z at x = y = 0; NaN if a plane is not unique.

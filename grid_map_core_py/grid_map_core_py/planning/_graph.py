@@ -213,7 +213,7 @@ class TravelGraph:
             start, goal: (2,) x, y [m], or (3,) with the yaw [rad]. If the goal has a yaw, the
                 footprint must be free there in this direction.
             tolerance: largest distance from the goal to the end of the path [m]. If the goal is
-                blocked or cannot be reached, the path ends at the center of the nearest cell that
+                not free or cannot be reached, the path ends at the center of the nearest cell that
                 can be reached.
 
         Raises:

@@ -28,7 +28,7 @@ def with_box(
 ) -> GridMap:
     """Return a map with a box on the ground.
 
-    The box covers all cells whose centers lie in its outline, even cells without a height.
+    The object covers all cells whose centers lie in its outline, even cells without a height.
 
     Args:
         grid_map: the terrain, which stays unchanged.
