@@ -40,8 +40,8 @@ class MedianFill:
             `filter_existing_values`.
         fill_mask_layer: mask layer; cells where it is 0 do not change. If the map lacks this layer,
             the filter computes it.
-        num_erode_dilation_iterations: number of one-cell dilations and erosions that close gaps in
-            the computed mask.
+        num_erode_dilation_iterations: number of one-cell dilations that close gaps in the computed
+            mask; as many erosions follow.
         debug: if true, the result also contains the computed mask before its gaps were closed.
         debug_infill_mask_layer: layer for the mask of `debug`; required with `debug`.
     """
