@@ -29,7 +29,7 @@ def make_map() -> GridMap:
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
-    """Set the heights and normals of a moving sine wave along y, with the amplitude 0.2 |x|."""
+    """Set the heights and normals of a sine wave along y with amplitude 0.2 |x| at a time [s]."""
     x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
     # A column of x and a row of y broadcast to all cells.

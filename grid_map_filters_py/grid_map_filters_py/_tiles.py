@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs filter chains on tiled maps, one window at a time.
+"""Runs filter chains on tiled maps, window by window.
 
 For a window of the result, each step requests a window from the previous step that is wider by the
 reach of its filter. Only necessary layers and steps are computed.

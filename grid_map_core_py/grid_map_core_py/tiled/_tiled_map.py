@@ -210,7 +210,7 @@ class TiledMap(TiledData):
         """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
 
         Each tile becomes one chunk, which is computed only once, even if several layers are used
-        together. If a filter needs statistics of the whole map, `to_xarray` computes them
+        together. If a filter needs quantities of the whole map, `to_xarray` computes them
         immediately. In all other respects, the dataset equals the result of `GridMap.to_xarray`.
 
         Args:

@@ -2,8 +2,9 @@
 """Writes tiled maps to new Zarr stores tile by tile, and manages store files and locks.
 
 Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file contains a block of a
-layer in Fortran order. Readers never see a partly written chunk, because zarr-python first writes
-the chunk to a temporary file. If a chunk has no file, its cells are NaN.
+layer in Fortran order. zarr-python writes a chunk to a temporary file, and then renames the file,
+so that readers never see a partly written chunk. Some versions, such as 3.1.0, write in place. If a
+chunk has no file, its cells are NaN.
 
 An unfinished store is a folder whose name ends in `.part`. The folder is renamed when all tiles are
 complete. A tile is complete when its chunks exist in all layers. A resumed run computes only the

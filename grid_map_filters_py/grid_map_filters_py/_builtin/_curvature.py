@@ -18,9 +18,10 @@ _TWO, _ZERO, _NAN = np.float32(2), np.float32(0), np.float32(np.nan)
 class Curvature(LayerFilter):
     """Compute the curvature of a layer: the negative Laplacian of the heights [1/m].
 
-    The Laplacian is the sum of the second differences along x and y. The curvature is positive on
-    hilltops. At the border of the map, the cell itself replaces the missing neighbor. A second
-    difference that includes a non-finite cell counts as 0. Non-finite cells become NaN.
+    The Laplacian is the sum of the second differences along x and y, divided by the square of the
+    cell size. The curvature is positive on hilltops. At the border of the map, the cell itself
+    replaces the missing neighbor. A second difference that includes a non-finite cell counts as 0.
+    Non-finite cells become NaN.
 
     Attributes:
         input_layer: heights [m].

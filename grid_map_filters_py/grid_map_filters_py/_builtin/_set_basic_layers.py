@@ -13,7 +13,8 @@ from .._filter import CellFilter, warn
 class SetBasicLayers(CellFilter):
     """Set the basic layers, which decide whether a cell is valid.
 
-    A cell is valid if all basic layers are finite. A missing layer causes a warning.
+    A cell is valid if all basic layers are finite. Without basic layers, no cell is valid. A
+    missing layer is skipped, with a warning.
 
     Attributes:
         layers: names of the basic layers; may be empty.

@@ -51,8 +51,8 @@ class CellFunction:
 
     Attributes:
         function: called with one value per layer, followed by a tuple of numbers that are the same
-            for all cells. Constants in the function must have the type of the values, float32 or
-            uint32.
+            for all cells. Constants in the function must be float32 or uint32, because a Python
+            number would widen the result.
         takes: type of the values: float32, or uint32 for the bits of colors.
         gives: type of the result, float32 or uint32.
         numbers: length of the tuple of float32 numbers.
