@@ -49,7 +49,8 @@ def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) 
     """Return True if the page may answer a request with these headers.
 
     `Host` must be an IP address or one of `names`. This rule prevents DNS rebinding (foreign names
-    that resolve to this machine). Browsers also send `Origin`, which must be the page itself.
+    that resolve to this machine). If `Origin` exists, it must be the page itself. Only browsers
+    send this header, and not with every request.
     """
     host = headers.get("Host", "").lower()
     origin = headers.get("Origin", f"http://{host}")

@@ -59,8 +59,8 @@ class McapFile:
     `Entry.place` is (file offset of the chunk, offset of the message in the decompressed chunk).
     For a message outside chunks, it is (-1, file offset of the message).
 
-    If `recover` is true, the reader ignores the index. It stops at the first damaged record, with a
-    warning that later messages may be missing.
+    If `recover` is true, the reader ignores the index. It reads up to the first damaged record, and
+    then issues a warning.
     """
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:

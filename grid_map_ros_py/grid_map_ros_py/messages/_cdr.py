@@ -69,7 +69,8 @@ def serialize(
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
         arrays: values that replace sequence fields of `message`, by field name. Arrays are faster
             for long sequences. The shape is (N,) for a sequence of N numbers, or (N, k) for a
-            sequence of N messages with k numbers each. The dtype must match the field.
+            sequence of N messages that consist of k numbers of one type. The dtype must match the
+            numbers in the field.
         message_type: type of the message, as for `view`; None means the class of `message`.
     """
     for name in arrays:

@@ -175,8 +175,8 @@ def from_point_cloud(
         resolution: cell size [m].
         reduction: statistic of the heights in a cell: `max`, `min`, `mean`, `median`, `first`,
             `last`, `variance` or `count`.
-        onto: geometry of the result, or a map in the frame of the cloud to which the layers are
-            added; replaces `resolution`, `length` and `position`.
+        onto: geometry of the result, or a map in the frame of the cloud, whose other layers the
+            result keeps; replaces `resolution`, `length` and `position`.
         more_layers: statistics of the heights for additional layers, by layer name.
         fields: names of the fields that become layers, besides the heights; None means all fields
             with one number per point. If the cloud has no field `color`, the packed colors

@@ -156,7 +156,7 @@ class _Life:
         """Create the node; convert errors that the user can fix to `NodeFailedError`."""
         use_profile()
         loops.addFilter(lambda record: self._logger().info(record.getMessage()) and False)
-        # The handlers of rclpy shut ROS down during a callback, unnoticed by the executor.
+        # The handlers of rclpy shut ROS down in a callback, which the executor may not notice.
         try:
             rclpy.init(args=self._args, signal_handler_options=SignalHandlerOptions.NO)
         except _ARGUMENT_ERRORS as error:
