@@ -43,10 +43,11 @@ class PlanarRegionsRobotNode(Demo):
         odometry = Odometry(header=Header(stamp=to_stamp(now), frame_id="odom"))
         odometry.child_frame_id = "camera"
         odometry.pose.pose = to_pose(pose)
-        self._odometry.publish(odometry)
         points = scan(
             self._course, BEAMS, pose, sensor=NOISE, random=self._random, max_range=MAX_RANGE
         )
+        # Together, because the first scan takes longer than the start of a subscriber.
+        self._odometry.publish(odometry)
         self._cloud.publish(to_cloud(points, now, "camera"))
 
 

@@ -73,7 +73,7 @@ class SensingRobot(Demo):
         odometry.child_frame_id = "base_link"
         odometry.pose.pose = to_pose(reported)
         odometry.pose.covariance = covariance.ravel()
-        self._odometry.publish(odometry)
+        clouds = {}
         for name, (mount, directions, noise) in SENSORS.items():
             points = scan(
                 terrain,
@@ -83,7 +83,11 @@ class SensingRobot(Demo):
                 random=self._random,
                 max_range=self._max_range,
             )
-            self._clouds[name].publish(to_cloud(points, stamp, name))
+            clouds[name] = to_cloud(points, stamp, name)
+        # Together, because the first scan takes longer than the start of a subscriber.
+        self._odometry.publish(odometry)
+        for name, cloud in clouds.items():
+            self._clouds[name].publish(cloud)
         return odometry
 
 
