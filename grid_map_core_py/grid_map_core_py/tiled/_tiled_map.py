@@ -317,8 +317,9 @@ class TiledMap(TiledData):
 
         Each store cell gets the value of the map cell that contains its center, as with
         `GridMap.add_data_from`. Map cells that are not finite or outside the store are ignored.
-        Only chunks under the map are read and written. Each chunk is written atomically. Several
-        processes may write at the same time without losing data.
+        Only chunks under the map are read and written. Several processes may write at the same time
+        without losing data. Each chunk is written atomically with Zarr 2, and with Zarr 3.1.3 or
+        later.
 
         Args:
             grid_map: map with the same resolution, in the same frame or without a frame.
