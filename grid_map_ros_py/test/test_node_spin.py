@@ -77,6 +77,12 @@ def test_further_interrupts_end_stuck_callbacks_and_change_nothing_else(
     assert process.lines == ["alive\n", "destroyed\n"]
 
 
+def test_second_interrupt_during_an_import_ends_the_node(start: Start) -> None:
+    process = start("living.py", "importing")
+    assert process.wait() == 0
+    assert process.lines == []
+
+
 def test_interrupt_during_imports_leaves_no_traceback() -> None:
     process = Process([sys.executable, "-c", INTERRUPTED_IMPORT])
     assert process.wait() == -signal.SIGINT

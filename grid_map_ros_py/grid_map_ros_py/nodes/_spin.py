@@ -2,6 +2,7 @@
 """Entry point, base class and timers of node executables."""
 
 import gc
+import os
 import signal
 import sys
 from collections.abc import Callable, Collection, Sequence
@@ -59,8 +60,8 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
     Call this function in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after
-    the current callback. A second signal interrupts the callback. An ignored SIGHUP, as under
-    `nohup`, stays ignored.
+    the current callback. A second signal interrupts the callback; the process then ends without
+    returning. An ignored SIGHUP, as under `nohup`, stays ignored.
 
     The function logs a `NodeFailedError` from a callback, and a `GridMapError` or a ROS error from
     `create_node`, such as an invalid name. All other exceptions propagate. Parameters that are set
@@ -206,8 +207,13 @@ class _Life:
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:
-        """Publish an error on `/diagnostics`; log a `NodeFailedError`, and raise other errors."""
+        """Publish an error on `/diagnostics`; log a `NodeFailedError`, and raise other errors.
+
+        Errors after a second signal are ignored.
+        """
         on_end(signal.SIG_IGN)
+        if self._signals > 1:
+            return  # The second signal caused the error, for example an import that it interrupted.
         if isinstance(error, NodeFailedError):
             self._logger().fatal(str(error))
         if self._is_made():
@@ -221,6 +227,11 @@ class _Life:
         if self._is_up:
             self._node.destroy_node()
         try_shutdown()
+        if self._signals > 1:
+            # A compiled module whose import was interrupted may crash the end of the interpreter.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(0)
         # Skip the final garbage collection of Python, which takes half a second with numba.
         gc.freeze()
 

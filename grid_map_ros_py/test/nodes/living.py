@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A node whose behavior is the first argument: `idle`, `busy`, `stuck`, ..."""
 
+import atexit
+import os
+import signal
 import sys
 import time
 
@@ -23,6 +26,8 @@ class Living(Node):
             raise GridMapError("filter 3 'smooth': unknown parameter 'radiu'")
         if HABIT == "buggy":
             raise ZeroDivisionError("a bug")
+        if HABIT == "importing":
+            self.interrupt_import()
         self.is_silent = True
         self.publisher = self.create_publisher(Empty, TOPIC, 1)
         if HABIT == "slow":
@@ -44,6 +49,15 @@ class Living(Node):
             raise GridMapError("a bug")
         while HABIT == "stuck":
             time.sleep(0.1)
+
+    def interrupt_import(self) -> None:
+        """Act as a compiled module whose import gets two signals: fail, and crash at the end."""
+        atexit.register(os.abort)
+        try:
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt as interrupt:
+            raise ImportError("initialization failed") from interrupt
 
     def dawdle(self) -> None:
         deadline = time.monotonic() + 1
