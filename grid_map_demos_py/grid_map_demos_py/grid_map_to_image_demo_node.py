@@ -14,19 +14,11 @@ import numpy as np
 from rclpy.utilities import try_shutdown
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.conversions import (
-    to_color_image,
-    to_image,
-)
+from grid_map_core_py.conversions import to_color_image, to_image
 from grid_map_core_py.conversions._image_arrays import COLOR_LAYER, Image
 from grid_map_core_py.errors import GridMapError, LimitError
-from grid_map_core_py.files._image_files import (
-    encode_image,
-    write_image,
-)
-from grid_map_core_py.files._shared import (
-    storage_errors,
-)
+from grid_map_core_py.files._image_files import encode_image, write_image
+from grid_map_core_py.files._shared import storage_errors
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError

@@ -11,16 +11,10 @@ import numpy as np
 from sensor_msgs.msg import Image
 
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files._image_files import (
-    read_image,
-)
-from grid_map_core_py.files._shared import (
-    storage_errors,
-)
+from grid_map_core_py.files._image_files import read_image
+from grid_map_core_py.files._shared import storage_errors
 from grid_map_ros_py.messages._image import ENCODINGS, from_pixels
-from grid_map_ros_py.nodes import (
-    map_qos,
-)
+from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.nodes._health import LogThrottle
 
 from .demo import Demo

@@ -17,9 +17,7 @@ from grid_map_core_py.errors import required
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
 from grid_map_ros_py.errors import DROPPED, reason
-from grid_map_ros_py.nodes import (
-    map_qos,
-)
+from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.nodes._spin import steady_timer
 
 from .demo import Demo

@@ -11,10 +11,7 @@ import cv2
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.conversions import (
-    add_layer_from_image,
-    to_image,
-)
+from grid_map_core_py.conversions import add_layer_from_image, to_image
 from grid_map_core_py.conversions._image_arrays import Image
 
 from .demo import Demo

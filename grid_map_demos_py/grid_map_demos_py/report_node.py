@@ -25,17 +25,12 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridGeometry, GridMap, Interpolation
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files._shared import (
-    storage_errors,
-)
+from grid_map_core_py.files._shared import storage_errors
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, from_pose
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import (
-    MapSubscription,
-    map_qos,
-)
+from grid_map_ros_py.nodes import MapSubscription, map_qos
 from grid_map_ros_py.nodes._spin import steady_timer
 from grid_map_visualization_py.pictures import plot, save_picture
 

@@ -10,13 +10,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridMap, Interpolation
 from grid_map_core_py.elevation import LaserModel, SensorModel, StructuredLightModel
-from grid_map_core_py.simulation import (
-    DepthCamera,
-    SpinningLidar,
-    with_box,
-    with_ramp,
-    with_stairs,
-)
+from grid_map_core_py.simulation import DepthCamera, SpinningLidar, with_box, with_ramp, with_stairs
 
 from .terrain import load_terrain
 

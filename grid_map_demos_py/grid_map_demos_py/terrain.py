@@ -7,9 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap, circle_cells, color_vector_to_value
-from grid_map_core_py.files._shared import (
-    storage_errors,
-)
+from grid_map_core_py.files._shared import storage_errors
 
 METRES_PER_POST = 84.0
 """Post spacing of the model [m]: 3 arc seconds at 36.6 degrees latitude, averaged over x and y."""

@@ -12,9 +12,7 @@ import pytest
 
 from grid_map_core_py.conversions import to_image
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files._image_files import (
-    read_image,
-)
+from grid_map_core_py.files._image_files import read_image
 from grid_map_demos_py.grid_map_to_image_demo_node import keeps
 from grid_map_demos_py.image_publisher_node import read_message
 from grid_map_demos_py.opencv_demo_node import blur, kernel_size

@@ -17,9 +17,7 @@ from grid_map_demos_py.parts import star_map
 from grid_map_demos_py.resolution_change_demo_node import resolution_at
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
-from grid_map_ros_py.messages import (
-    from_stamp,
-)
+from grid_map_ros_py.messages import from_stamp
 from grid_map_ros_py.messages._image import to_pixels
 from grid_map_ros_py.testing import peer, running_node, start_node
 

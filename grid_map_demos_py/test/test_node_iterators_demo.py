@@ -9,13 +9,7 @@ from demos import parameters
 from geometry_msgs.msg import PolygonStamped
 
 from grid_map_core_py import Polygon
-from grid_map_demos_py.iterators_demo_node import (
-    REGIONS,
-    STAR,
-    Step,
-    make_map,
-    show_everything,
-)
+from grid_map_demos_py.iterators_demo_node import REGIONS, STAR, Step, make_map, show_everything
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, from_polygon
 from grid_map_ros_py.testing import peer, running_node

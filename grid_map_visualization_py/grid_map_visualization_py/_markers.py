@@ -11,9 +11,7 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, color_value_to_vector
 from grid_map_core_py.plugins import check
-from grid_map_ros_py.messages import (
-    serialize,
-)
+from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.messages._fields import to_header
 
 from .colors import check_color

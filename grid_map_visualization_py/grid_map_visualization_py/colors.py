@@ -20,10 +20,7 @@ from grid_map_core_py.conversions._packed_colors import color_value_to_bytes
 from grid_map_core_py.errors import ConfigError, hint, required
 from grid_map_core_py.plugins import check
 
-__all__ = [
-    "Coloring",
-    "color_map_names",
-]
+__all__ = ["Coloring", "color_map_names"]
 
 Colors: TypeAlias = npt.NDArray[np.uint8]
 """Colors (..., 3): red, green, blue in [0, 255]."""

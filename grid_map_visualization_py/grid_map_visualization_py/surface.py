@@ -26,10 +26,7 @@ from grid_map_core_py.plugins import check
 
 from .colors import Coloring, Colors
 
-__all__ = [
-    "Mesh",
-    "Surface",
-]
+__all__ = ["Mesh", "Surface"]
 
 
 def check_max_drawn_cells(max_drawn_cells: int) -> None:

@@ -20,12 +20,7 @@ from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.testing import moved_in_buffer
 from grid_map_core_py.tiled import open_map
-from grid_map_visualization_py.pictures import (
-    plot,
-    plot_3d,
-    plot_relief,
-    save_picture,
-)
+from grid_map_visualization_py.pictures import plot, plot_3d, plot_relief, save_picture
 
 YELLOW, PURPLE = (253, 231, 37), (68, 1, 84)
 """The ends of viridis, which Matplotlib rounds in one way and NumPy in another."""

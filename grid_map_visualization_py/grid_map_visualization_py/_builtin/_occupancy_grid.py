@@ -9,9 +9,7 @@ from nav_msgs import msg
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError
 from grid_map_ros_py.errors import MessageError
-from grid_map_ros_py.messages import (
-    to_occupancy_grid,
-)
+from grid_map_ros_py.messages import to_occupancy_grid
 from grid_map_ros_py.messages._occupancy_grid import occupancies
 
 

@@ -9,9 +9,7 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
-from grid_map_ros_py.messages import (
-    serialize,
-)
+from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.messages._fields import to_header
 
 from .. import surface

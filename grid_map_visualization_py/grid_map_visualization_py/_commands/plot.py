@@ -184,9 +184,7 @@ def _options_of(
 @contextmanager
 def _telling(picture: Path) -> Iterator[None]:
     """Convert write errors in the context to errors that name the picture."""
-    from grid_map_core_py.files._shared import (
-        storage_errors,
-    )
+    from grid_map_core_py.files._shared import storage_errors
 
     try:
         yield

@@ -9,10 +9,7 @@ from rclpy.node import Node
 from grid_map_core_py._packages import remedy_for
 from grid_map_core_py.errors import required
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import (
-    ConfiguredNode,
-    read_parameter,
-)
+from grid_map_ros_py.nodes import ConfiguredNode, read_parameter
 from grid_map_ros_py.nodes._health import LogThrottle, health_of
 from grid_map_ros_py.nodes._parameters import check_topic
 from grid_map_ros_py.nodes._spin import steady_timer

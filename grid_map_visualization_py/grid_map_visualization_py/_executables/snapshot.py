@@ -17,10 +17,7 @@ from grid_map_core_py._commands import UsageError
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import DROPPED, NodeFailedError, reason
-from grid_map_ros_py.nodes import (
-    MapSubscription,
-    run,
-)
+from grid_map_ros_py.nodes import MapSubscription, run
 from grid_map_ros_py.nodes._parameters import check_topic, read_limits
 from grid_map_ros_py.nodes._spin import steady_timer
 

@@ -11,11 +11,7 @@ from visualization_msgs.msg import MarkerArray
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.messages._fields import check_finite
-from grid_map_ros_py.nodes import (
-    ConfiguredNode,
-    MapSubscription,
-    read_parameter,
-)
+from grid_map_ros_py.nodes import ConfiguredNode, MapSubscription, read_parameter
 from grid_map_ros_py.nodes._health import LogThrottle, health_of
 from grid_map_ros_py.nodes._parameters import check_topic
 from grid_map_ros_py.nodes._poses import TfPoses, has_tf

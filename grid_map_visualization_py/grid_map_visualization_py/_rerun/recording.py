@@ -12,9 +12,7 @@ from os import PathLike
 from pathlib import Path
 
 from grid_map_core_py.errors import GridMapError, LimitError
-from grid_map_core_py.files._shared import (
-    new_file,
-)
+from grid_map_core_py.files._shared import new_file
 from grid_map_ros_py import BagError, MessageError, bag_messages
 
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun

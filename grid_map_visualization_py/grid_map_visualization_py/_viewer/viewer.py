@@ -15,15 +15,7 @@ from grid_map_ros_py.errors import DROPPED, reason
 
 from .markers import Markers
 from .page import PATH_COLOR, Page
-from .scene import (
-    SurfaceScene,
-    ViewSettings,
-    drawn_path,
-    hit,
-    make_scene,
-    on_surface,
-    raised,
-)
+from .scene import SurfaceScene, ViewSettings, drawn_path, hit, make_scene, on_surface, raised
 from .texts import as_note, readout, status
 
 RATE_WINDOW = 3.0
@@ -44,10 +36,7 @@ class Viewer:
     """
 
     def __init__(
-        self,
-        page: Page,
-        max_drawn_cells: int,
-        clock: Callable[[], int] = time.time_ns,
+        self, page: Page, max_drawn_cells: int, clock: Callable[[], int] = time.time_ns
     ) -> None:
         self._page = page
         self._max_drawn_cells = max_drawn_cells

@@ -27,12 +27,8 @@ import numpy as np
 from grid_map_core_py import _lazy
 from grid_map_core_py._arrays import max_of_finites, min_of_finites
 from grid_map_core_py.errors import MissingPackageError
-from grid_map_core_py.files._formats import (
-    MapRecord,
-)
-from grid_map_core_py.files._shared import (
-    new_file,
-)
+from grid_map_core_py.files._formats import MapRecord
+from grid_map_core_py.files._shared import new_file
 from grid_map_core_py.plugins import check
 
 from .._layers import lit_heights, usual_layer
@@ -43,12 +39,7 @@ try:
     from matplotlib.figure import Figure
 
     from ._from_above import extent_of
-    from ._plots import (
-        RELIEF_SIZE,
-        plot as plot,
-        plot_3d as plot_3d,
-        plot_relief as plot_relief,
-    )
+    from ._plots import RELIEF_SIZE, plot as plot, plot_3d as plot_3d, plot_relief as plot_relief
 except ImportError as error:
     raise MissingPackageError("matplotlib", "a picture") from error
 
