@@ -79,7 +79,6 @@ setup(
         ],
         "xarray": ["xarray>=2023.12.0"],
     },
-    zip_safe=True,
     entry_points={
         "console_scripts": scripts,
         "grid_map_core_py.formats": ["zarr = grid_map_core_py.tiled._open:ZARR"],

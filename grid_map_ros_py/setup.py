@@ -84,7 +84,6 @@ setup(
     ],
     install_requires=requirements,
     extras_require={"test": ["pytest"]},
-    zip_safe=True,
     entry_points={
         "console_scripts": scripts,
         "grid_map_core_py.commands": [

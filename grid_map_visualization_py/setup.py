@@ -77,7 +77,6 @@ setup(
         "test": ["pytest"],
         "web_viewer": ["viser>=1.1"],
     },
-    zip_safe=True,
     entry_points={
         "console_scripts": scripts,
         "grid_map_core_py.commands": [

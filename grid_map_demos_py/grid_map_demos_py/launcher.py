@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import takewhile
@@ -126,7 +126,6 @@ elevation_mapping_demo = NodesDemo(
     },
 )
 
-
 path_planner_demo = NodesDemo(
     "path_planner_demo",
     "Demo of a simulated robot that maps the ground, plans a path and walks to a goal.",
@@ -137,7 +136,6 @@ path_planner_demo = NodesDemo(
         "grid_map_demos_py.path_planner_robot_node": "path_planner_demo.yaml",
     },
 )
-
 
 planar_regions_demo = NodesDemo(
     "planar_regions_demo",
@@ -221,10 +219,8 @@ class ProcessGroup:
     def start(self, module: Sequence[str], parameter_file: str, *parameters: str) -> None:
         """Start a node, unless `stopped` is set.
 
-        Args:
-            module: module name of the node, followed by its command-line arguments.
-            parameter_file: name of the file in the folder `config`.
-            parameters: additional parameters, each as `name:=value`.
+        `module` is the module name followed by command-line arguments. `parameter_file` is the name
+        of a file in the folder `config`. `parameters` are written as `name:=value`.
         """
         from ament_index_python.packages import get_package_share_directory
 
@@ -252,11 +248,4 @@ class ProcessGroup:
 
 
 if __name__ == "__main__":
-    demos: dict[str, Callable[[Sequence[str]], int]] = {
-        "filters_demo": filters_demo,
-        "elevation_mapping_demo": elevation_mapping_demo,
-        "large_map_demo": large_map_demo,
-        "path_planner_demo": path_planner_demo,
-        "planar_regions_demo": planar_regions_demo,
-    }
-    raise SystemExit(demos[sys.argv[1]](sys.argv[2:]))
+    raise SystemExit(globals()[sys.argv[1]](sys.argv[2:]))

@@ -17,11 +17,7 @@ _NO_HEIGHTS = re.compile(r"color|count|curvature|deviation|error|normal|slope|st
 
 
 def usual_layer(site: "GridMap | TiledMap") -> str:
-    """Return the layer to draw by default: `elevation`, or else the first layer.
-
-    Raises:
-        ConfigError: the map has no layers.
-    """
+    """Return the layer to draw by default: `elevation`, or else the first layer."""
     if not site.layers:
         raise ConfigError("the map has no layers")
     return "elevation" if "elevation" in site.layers else site.layers[0]
@@ -39,11 +35,7 @@ def titled(layer: str, label: str = "", *, is_empty: bool = False) -> str:
 
 
 def lit_heights(site: "GridMap | TiledMap", layer: str, hillshade: bool | str | None) -> str:
-    """Return the height layer used to shade `layer`, or "" if `layer` is not shaded.
-
-    Raises:
-        ConfigError: `hillshade` is true, but the map has no height layer.
-    """
+    """Return the height layer used to shade `layer`, or "" if `layer` is not shaded."""
     if isinstance(hillshade, str):
         return hillshade
     if is_heights(layer) and hillshade is not False:

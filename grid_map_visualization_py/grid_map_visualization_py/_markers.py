@@ -24,9 +24,6 @@ class LineMarker:
     Attributes:
         color: color as 0xRRGGBB.
         line_width: width of the lines [m].
-
-    Raises:
-        ConfigError: the color is out of range, or the width is not positive.
     """
 
     message_type: ClassVar[type] = Marker

@@ -67,7 +67,7 @@ class Surface:
         max_drawn_cells: maximum number of cells, at least 9; 0 means no limit.
 
     Raises:
-        LayerNotFoundError: the map lacks the layer.
+        LayerNotFoundError: the map lacks a layer that a method needs.
         ConfigError: `max_drawn_cells` is negative or too small.
     """
 
@@ -80,11 +80,7 @@ class Surface:
         check_max_drawn_cells(self.max_drawn_cells)
 
     def values(self, layer: str) -> Layer:
-        """Return the values (columns, rows) of a layer in the shown cells.
-
-        Raises:
-            LayerNotFoundError: the map lacks the layer.
-        """
+        """Return the values (columns, rows) of a layer in the shown cells."""
         values = self.grid_map.unwrapped(layer).T
         if self._step == 1:
             return values
@@ -130,9 +126,6 @@ class Surface:
         """Return the colors (columns * rows, 3) of all shown cells as red, green and blue.
 
         If the coloring has no layer, the heights determine the colors.
-
-        Raises:
-            LayerNotFoundError: the map lacks the color layer.
         """
         layer = "" if coloring.mode == "flat" else coloring.layer
         if coloring.mode == "intensity" and self._step > 1:
@@ -142,19 +135,11 @@ class Surface:
         return coloring(self.values(layer or self.height_layer)).reshape(-1, 3)
 
     def bounds(self, coloring: Coloring) -> tuple[float, float]:
-        """Return the values at the ends of the color map, computed from all cells of the map.
-
-        Raises:
-            LayerNotFoundError: the map lacks the color layer.
-        """
+        """Return the values at the ends of the color map, computed from all cells of the map."""
         return coloring.bounds(self.grid_map[coloring.layer or self.height_layer])
 
     def mesh(self, coloring: Coloring) -> Mesh:
-        """Return the surface as a colored triangle mesh.
-
-        Raises:
-            LayerNotFoundError: the map lacks the color layer.
-        """
+        """Return the surface as a colored triangle mesh."""
         origin = self.grid_map.position
         valid = self.valid.ravel()
         # Omit vertices that are not finite, because graphics libraries reject them.

@@ -4,7 +4,6 @@
 import re
 import signal
 from collections.abc import Callable
-from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -39,11 +38,10 @@ def shown(command, monkeypatch) -> Callable[[str], Shown]:
     def run(words: str) -> Shown:
         recording = Recording("grid_map")
         recording.save("shown.rrd")
-        server = SimpleNamespace(
-            recording=recording, page_url="http://here", is_public=False, problem=""
-        )
+        server = SimpleNamespace(recording=recording, page_url="http://here", is_public=False)
+        server.problem, server.close = "", recording.flush
         target = "grid_map_visualization_py._rerun.server.Server"
-        monkeypatch.setattr(target, lambda *_, **__: nullcontext(server))
+        monkeypatch.setattr(target, lambda *_, **__: server)
         code, output, error = command(f"view {words}")
         assert (code, output) == (0, "http://here\n"), error
         recording.disconnect()

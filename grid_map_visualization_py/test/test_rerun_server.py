@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,7 @@ sys.stdin.read()
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    with Server(port=0, allowed_hosts=["robot"]) as one:
+    with closing(Server(port=0, allowed_hosts=["robot"])) as one:
         one.recording.log_file_from_contents("note.txt", b"A text.")
         one.recording.flush(timeout_sec=100)
         yield one
@@ -178,7 +179,7 @@ def address(server: Server) -> tuple[str, int]:
 
 
 def test_server_closes_while_the_program_hangs():
-    with Server(port=0) as one:
+    with closing(Server(port=0)) as one:
         os.kill(one._process.pid, signal.SIGSTOP)
     assert one.problem == "the program rerun has ended with exit code -9"
 

@@ -33,10 +33,6 @@ class ContoursVisualization(LineMarker):
         interval: spacing of the contour values, which are multiples of `interval`.
         levels: contour values in any order; if set, `interval` is ignored.
         flat: draw all lines at height zero; useful for layers without heights.
-
-    Raises:
-        ConfigError: the interval is not positive, or a level is not finite.
-        MissingPackageError: contourpy is not installed.
     """
 
     layer: str
@@ -53,12 +49,6 @@ class ContoursVisualization(LineMarker):
         _contourpy()
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the contour lines of a map as a serialized `visualization_msgs/Marker`.
-
-        Raises:
-            LayerNotFoundError: the map lacks the layer.
-            GridMapError: the interval is too small for the value range.
-        """
         values = grid_map.unwrapped(self.layer).T
         low, high = min_of_finites(values), max_of_finites(values)
         lines = [np.empty((0, 3))]

@@ -18,9 +18,6 @@ class FlatPointCloudVisualization:
 
     Attributes:
         height: height of the points [m].
-
-    Raises:
-        ConfigError: the height is not finite.
     """
 
     message_type: ClassVar[type] = PointCloud2
@@ -31,5 +28,4 @@ class FlatPointCloudVisualization:
         check(math.isfinite(self.height), "height", "a finite number", self.height)
 
     def __call__(self, grid_map: GridMap) -> PointCloud2:
-        """Return the cells of a map as a point cloud."""
         return to_flat_point_cloud(grid_map, self.height)

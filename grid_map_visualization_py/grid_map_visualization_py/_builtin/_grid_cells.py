@@ -20,9 +20,6 @@ class GridCellsVisualization:
         layer: layer with the values.
         lower_threshold: cells with lower values are not shown.
         upper_threshold: cells with higher values are not shown.
-
-    Raises:
-        ConfigError: the lower threshold is above the upper one, so that no cell would be shown.
     """
 
     message_type: ClassVar[type] = msg.GridCells
@@ -37,7 +34,6 @@ class GridCellsVisualization:
         check(in_order, "upper_threshold", expected, self.upper_threshold)
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the selected cells of a map as a serialized `nav_msgs/GridCells`."""
         return to_serialized_grid_cells(
             grid_map, self.layer, self.lower_threshold, self.upper_threshold
         )

@@ -27,10 +27,6 @@ class ImageVisualization:
         invert: reverse the color map.
         encoding: order of the color channels. Cells without a value are transparent in encodings
             with alpha, and gray in all others.
-
-    Raises:
-        ConfigError: the color map is unknown, or the bounds are invalid.
-        MissingPackageError: Matplotlib is not installed.
     """
 
     message_type: ClassVar[type] = msg.Image
@@ -47,7 +43,6 @@ class ImageVisualization:
         self._coloring()
 
     def __call__(self, grid_map: GridMap) -> msg.Image:
-        """Return the layer of a map as a color image."""
         values = grid_map.unwrapped(self.layer)
         pixels = self._coloring()(values)
         if self.encoding.startswith("bgr"):

@@ -18,7 +18,6 @@ class MapRegionVisualization(LineMarker):
     """Draw the map border as a closed line at height zero."""
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the outline of a map as a serialized `visualization_msgs/Marker`."""
         # Round to single precision like the C++ node, so that the points are bitwise equal.
         half_length = (grid_map.length / 2).astype(np.float32).astype(np.float64)
         points = np.zeros((len(_CORNERS), 3))

@@ -21,9 +21,6 @@ class OccupancyGridVisualization:
         layer: layer to show.
         data_min: layer value that becomes 0 (free).
         data_max: layer value that becomes 100 (occupied); may be less than `data_min`.
-
-    Raises:
-        ConfigError: the two bounds are equal or not finite.
     """
 
     message_type: ClassVar[type] = msg.OccupancyGrid
@@ -39,5 +36,4 @@ class OccupancyGridVisualization:
             raise ConfigError(f"parameters {error}") from error
 
     def __call__(self, grid_map: GridMap) -> msg.OccupancyGrid:
-        """Return the layer of a map as an occupancy grid."""
         return to_occupancy_grid(grid_map, self.layer, self.data_min, self.data_max)

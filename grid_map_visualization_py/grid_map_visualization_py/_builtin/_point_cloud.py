@@ -27,7 +27,6 @@ class PointCloudVisualization:
     flat: bool = False
 
     def __call__(self, grid_map: GridMap) -> PointCloud2:
-        """Return the cells of a map as a point cloud."""
         if self.flat:
             return FlatPointCloudVisualization()(grid_map)
         return to_point_cloud(grid_map, self.layer)

@@ -34,10 +34,6 @@ class SurfaceVisualization:
         opacity: surface opacity, from 0 (invisible) to 1 (opaque).
         max_drawn_cells: maximum number of drawn cells, at least 9; larger maps are downsampled. 0
             means no limit.
-
-    Raises:
-        ConfigError: the color map is unknown, or a number is out of range.
-        MissingPackageError: Matplotlib is not installed.
     """
 
     message_type: ClassVar[type] = Marker
@@ -61,7 +57,6 @@ class SurfaceVisualization:
         self._coloring()
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the surface of a map as a serialized `visualization_msgs/Marker`."""
         cells = surface.Surface(grid_map, self.height_layer, self.flat, self.max_drawn_cells)
         rgb = cells.colors(self._coloring())
         rgba = np.full((len(rgb), 4), self.opacity, np.float32)

@@ -21,9 +21,6 @@ class VectorsVisualization(LineMarker):
         layer_prefix: prefix of the component layers, which end in `x`, `y` and `z`.
         position_layer: layer with the heights [m] at which the lines start.
         scale: line length [m] of a vector with length 1.
-
-    Raises:
-        ConfigError: the scale is not finite.
     """
 
     layer_prefix: str
@@ -36,10 +33,9 @@ class VectorsVisualization(LineMarker):
         check(math.isfinite(self.scale), "scale", "a finite number", self.scale)
 
     def __call__(self, grid_map: GridMap) -> bytes:
-        """Return the vectors of a map as a serialized `visualization_msgs/Marker`."""
-        # Start and end of each line, in column-major order of the buffer.
         components = [f"{self.layer_prefix}{axis}" for axis in "xyz"]
         valid = grid_map.valid_mask((self.position_layer, *components)).ravel("F")
+        # Start and end of each line, in column-major order of the buffer.
         lines = np.empty((np.count_nonzero(valid), 2, 3))
         lines[:, 0, :2] = grid_map.get_positions()[valid]
         lines[:, 0, 2] = grid_map[self.position_layer].ravel("F")[valid]

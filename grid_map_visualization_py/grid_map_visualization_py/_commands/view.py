@@ -4,6 +4,7 @@
 import argparse
 import time
 import webbrowser
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -86,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     # The indexes of Rerun need up to a quarter more memory.
     limit = f"{options.most_shown + options.most_shown // 4 + 100}MB"
     where = {"allowed_hosts": options.allowed_hosts, "memory_limit": limit}
-    with Server(options.host, options.port, **where) as server:
+    with closing(Server(options.host, options.port, **where)) as server:
         if server.is_public:
             message(f"warning: anyone who can reach {server.page_url} sees the map")
         scene = Scene(server.recording, style)

@@ -72,7 +72,8 @@ class RerunViewerNode(ConfiguredNode):
         self._server = self._serve()
         self._live = LiveScene(self._server.recording, style)
         health = health_of(self)
-        health.inputs, health.details = "messages", self._details
+        health.inputs, live = "messages", self._live
+        health.details = lambda: {"messages shown": live.shown, "messages replaced": live.replaced}
         steady_timer(self, 1 / max_rate, self._write)
         steady_timer(self, PERIOD, self._look)
         # Log the address on a line of its own, where it is easy to find and copy.
@@ -149,9 +150,6 @@ class RerunViewerNode(ConfiguredNode):
             depth=QUEUES.get(kind, 1),
         )
         self.get_logger().info(f"shows {topic} ({kind})")
-
-    def _details(self) -> dict[str, object]:
-        return {"messages shown": self._live.shown, "messages replaced": self._live.replaced}
 
 
 if __name__ == "__main__":

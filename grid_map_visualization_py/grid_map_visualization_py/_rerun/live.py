@@ -3,7 +3,7 @@
 
 import time
 from collections import deque
-from typing import Any, NamedTuple
+from typing import Any
 
 from grid_map_ros_py.errors import DROPPED, reason
 
@@ -31,12 +31,6 @@ Slow browsers block Rerun for several seconds while they load the page.
 """
 
 
-class _Arrival(NamedTuple):
-    kind: str
-    data: bytes
-    time: int
-
-
 class LiveScene:
     """Queues the newest messages of each topic until they are written to Rerun.
 
@@ -54,21 +48,18 @@ class LiveScene:
         self.shown = self.replaced = 0
         self.problem = ""
         self._recording, self._scene = recording, Scene(recording, style)
-        self._waiting: dict[str, deque[_Arrival]] = {}
+        # Type, CDR data and arrival time [ns] of the queued messages, by topic.
+        self._waiting: dict[str, deque[tuple[str, bytes, int]]] = {}
         self._stalled_since: float | None = None
 
     def put(self, topic: str, kind: str, data: bytes) -> None:
         """Queue a CDR message of type `kind` until the next `write`."""
         queue = self._waiting.setdefault(topic, deque(maxlen=QUEUES.get(kind, 1)))
         self.replaced += len(queue) == queue.maxlen
-        queue.append(_Arrival(kind, data, time.time_ns()))
+        queue.append((kind, data, time.time_ns()))
 
     def write(self) -> list[str]:
-        """Write the queued messages, unless Rerun is still busy with earlier messages.
-
-        Returns:
-            An error message for each ROS message that could not be shown.
-        """
+        """Write the queued messages, unless Rerun is still busy, and return their errors."""
         if self._stalled_since is not None and not self._delivers():
             return []
         refusals = []
@@ -92,8 +83,8 @@ class LiveScene:
         except Exception:  # Also raised if the program has ended, which `Server` reports.
             now = time.monotonic()
             self._stalled_since = self._stalled_since or now
-            if now - self._stalled_since > STALL:
-                waited = now - self._stalled_since
+            waited = now - self._stalled_since
+            if waited > STALL:
                 self.problem = f"Rerun has taken no data for {waited:.0f} s"
             return False
         self._stalled_since, self.problem = None, ""

@@ -407,13 +407,10 @@ class Scene:
         self, frame: str, position: npt.NDArray[np.float64] | None = None
     ) -> tuple[str, npt.NDArray[np.float64]]:
         """Return a Rerun frame near the maps, and the position of its origin in `frame` [m]."""
-        name = frame or _NO_FRAME
-        is_new = frame not in self._origins
-        if is_new and position is None:
-            return name, np.zeros(3)
+        name, is_new = frame or _NO_FRAME, frame not in self._origins
         if is_new and position is not None:
             self._origins[frame] = _FAR * np.round(position / _FAR)
-        origin = self._origins[frame]
+        origin = self._origins.get(frame, np.zeros(3))
         if not origin.any():
             return name, origin
         near = f"{name} at {origin[0]:.0f}, {origin[1]:.0f}"

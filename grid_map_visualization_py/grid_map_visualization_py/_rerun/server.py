@@ -54,8 +54,6 @@ class Server:
     the server ends, so this thread must outlive the server.
 
     Args:
-        host: host name or IP address at which the page is served.
-        port: port of the page; 0 means any free port.
         memory_limit: maximum size of the stored messages, such as `512MB` or `20%` (of all memory).
         allowed_hosts: additional host names under which browsers may open the page.
 
@@ -63,10 +61,6 @@ class Server:
         recording: a `rerun.RecordingStream`, whose methods may block while the program hangs.
         page_url: URL of the page; Rerun options such as `?renderer=webgl` may be appended.
         is_public: True if other machines can reach the page.
-
-    Raises:
-        MissingPackageError: Rerun is not installed.
-        PageError: the page cannot be served at this address, or the program does not start.
     """
 
     def __init__(
@@ -106,12 +100,6 @@ class Server:
         self.recording = sdk.RecordingStream("grid_map")
         self.recording.connect_grpc(f"rerun+http://{hidden}:{data[1]}/proxy")
         self._relay = _Relay(listener, names_of(host, allowed_hosts), data, page)
-
-    def __enter__(self) -> "Server":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     @property
     def problem(self) -> str:
@@ -212,9 +200,9 @@ def _reply(status: str, text: str, *headers: str) -> bytes:
 async def _pass_on(
     head: bytes, reader: Reader, writer: Writer, address: Address, patience: float | None
 ) -> None:
-    """Connect a client to `address`: forward `head`, then copy both ways until one side ends.
+    """Forward `head` to `address`, then copy both ways until one side ends or stalls.
 
-    Close the connection if a full queue does not shrink by `STEP` within `patience` [s].
+    A side stalls if its full queue does not shrink by `STEP` within `patience` [s].
     """
 
     async def copy(reader: Reader, writer: Writer) -> None:

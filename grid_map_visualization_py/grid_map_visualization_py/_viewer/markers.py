@@ -11,7 +11,7 @@ from grid_map_ros_py.messages._fields import check_finite
 from .._marker_shapes import of_points, points_of, pose_of, rgba_of
 from .scene import EMPTY, Drawing
 
-ADD, DELETE, DELETE_ALL = 0, 2, 3
+DELETE, DELETE_ALL = 2, 3
 STRIP, LINES, TRIANGLES = 4, 5, 11
 CORNERS = {STRIP: 2, LINES: 2, TRIANGLES: 3}
 """Corners of the pieces of line strips, line lists and triangle lists, by marker type."""
@@ -32,11 +32,7 @@ class Markers:
         return {frame for frame, _ in self._drawn.values()}
 
     def receive(self, message: Any) -> None:
-        """Add, replace and delete markers as specified by a `visualization_msgs/MarkerArray`.
-
-        Raises:
-            MessageError: a marker is invalid or has an unsupported shape. No marker is changed.
-        """
+        """Apply a `visualization_msgs/MarkerArray`; if a marker is invalid, change no marker."""
         drawn = dict(self._drawn)
         for index, marker in enumerate(message.markers):
             key = marker.ns, marker.id

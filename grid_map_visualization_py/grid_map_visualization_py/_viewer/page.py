@@ -74,11 +74,6 @@ class Page:
     Attributes:
         url: URL of the page.
         is_public: True if other machines can reach the page.
-
-    Raises:
-        ConfigError: the color map is unknown.
-        MissingPackageError: viser is not installed.
-        PageError: the page cannot be served at this address.
     """
 
     def __init__(
@@ -511,9 +506,9 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
         # viser prints to the standard output, but nodes must log.
         with redirect_stdout(io.StringIO()):
             server = viser.ViserServer(host, port, label="Grid map", verbose=False)
-            if not is_guarded or port not in {0, server.get_port()}:
+            if not is_guarded:
                 server.stop()
-                why = "another program was faster" if is_guarded else "this viser has no guard"
+                why = "this viser has no guard"
                 raise PageError(f"the page cannot be served at {host}:{port}: {why}")
     finally:
         websockets.serve = serve

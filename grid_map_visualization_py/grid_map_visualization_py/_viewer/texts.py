@@ -44,12 +44,8 @@ def status(
 ) -> str:
     """Return the HTML table with the status of the map.
 
-    Args:
-        shown: number of shown rows and columns.
-        rate: received maps per second.
-        silence: time since the last map was received [s].
-        now: ROS time [ns].
-        is_paused: True if new maps are not shown.
+    `shown` is the number of shown rows and columns, `rate` the rate of received maps [Hz],
+    `silence` the time since the last map [s], and `now` the ROS time [ns].
     """
     stamp = grid_map.timestamp
     age = 1e-9 * (now - stamp)
