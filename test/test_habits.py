@@ -97,7 +97,7 @@ def results(workspace: Path, suite: str, *cases: str) -> None:
 
 def count(workspace: Path) -> tuple[int, str]:
     tool = workspace / "tools" / "test_results.py"
-    done = run(sys.executable, tool, "count", environ=os.environ, cwd=workspace)
+    done = run(sys.executable, tool, environ=os.environ, cwd=workspace)
     return done.returncode, done.stdout.splitlines()[-1]
 
 

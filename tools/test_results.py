@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Remove old test results (`clear`), or count new ones and list failures (`count`).
+"""Count the test results and list failures.
 
-`count` fails if a test failed, or if a Python package or the workspace reports no tests.
+The exit code is 1 if a test failed, or if a Python package or the workspace reports no tests.
 """
 
 import sys
@@ -11,15 +11,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parent.parent
-
-
-def result_files() -> list[Path]:
-    return sorted((ROOT / "build").glob("*/pytest.xml"))
-
-
-def suites() -> list[str]:
-    """Return the suites that must report tests: `workspace` (`test/`) and every Python package."""
-    return ["workspace", *(path.parent.name for path in sorted(ROOT.glob("*/setup.py")))]
 
 
 def cases(path: Path) -> Iterator[tuple[str, str]]:
@@ -35,9 +26,12 @@ def outcome(case: ElementTree.Element) -> str:
     return "skipped" if "skipped" in tags else "passed"
 
 
-def count() -> int:
-    results = {path.parent.name: list(cases(path)) for path in result_files()}
-    silent = [suite for suite in suites() if not results.get(suite)]
+def main() -> int:
+    files = sorted((ROOT / "build").glob("*/pytest.xml"))
+    results = {path.parent.name: list(cases(path)) for path in files}
+    # Every Python package must report tests, and so must the workspace (`test/`).
+    suites = ["workspace", *(path.parent.name for path in sorted(ROOT.glob("*/setup.py")))]
+    silent = [suite for suite in suites if not results.get(suite)]
     every = [case for suite in results.values() for case in suite]
     for result, name in every:
         if result != "passed":
@@ -50,11 +44,5 @@ def count() -> int:
     return 1 if failed else 0
 
 
-def clear() -> int:
-    for path in result_files():
-        path.unlink()
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit({"clear": clear, "count": count}[sys.argv[1]]())
+    sys.exit(main())

@@ -28,11 +28,7 @@ ENCODING_OF = {(ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name 
 
 
 def read_message(path: Path) -> Image:
-    """Read an image file into a message with an empty header, without converting the pixels.
-
-    Raises:
-        GridMapError: the file cannot be read, or messages do not support its pixel type.
-    """
+    """Read an image file into a message with an empty header, without converting the pixels."""
     with storage_errors(path, "read"):
         pixels = np.atleast_3d(read_image(path))
         if (pixels.dtype, pixels.shape[2]) not in ENCODING_OF:

@@ -57,12 +57,7 @@ def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
 
 
 def make_site(path: Path) -> Iterator[None]:
-    """Write the chunks of the map near the path to a Zarr store, and yield after each chunk.
-
-    Raises:
-        GridMapError: the store cannot be written.
-        MissingPackageError: a package for tiled maps is not installed.
-    """
+    """Write the chunks of the map near the path to a Zarr store, and yield after each chunk."""
     site = TiledMap.create(path, GEOMETRY, [LAYER], chunks=_TILE)
     for rows, columns in site.tiles:
         geometry = site.geometry.cropped(rows, columns)

@@ -84,9 +84,8 @@ def surface_map(shape: str, seconds: float) -> GridMap:
 def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.Generator) -> None:
     """Set the layers `noise`, `elevation_noisy` and the smoothed `elevation_filtered`.
 
-    Args:
-        noise: amplitude of the uniform noise [m].
-        outliers: fraction of the cells that become infinite.
+    `noise` is the amplitude of the uniform noise [m]. The fraction `outliers` of the cells becomes
+    infinite.
     """
     grid_map["noise"] = random.uniform(-noise, noise, grid_map.size)
     noisy = grid_map["elevation"].astype(np.float64) + grid_map["noise"]

@@ -30,10 +30,7 @@ VERTICES = [
 def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridMap:
     """Return a 1.2 m x 2 m map of a star that is 0.3 m high, in the frame `map`.
 
-    Args:
-        layer: name of the height layer [m].
-        resolution: side of a cell [m].
-        has_ground: whether cells around the star are 0; otherwise, they are NaN.
+    If `has_ground` is false, the cells around the star are NaN instead of 0.
     """
     ground = 0.0 if has_ground else math.nan
     geometry = GridGeometry((1.2, 2.0), resolution)

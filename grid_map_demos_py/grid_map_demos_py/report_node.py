@@ -265,12 +265,8 @@ class ElevationMappingReportNode(ReportNode):
 def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
     """Return a map of the layers `truth`, `estimate`, `error` and `deviation`, and accuracy tables.
 
-    Args:
-        estimate: map with the layers `elevation` and `variance`.
-        truth: map with the true `elevation`, in the same frame.
-
-    Raises:
-        GridMapError: no cell away from edges has both an estimated and a true height.
+    `estimate` has the layers `elevation` and `variance`. `truth` has the true `elevation`. Both
+    maps are in the same frame.
     """
     positions = estimate.get_positions()
     inside = truth.is_inside(positions)

@@ -34,14 +34,18 @@ LIDAR = np.eye(4)
 LIDAR[2, 3] = 0.45
 """Transform from the lidar to the robot frame; the lidar is above the middle of the robot."""
 
-TILT = 0.3
-"""Downward tilt of the camera [rad]."""
 
-CAMERA = np.eye(4)
-CAMERA[:3, 0] = 0.0, -1.0, 0.0
-CAMERA[:3, 1] = -math.sin(TILT), 0.0, -math.cos(TILT)
-CAMERA[:3, 2] = math.cos(TILT), 0.0, -math.sin(TILT)
-CAMERA[:3, 3] = 0.3, 0.0, 0.3
+def camera_pose(tilt: float, *position: float) -> Matrix:
+    """Return the pose (4, 4) of a camera that looks along +x and is tilted down by `tilt` [rad]."""
+    pose = np.eye(4)
+    pose[:3, 0] = 0.0, -1.0, 0.0
+    pose[:3, 1] = -math.sin(tilt), 0.0, -math.cos(tilt)
+    pose[:3, 2] = math.cos(tilt), 0.0, -math.sin(tilt)
+    pose[:3, 3] = position
+    return pose
+
+
+CAMERA = camera_pose(0.3, 0.3, 0.0, 0.3)
 """Transform from the camera to the robot frame; the camera looks ahead and down."""
 
 SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
@@ -120,10 +124,7 @@ class RobotCourse:
 def standing_pose(ground: GridMap, position: Matrix, way: Matrix) -> Matrix:
     """Return the pose (4, 4) of a robot whose z axis is perpendicular to the ground.
 
-    Args:
-        ground: terrain with the layer `elevation` [m].
-        position: (2,) position of the robot [m].
-        way: (2,) unit vector in the direction of the robot's heading.
+    `position` (2,) is in meters. `way` (2,) is the unit vector of the robot's heading.
     """
     side = np.array([-way[1], way[0]])
     feet = position + 0.3 * np.array([way, -way, side, -side])
@@ -155,10 +156,8 @@ def covariance_at(seconds: float) -> Matrix:
 def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -> GridMap:
     """Return a square of the true terrain, shifted into the drifting odometry frame.
 
-    Args:
-        ground: true terrain in the world frame.
-        position, length: center (2,) in the world frame and side length of the square [m].
-        seconds: time since the start [s]; the drift is proportional to it.
+    The square has the center `position` (2,) in the world frame and the side `length` [m]. The
+    drift is proportional to the time since the start, `seconds` [s].
     """
     block = ground.get_submap(position, (length, length))
     block.position = block.position + DRIFT[:2] * seconds

@@ -38,11 +38,7 @@ Points = npt.NDArray[np.float32]
 
 
 def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
-    """Return the signed distance field of a height layer.
-
-    Raises:
-        GridMapError: the layer is missing or has no finite height, or the field would be too large.
-    """
+    """Return the signed distance field of a height layer; raise an error if it is too large."""
     heights = grid_map[layer]
     known = np.isfinite(heights)
     if not known.any():

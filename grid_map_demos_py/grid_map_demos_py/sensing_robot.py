@@ -23,10 +23,7 @@ from .robot_course import SENSORS, Matrix
 class SensingRobot(Demo):
     """Node that publishes odometry, the clouds of both sensors, and the true terrain.
 
-    Args:
-        speed: default speed [m/s].
-        rate: default scan rate [Hz].
-        max_range: range of the sensors [m].
+    `speed` [m/s] and `rate` [Hz] are parameter defaults. `max_range` is the sensor range [m].
     """
 
     def __init__(self, name: str, *, speed: float, rate: float, max_range: float) -> None:
@@ -63,11 +60,8 @@ class SensingRobot(Demo):
     ) -> Odometry:
         """Publish the odometry and a scan of each sensor; return the odometry message.
 
-        Args:
-            terrain: terrain that the sensors measure.
-            pose: true pose (4, 4) of the robot in the frame of `terrain`.
-            stamp: time of the measurements [ns].
-            reported, covariance: pose (4, 4) and covariance (6, 6) in the odometry.
+        The sensors measure `terrain` from the true `pose` (4, 4) at the time `stamp` [ns]. The
+        odometry contains the pose `reported` (4, 4) and its `covariance` (6, 6).
         """
         odometry = Odometry(header=Header(stamp=to_stamp(stamp), frame_id="odom"))
         odometry.child_frame_id = "base_link"

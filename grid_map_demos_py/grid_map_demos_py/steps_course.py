@@ -3,13 +3,11 @@
 
 import math
 
-import numpy as np
-
 from grid_map_core_py import GridMap
 from grid_map_core_py.elevation import StructuredLightModel
 from grid_map_core_py.simulation import DepthCamera, with_box, with_ramp, with_stairs
 
-from .robot_course import Matrix
+from .robot_course import Matrix, camera_pose
 
 RISER, TREAD, STEPS, WIDTH = 0.17, 0.3, 5, 1.6
 """Height and depth of a step [m], number of steps, and width of stairs and ramp [m]."""
@@ -47,10 +45,4 @@ def make_course() -> GridMap:
 
 def pose_at(x: float) -> Matrix:
     """Return the pose (4, 4) of the camera, which looks 60 degrees down from 2.2 m."""
-    tilt = math.radians(60.0)
-    pose = np.eye(4)
-    pose[:3, 0] = 0.0, -1.0, 0.0
-    pose[:3, 1] = -math.sin(tilt), 0.0, -math.cos(tilt)
-    pose[:3, 2] = math.cos(tilt), 0.0, -math.sin(tilt)
-    pose[:3, 3] = x, 0.0, 2.2
-    return pose
+    return camera_pose(math.radians(60.0), x, 0.0, 2.2)

@@ -19,22 +19,14 @@ EXAGGERATION = 2.0
 def load_terrain(
     path: Path, resolution: float = 0.03, *, frame_id: str = "map", holes: bool = True
 ) -> GridMap:
-    """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution`.
+    """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution` [m].
 
-    Args:
-        path: .npz file with the array `elevation` [m]; row indices increase southward, and column
-            indices eastward.
-        resolution: side of a cell [m]. Heights are scaled down like lengths along x and y, and then
-            multiplied by `EXAGGERATION`.
-        frame_id: coordinate frame of the map; x points east, y north.
-        holes: whether to add round holes, as in sensor data.
+    The map has 403 x 344 cells and the layers `elevation` (height above the lowest point [m]) and
+    `color`. Both are NaN in the round holes. x points east, y north. Heights are scaled down like
+    lengths along x and y, and then multiplied by `EXAGGERATION`.
 
-    Returns:
-        A map of 403 x 344 cells with the layers `elevation` (height above the lowest point [m]) and
-        `color`. Both are NaN in the holes.
-
-    Raises:
-        GridMapError: the file cannot be read or holds no heights.
+    `path` is an .npz file with the array `elevation` [m]. Its row indices increase southward, and
+    its column indices eastward.
     """
     with storage_errors(path, "read"), np.load(path) as model:
         posts: npt.NDArray[np.float32] = model["elevation"].astype(np.float32)

@@ -39,12 +39,9 @@ class LineMarker:
     def marker(
         self, grid_map: GridMap, points: npt.NDArray[np.float64], kind: int, namespace: str
     ) -> bytes:
-        """Return a serialized `visualization_msgs/Marker` in the map frame.
+        """Return a serialized `visualization_msgs/Marker` with points (N, 3) [m] in the map frame.
 
-        Args:
-            points: (N, 3) x, y, z [m]. `kind` determines which points are connected.
-            kind: `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
-            namespace: namespace (`ns`) of the marker.
+        `kind` is `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
         """
         marker = Marker(header=to_header(grid_map), ns=namespace, type=kind, action=Marker.ADD)
         marker.scale.x = self.line_width

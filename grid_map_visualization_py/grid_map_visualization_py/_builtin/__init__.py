@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Built-in visualizations.
-
-Each module contains one visualization and is named after its YAML type. The YAML parameters of a
-visualization are the keyword arguments of its class. Visualizations are called with a map and
-return a message.
-"""
+"""Built-in visualizations, one per module. The module name is the YAML type."""
 
 from ._contours import ContoursVisualization as ContoursVisualization
 from ._flat_point_cloud import FlatPointCloudVisualization as FlatPointCloudVisualization

@@ -59,7 +59,7 @@ class LiveScene:
         queue.append((kind, data, time.time_ns()))
 
     def write(self) -> list[str]:
-        """Write the queued messages, unless Rerun is still busy, and return their errors."""
+        """Write the queued messages unless Rerun is busy; return the errors of invalid messages."""
         if self._stalled_since is not None and not self._delivers():
             return []
         refusals = []

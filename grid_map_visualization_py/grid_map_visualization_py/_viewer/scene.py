@@ -120,11 +120,7 @@ class SurfaceScene:
 
 
 def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int = 0) -> SurfaceScene:
-    """Create the scene of a map.
-
-    Raises:
-        LayerNotFoundError: the map lacks a layer that `settings` uses.
-    """
+    """Create the scene of a map."""
     coloring = settings.coloring
     surface = Surface(grid_map, settings.height_layer, settings.flat, max_drawn_cells)
     mesh = surface.mesh(coloring)
@@ -232,13 +228,10 @@ def _vectors(surface: Surface, mesh: Mesh, settings: ViewSettings) -> Points:
 def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
     """Return the first point (3,) [m, map frame] where a ray hits a mesh, or None if it misses.
 
+    The ray begins at `start` (3,) [m, map frame]. `direction` (3,) may have any nonzero length.
     Triangles are hit from either side.
 
     Source: Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997.
-
-    Args:
-        start: (3,) start of the ray [m], map frame.
-        direction: (3,) direction of the ray, with any nonzero length.
     """
     direction = np.asarray(direction, dtype=np.float64)
     direction = direction / np.linalg.norm(direction)

@@ -66,11 +66,7 @@ class Viewer:
         self._page.tell_values(as_note("Click on the map."))
 
     def receive(self, received: ReceivedMap) -> None:
-        """Accept a map to show at the next `update`.
-
-        Raises:
-            GridMapError: the map is inconsistent. The page shows the error and the previous map.
-        """
+        """Accept a map to show at the next `update`; raise a `GridMapError` if it is invalid."""
         try:
             received.decode([])
         except DROPPED as error:
@@ -81,20 +77,14 @@ class Viewer:
         self._arrivals.append(time.monotonic())
 
     def receive_path(self, points: Positions, frame_id: str) -> None:
-        """Accept a path of points (N, 3) [m] to draw on maps in the same frame.
-
-        Raises:
-            MessageError: the shown map is in another frame. The page shows no path.
-        """
+        """Accept a path (N, 3) [m]; raise `MessageError` if the shown map is in another frame."""
         self._path, self._path_frame = points, frame_id
         self._check_frames("header.frame_id", {frame_id} if len(points) else set())
 
     def receive_markers(self, message: Any) -> None:
         """Accept a `visualization_msgs/MarkerArray`, to draw its markers on maps in the same frame.
 
-        Raises:
-            MessageError: the shape of a marker is not supported, or the shown map is in another
-                frame. The page shows no markers of other frames.
+        Raise `MessageError` if a marker has an unsupported type or is in another frame.
         """
         self._markers.receive(message)
         self._check_frames("markers.header.frame_id", self._markers.frames)

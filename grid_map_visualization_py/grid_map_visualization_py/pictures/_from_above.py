@@ -75,16 +75,10 @@ def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) ->
 def paint(
     axes: Any, grid_map: GridMap, coloring: Coloring, side: int, heights: str, exaggeration: float
 ) -> bool:
-    """Draw a map on axes, and set the axis limits to the map.
+    """Draw a map on axes, and return True if some cells have no value.
 
-    Args:
-        coloring: colors of the cells.
-        side: side length [cells] of the square blocks that are drawn as one pixel each.
-        heights: height layer for hillshading; empty means no hillshading.
-        exaggeration: factor by which the heights are scaled.
-
-    Returns:
-        True if some cells have no value.
+    Each block of `side` x `side` cells is drawn as one pixel. `heights` is the height layer for
+    hillshading; empty means no hillshading. The axis limits are set to the map.
     """
     is_color = coloring.mode == "color"
     layer = grid_map.unwrapped(coloring.layer)
@@ -165,12 +159,10 @@ def extent_of(grid_map: GridMap) -> tuple[float, float, float, float]:
 
 
 def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
-    """Return an image of a layer, with x to the right, y upwards, and one pixel per block of cells.
+    """Return an image of a layer in map order, with x to the right and y upwards.
 
-    Args:
-        layer: (rows, columns) values in map order.
-        side: block side [cells]; blocks start at the largest x and y.
-        is_color: True if the layer contains packed colors, which become red, green and blue.
+    Each block of `side` x `side` cells becomes one pixel. Blocks start at the largest x and y.
+    If `is_color` is true, packed colors become red, green and blue.
     """
     turned = layer.T
     columns, rows = turned.shape
