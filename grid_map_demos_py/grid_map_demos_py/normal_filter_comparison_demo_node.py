@@ -162,7 +162,6 @@ class NormalFilterComparisonDemoNode(Demo):
         add_errors(grid_map)
         for layer, before in self._errors.items():
             error = np.nan_to_num(sum_of_finites(grid_map[layer]))
-            # Running mean over about 20 maps.
             self._errors[layer] = float(before + (error - before) / 20)
         text = ", ".join(f"{layer} = {error:f}" for layer, error in self._errors.items())
         self.get_logger().info(text, throttle_duration_sec=2.0)

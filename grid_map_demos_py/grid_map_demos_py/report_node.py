@@ -228,10 +228,7 @@ class ElevationMappingReportNode(ReportNode):
         if seconds < self._duration or 0 in self._counts.values():
             return
         truth = min(self._truths, key=lambda truth: abs(truth.timestamp - estimate.timestamp))
-        try:
-            compared, accuracy = compare(estimate, truth)
-        except GridMapError as error:
-            raise NodeFailedError(str(error)) from error
+        compared, accuracy = compare(estimate, truth)
         tables: Tables = {
             "Map": {
                 "cells": size_of(compared.size),
@@ -282,7 +279,7 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
     slopes = np.hypot(*np.gradient(compared.unwrapped("truth"), estimate.resolution))
     even = np.isfinite(error) & (slopes < 0.5)
     if not even.any():
-        raise GridMapError("error: expected known cells on the true terrain, got none")
+        raise NodeFailedError("error: expected known cells on the true terrain, got none")
     offset = float(np.median(error[even]))
     errors = np.abs(error[np.isfinite(error)] - offset)
     limit = np.percentile(np.abs(error[even] - offset), 68)

@@ -17,9 +17,6 @@ from grid_map_ros_py import BagError, MessageError, bag_messages
 
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
 
-_BLOCK = 1 << 20
-"""Maximum number of bytes per read from the pipe."""
-
 
 @contextmanager
 def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[Scene]:
@@ -61,10 +58,10 @@ def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
         with os.fdopen(source, "rb", buffering=0) as pipe:
             try:
                 with target.open("wb") as file:
-                    shutil.copyfileobj(pipe, file, _BLOCK)
+                    shutil.copyfileobj(pipe, file)
             except OSError as error:
                 errors.append(error)
-            while pipe.read(_BLOCK):
+            while pipe.read(1 << 16):
                 pass
 
     thread = threading.Thread(target=write, daemon=True)

@@ -169,7 +169,6 @@ def reduced(layer: Layer, side: int, *, is_color: bool = False) -> Blocks:
     height, width = -(-columns // side), -(-rows // side)
     means = np.empty((height, width, 3 if is_color else 1), np.float32)
     share = np.empty((height, width), np.float32)
-    # Process strips that fit in the cache.
     for part in slices(height, _STRIP // (side * rows)):
         strip = turned[side * part.start : side * part.stop]
         finite = np.isfinite(strip)
