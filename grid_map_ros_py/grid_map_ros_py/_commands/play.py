@@ -11,9 +11,7 @@ from rclpy.exceptions import NameValidationException
 
 from grid_map_core_py._commands import CommandError, message
 from grid_map_core_py.errors import GridMapError, short
-from grid_map_core_py.files._shared import (
-    parse_yaml,
-)
+from grid_map_core_py.files._shared import parse_yaml
 
 from ..bags._bag import BagFiles
 from ..bags._storage import Entry

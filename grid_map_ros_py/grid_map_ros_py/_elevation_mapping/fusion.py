@@ -10,14 +10,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.conversions import (
-    color_vector_to_value,
-)
+from grid_map_core_py.conversions import color_vector_to_value
 from grid_map_core_py.conversions._image_arrays import COLOR_LAYER
-from grid_map_core_py.elevation import (
-    ElevationMapper,
-    UpdateReport,
-)
+from grid_map_core_py.elevation import ElevationMapper, UpdateReport
 from grid_map_core_py.elevation._parameters import Parameters
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import check

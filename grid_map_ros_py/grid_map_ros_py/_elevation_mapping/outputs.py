@@ -17,9 +17,7 @@ from grid_map_core_py._arrays import Size
 from grid_map_core_py.errors import MissingPackageError
 
 from ..messages import to_serialized_message
-from ..nodes import (
-    MapPublisher,
-)
+from ..nodes import MapPublisher
 from ..nodes._health import LogThrottle
 from ..nodes._spin import steady_timer
 from .fusion import ElevationFusion

@@ -11,9 +11,7 @@ import numpy as np
 
 from grid_map_core_py import GridGeometry
 from grid_map_core_py._parameters import build, cast
-from grid_map_core_py.elevation import (
-    ElevationMapper,
-)
+from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.elevation._parameters import Parameters
 from grid_map_core_py.errors import ConfigError, hint
 from grid_map_core_py.limits import check_cells

@@ -38,9 +38,7 @@ from .._elevation_mapping.settings import (
     read_unused,
 )
 from .._elevation_mapping.sources import InputSource, frame_name
-from ..nodes import (
-    ConfiguredNode,
-)
+from ..nodes import ConfiguredNode
 from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._parameters import read_fields
 from ..nodes._poses import (

@@ -8,11 +8,7 @@ from grid_map_core_py.errors import GridMapError
 from .. import BagWriter, MessageError, ReceivedMap
 from ..bags._bag import chosen_storage
 from ..errors import NodeFailedError
-from ..nodes import (
-    ConfiguredNode,
-    MapSubscription,
-    read_parameter,
-)
+from ..nodes import ConfiguredNode, MapSubscription, read_parameter
 from ..nodes._spin import steady_timer
 
 LOG_PERIOD = 10.0

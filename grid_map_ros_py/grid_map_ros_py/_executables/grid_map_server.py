@@ -30,11 +30,7 @@ from .._serving import part, place_below, read_source
 from ..bags._bag import STORAGES, chosen_storage
 from ..errors import RequestError
 from ..messages._grid_map import to_info
-from ..nodes import (
-    ConfiguredNode,
-    MapSubscription,
-    map_qos,
-)
+from ..nodes import ConfiguredNode, MapSubscription, map_qos
 from ..nodes._health import LogThrottle
 from ..nodes._topics import offer_service
 

@@ -24,12 +24,7 @@ from grid_map_core_py.limits import check_cells
 from .. import ReceivedMap, to_serialized_message
 from .._serving import LatestOnly, read_source, window
 from ..errors import MessageError, reason
-from ..nodes import (
-    ConfiguredNode,
-    MapPublisher,
-    MapSubscription,
-    read_parameter,
-)
+from ..nodes import ConfiguredNode, MapPublisher, MapSubscription, read_parameter
 from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._poses import POSE_TYPES, PoseHistory, TfPoses, chosen_source, subscribe_to_poses
 from ..nodes._spin import steady_timer

@@ -15,10 +15,7 @@ from grid_map_core_py.limits import check_cells
 from grid_map_core_py.plugins import check
 
 from .. import to_serialized_message
-from ..nodes import (
-    ConfiguredNode,
-    MapPublisher,
-)
+from ..nodes import ConfiguredNode, MapPublisher
 from ..nodes._health import LogThrottle, health_of
 from ..nodes._parameters import read_fields
 from ..nodes._poses import (

@@ -25,13 +25,9 @@ import numpy.typing as npt
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import as_array
 from grid_map_core_py._arrays._checks import select_layers
-from grid_map_core_py.conversions import (
-    rasterize,
-)
+from grid_map_core_py.conversions import rasterize
 from grid_map_core_py.conversions._point_layers import fitting_geometry
-from grid_map_core_py.files._shared import (
-    storage_errors,
-)
+from grid_map_core_py.files._shared import storage_errors
 from grid_map_core_py.limits import check_bytes, check_cells
 from grid_map_core_py.map._axis import BORDER_TOLERANCE
 

@@ -17,10 +17,7 @@ from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Mask, slices
 from grid_map_core_py._arrays._checks import select_layers
 from grid_map_core_py._parameters import mismatch
-from grid_map_core_py.conversions import (
-    from_points,
-    rasterize,
-)
+from grid_map_core_py.conversions import from_points, rasterize
 from grid_map_core_py.conversions._image_arrays import COLOR_LAYER
 from grid_map_core_py.conversions._point_layers import COLOR_FIELDS
 from grid_map_core_py.plugins import check
