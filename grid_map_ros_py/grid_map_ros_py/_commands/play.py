@@ -22,7 +22,6 @@ _DEPTH = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command-line arguments of `grid-map play` to a parser."""
     add = parser.add_argument
     add("bag", metavar="BAG", help="folder of a bag, or its .mcap or .db3 file")
     add("topics", metavar="TOPIC", nargs="*", help="topics to publish (all)")

@@ -263,15 +263,9 @@ def seen_cells(
     A cell is hidden if another cell rises above the line from its center to the camera. The line is
     sampled in steps of one cell size, until it is above the highest cell.
 
-    Args:
-        grid_map: the map, with any start index.
-        layer: layer of heights [m]; cells without a height are invisible and hide nothing.
-        camera: the camera.
-        transform: (4, 4) transform from the camera frame to the map frame.
-
-    Returns:
-        cells: row indices and column indices of the visible cells in the map.
-        pixels: row indices and column indices of the corresponding pixels in the image.
+    `layer` contains heights [m]; cells without a height are invisible and hide nothing. `transform`
+    (4, 4) is the transform from the camera frame to the map frame. The cells are (row, col) indices
+    in the map, and the pixels are (row, col) indices in the image.
     """
     heights = grid_map[layer]
     rows, columns = np.nonzero(np.isfinite(heights))

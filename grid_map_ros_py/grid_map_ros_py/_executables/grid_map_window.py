@@ -90,10 +90,8 @@ class GridMapWindowNode(ConfiguredNode):
                 raise ConfigError(f"write_topic and output_topic are both {write_topic!r}")
             # Writing a NaN cell does not change the store, but reveals errors at startup.
             first = self._whole.geometry.cropped(slice(0, 1), slice(0, 1))
-            cell = GridMap.from_geometry(first, frame_id=self._whole.frame_id)
-            self._whole.write(
-                cell.with_layers({self._layers[0]: np.full((1, 1), np.nan, np.float32)})
-            )
+            layer, frame_id = self._layers[0], self._whole.frame_id
+            self._whole.write(GridMap.from_geometry(first, [layer], frame_id=frame_id))
             self._writer = LatestOnly(self._merge)
             self._subscription = MapSubscription(self, write_topic, self._writer.put)
         # Check more often than `rate`, because a pose may arrive just after a check.

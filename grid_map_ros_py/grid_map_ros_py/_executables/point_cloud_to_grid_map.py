@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
-import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridGeometry
@@ -118,9 +117,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
         super().__init__("point_cloud_to_grid_map")
         settings, log = read_fields(self, RollingSettings), LogThrottle(self.get_logger())
         health_of(self).inputs = "clouds"
-        geometry = GridGeometry(
-            np.array(settings.length), settings.resolution, np.array(settings.position)
-        )
+        geometry = GridGeometry(settings.length, settings.resolution, settings.position)
         check_cells("length", geometry.size)
         rolling_map = RollingMap(
             geometry,
@@ -180,7 +177,6 @@ class PointCloudToGridMapNode(ConfiguredNode):
             settings.input_topic,
             clouds,
             publish if not rate else lambda: None,
-            name="a sensor",
             is_reliable=settings.input_reliability == "reliable",
         )
         self.get_logger().info(f"maps the clouds of {topic}, poses: {source}")

@@ -139,7 +139,6 @@ class McapFile:
         return stream.read(length - _MESSAGE_HEAD.size)
 
     def close(self) -> None:
-        """Close the file."""
         self._file.close()
 
     def _scan(self, *, recover: bool = False) -> list[tuple[int, Entry]]:

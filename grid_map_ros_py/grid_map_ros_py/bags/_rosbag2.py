@@ -17,7 +17,6 @@ _PRESETS = {"none": "", "zstd": "zstd_fast"}
 
 
 def _opened(kind: str, uri: Path, preset: str = "") -> Any:
-    """Return an open `SequentialReader` or `SequentialWriter`."""
     rosbag2 = import_module("rosbag2_py")
     found = getattr(rosbag2, kind)()
     options = rosbag2.StorageOptions(uri=str(uri), storage_id="mcap", storage_preset_profile=preset)
@@ -61,7 +60,6 @@ class Rosbag2File:
         return bytes(self._reader.read_next()[1])
 
     def close(self) -> None:
-        """Close the file."""
         self._reader = None
 
     def _seek(self, time: int, topics: Collection[str]) -> None:

@@ -120,5 +120,4 @@ class SqliteFile:
         return bytes(data)
 
     def close(self) -> None:
-        """Close the file."""
         self._database.close()

@@ -153,15 +153,11 @@ def check_unrotated(field: str, orientation: "Quaternion") -> None:
 
 
 def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
-    """Check the grid description of a message and return its geometry.
+    """Check `info`, the grid description of a message, and return the geometry.
 
-    The `origin` of the grid is its corner with the smallest x and y.
-
-    Args:
-        field: path of `info` in the message, for error messages.
-        info: part of the message with `resolution`, `origin` and both cell counts.
-        cells: attribute names of the cell counts along x and y.
-        values: number of values in the message; must equal the number of cells.
+    The origin is the corner with the smallest x and y. `field` is the path of `info` in the
+    message, and `cells` contains the attribute names of the cell counts along x and y. `values`,
+    the number of values in the message, must equal the number of cells.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
     for name, count in zip(cells, size, strict=True):

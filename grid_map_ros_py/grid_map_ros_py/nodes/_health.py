@@ -73,7 +73,6 @@ class Health:
         self._is_deferred = True
 
     def receive(self) -> None:
-        """Count a received input."""
         self.received += 1
         self._last_time = time.monotonic()
 
@@ -165,17 +164,14 @@ class LogThrottle:
         self._recent: dict[tuple[str, ...], tuple[float, int]] = {}
 
     def error(self, text: str) -> None:
-        """Log an error, unless a similar message was logged recently."""
         if line := self._line(text, "error"):
             self._logger.error(line)
 
     def warning(self, text: str) -> None:
-        """Log a warning, unless a similar message was logged recently."""
         if line := self._line(text, "warning"):
             self._logger.warning(line)
 
     def info(self, text: str) -> None:
-        """Log an info message, unless a similar message was logged recently."""
         if line := self._line(text, "info"):
             self._logger.info(line)
 

@@ -84,16 +84,10 @@ def read_fields(
 ) -> T:
     """Create an instance of a dataclass from ROS parameters that are named after its fields.
 
-    The parameter descriptions are those in the `Attributes:` section of the dataclass.
-
-    Args:
-        cls: the dataclass; all fields must have defaults.
-        prefix: prefix of the parameter names, such as `input_sources.front.`.
-        defaults: default values by field name, which override the defaults of the dataclass.
-        read_only: see `read_parameter`.
-
-    Raises:
-        ConfigError: a parameter has the wrong type, or the dataclass rejects its value.
+    All fields must have defaults; `defaults` overrides them by field name. The parameter names
+    begin with `prefix`, such as `input_sources.front.`. The parameter descriptions are those in the
+    `Attributes:` section of the dataclass. If a parameter has the wrong type or the dataclass
+    rejects its value, the function raises `ConfigError`.
     """
     kinds, texts, values = get_type_hints(cls), descriptions(cls), dict[str, Any]()
     for field in fields(cls):  # type: ignore[arg-type]
@@ -115,11 +109,8 @@ def read_fields(
 def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> None:
     """Call `apply` with the new settings when the user changes parameters.
 
-    If the dataclass rejects a change, the parameters keep their values.
-
-    Args:
-        settings: result of `read_fields` without a prefix and with `read_only=False`.
-        apply: called with the new settings, unless they equal the previous ones.
+    If the dataclass rejects a change, the parameters keep their values. `settings` is the result of
+    `read_fields` without a prefix and with `read_only=False`.
     """
     current = checked = settings
 

@@ -77,9 +77,7 @@ class Poses:
     def place(self, frame_id: str, stamp: int) -> Placement | None:  # noqa: ARG002
         """Return the placement of a scan, or None if the pose is not known yet.
 
-        Args:
-            frame_id: frame of the scan.
-            stamp: time of the scan [ns]; 0 selects the latest pose.
+        `stamp` is the time of the scan [ns]; 0 selects the latest pose.
         """
         if frame_id != self.map_frame:
             expected = f"{self.map_frame!r}, that of the map, as there are no poses"
@@ -189,10 +187,7 @@ class PoseHistory(Poses):
     def at(self, stamp: int) -> Matrix | None:
         """Return the robot pose at the time `stamp` [ns], or None if all poses are earlier.
 
-        If `stamp` is 0, return the latest pose.
-
-        Raises:
-            GridMapError: all poses are later.
+        If `stamp` is 0, return the latest pose. If all poses are later, raise `GridMapError`.
         """
         if not self._stamps or stamp > self._stamps[-1]:
             return None

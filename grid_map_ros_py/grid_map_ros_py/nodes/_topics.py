@@ -277,13 +277,10 @@ class MapPublisher:
 def offer_service(
     node: Node, kind: type, name: str, action: Callable[[Any, Any], None], log: LogThrottle
 ) -> None:
-    """Create the service `~/name`, and log the errors of its requests.
+    """Create the service `~/name`; `action(request, response)` fills the response.
 
-    Args:
-        kind: class of the service.
-        name: name of the service, relative to the node.
-        action: function that takes the request and an empty response to fill. If it raises a
-            `GridMapError` or a `MemoryError`, the error is logged and an empty response is sent.
+    If `action` raises a `GridMapError` or a `MemoryError`, the error is logged and an empty
+    response is sent.
     """
 
     def respond(request: Any, response: Any) -> Any:
