@@ -130,9 +130,9 @@ def _worst(
     """Return the highest rank among the unit squares that each rotated square touches; 0 if none.
 
     The unit square with the rank `ranks[i, j]` has its center at (i, j). The rotated squares have
-    their centers at `u`, `v` (n, m), and `direction` is the cosine and sine of their rotation.
-    Two squares touch if their projections onto the side directions of both squares overlap
-    (separating axis theorem).
+    the side length `side` and their centers at `u`, `v` (n, m); `direction` is the cosine and sine
+    of the rotation angle. Two squares touch if their projections onto the side directions of both
+    squares overlap (separating axis theorem).
     """
     if direction == (1.0, 0.0):
         return _worst_along(_worst_along(ranks, u[:, 0], side).T, v[0], side).T

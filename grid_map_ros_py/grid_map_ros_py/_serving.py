@@ -56,7 +56,7 @@ def part(
     length: Sequence[float],
     layers: Sequence[str] | None = None,
 ) -> GridMap:
-    """Return the cells that overlap a rectangle with its center at `position` (2,) [m].
+    """Return the submap of the cells that overlap a rectangle centered at `position` (2,) [m].
 
     `length` (2,) holds the side lengths along x and y [m]; zeros select the whole map. An empty
     `frame_id` means the frame of the map. `layers` selects the layers of a tiled map; None means
@@ -95,7 +95,7 @@ def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | Non
 def open_source(
     source: str | list[str], frame_id: str = "", origin: Sequence[float] = ()
 ) -> TiledMap:
-    """Open a tiled map without reading its layers; see `read_source` for the arguments."""
+    """Open a tiled map without reading its layers; `read_source` describes the arguments."""
     tiled_map = open_map(source)
     if origin:
         tiled_map = tiled_map.with_origin(*origin)

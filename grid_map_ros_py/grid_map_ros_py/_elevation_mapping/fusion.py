@@ -152,10 +152,11 @@ class ElevationFusion:
     def lay_patch(
         self, frame: Matrix, length: tuple[float, float], height_offset: float, variance: float
     ) -> None:
-        """Initialize the map with a flat patch of `length` [m] around a frame.
+        """Initialize the map with a flat patch of `length` (x, y) [m] around a frame.
 
-        `frame` (4, 4) is the transform from the frame to the map frame. The patch lies
-        `height_offset` [m] above the origin of the frame. Its heights have a `variance` [m^2].
+        `frame` (4, 4) is the transform from the frame to the map frame. The patch is
+        `height_offset` [m] above the origin of the frame; its heights have the variance `variance`
+        [m^2].
         """
         x, y, z = frame[:3, 3]
         if self.follow:

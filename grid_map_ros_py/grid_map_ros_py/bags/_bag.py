@@ -171,8 +171,6 @@ class BagWriter:
         """Append a map.
 
         Args:
-            topic: topic of the map in the bag.
-            grid_map: the map to append.
             time: time of the message [ns]; None means the timestamp of the map.
             layers: names of the layers to write; None means all.
         """

@@ -178,12 +178,12 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
     return geometry
 
 
-def as_float32(field: str, value: float) -> float:
-    """Round a positive number to float32; raise `MessageError` if it is out of range."""
+def float32_resolution(resolution: float) -> float:
+    """Round a resolution to float32; raise `MessageError` if it is out of range."""
     with np.errstate(over="ignore"):
-        held = float(np.float32(value))
+        held = float(np.float32(resolution))
     if not 0 < held < math.inf:
-        raise MessageError(field, "a positive number that float32 can hold", value)
+        raise MessageError("resolution", "a positive number that float32 can hold", resolution)
     return held
 
 

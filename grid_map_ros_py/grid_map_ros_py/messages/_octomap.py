@@ -76,7 +76,6 @@ def from_octomap(
     Args:
         message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or
             full, and its class is OcTree, OcTreeStamped or ColorOcTree.
-        layer: name of the layer.
         resolution: cell size [m]; None means the voxel size. A cell larger than a voxel gets the
             maximum height of the columns whose centers it contains. Smaller cells are an error.
         min_bound, max_bound: (3,) smallest and largest x, y, z [m] of the voxel centers; voxels

@@ -59,7 +59,6 @@ def to_point_cloud(
       name if a layer `rgb` is also sent.
 
     Args:
-        grid_map: the map.
         point_layer: layer with the z coordinates [m].
         layers: names of the layers to send, in this order; None means all. If the point layer is
             not listed, x, y, z are the first fields. Other layers may not be called x, y or z.

@@ -150,7 +150,6 @@ class LogThrottle:
     expected ...". At most `LIMIT` different messages are logged per period.
 
     Args:
-        logger: logger of the node.
         period: minimum time between similar messages [s].
         clock: returns the time [s]; the default clock continues while a simulation is paused.
     """

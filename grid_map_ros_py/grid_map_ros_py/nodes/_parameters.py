@@ -53,7 +53,6 @@ def read_parameter(
     with an empty list counts as not set if `kind` is not a list.
 
     Args:
-        node: the node.
         name: full name, such as `elevation.params.layer`.
         kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
         default: value if the parameter is not set; None makes the parameter required.
@@ -148,17 +147,12 @@ def read_limits(node: "Node") -> None:
 
     The limits apply to the whole process. Call this before the node creates or receives a map.
     """
-    abouts = {
-        "max_cells": "maximum number of cells in a map",
-        "max_bytes": "maximum size of a map or of decompressed data [bytes]",
-        "max_ratio": "maximum compression ratio, for data that decompresses to over 100 MB",
+    texts = descriptions(Limits)
+    limits = {
+        name: read_parameter(node, name, int, int(default), description=texts[name])
+        for name, default in vars(Limits()).items()
     }
-    set_limits(
-        **{
-            name: read_parameter(node, name, int, int(getattr(Limits, name)), description=about)
-            for name, about in abouts.items()
-        }
-    )
+    set_limits(**limits)
 
 
 def read_parameter_tree(
@@ -178,7 +172,6 @@ def read_parameter_tree(
     them.
 
     Args:
-        node: the node.
         prefix: root of the tree.
         read_only: if False, the parameters can be set later, to values of any type; for example,
             `radius: 1` can be changed to 1.5.

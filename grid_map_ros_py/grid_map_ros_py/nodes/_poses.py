@@ -64,7 +64,6 @@ class Poses:
     """Pose source for scans that are already in the map frame; base class of other sources.
 
     Attributes:
-        map_frame: frame of the map.
         waits_for: description of the pose or transform that was missing when `place` last returned
             None.
     """
@@ -307,8 +306,6 @@ class TfPoses(Poses):
     """Pose source that looks up transforms in tf2.
 
     Args:
-        node: node that subscribes to `/tf` and `/tf_static`.
-        map_frame: frame of the map.
         robot_frame: frame of the robot; empty means the frame of the scan.
         track_frame: frame of `track_point`; empty means the robot frame.
         track_point: (3,) point that the map follows [m], in `track_frame`.

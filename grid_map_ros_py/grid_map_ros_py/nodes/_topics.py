@@ -102,10 +102,6 @@ class LatchedSubscription:
     the message is dropped and the error is logged. A `NodeFailedError` ends the node.
 
     Args:
-        node: the node that subscribes.
-        message_type: class of the messages.
-        topic: name of the topic.
-        callback: called with each message.
         qos: fixed quality of service; None adapts the quality of service as described above.
         raw: pass serialized messages (bytes) to the callback.
         hears_best_effort: also switch to best effort when a best-effort publisher appears; if
@@ -225,7 +221,6 @@ class MapPublisher:
     Each new subscriber triggers a publication, because the latched map may be outdated.
 
     Args:
-        node: the node that publishes.
         topic: topic of grid maps.
         serialized: function that returns the current map as a message or its serialized bytes, or
             None if there is no map yet.
