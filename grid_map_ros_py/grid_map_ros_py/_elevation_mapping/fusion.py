@@ -191,7 +191,6 @@ class ElevationFusion:
         self.milliseconds[stage] = last, mean + FORGETTING * (last - mean)
 
     def clear(self) -> None:
-        """Set all cells to unknown."""
         self.mapper.clear()
         self._note({})
 

@@ -39,7 +39,6 @@ class Chain(Protocol):
 
 
 def make_chain(config: Mapping[str, Any], threads: int = 1) -> Chain:
-    """Create a filter chain from its configuration."""
     found = next(iter(entry_points(group=GROUP)), None)
     if found is None:
         raise MissingPackageError(PACKAGE, "postprocessor_pipeline")

@@ -59,8 +59,6 @@ LOG_PERIOD = 5.0
 
 
 class ElevationMappingNode(ConfiguredNode):
-    """Node that fuses sensor data into an elevation map, publishes it and offers services."""
-
     def __init__(self) -> None:
         super().__init__("elevation_mapping")
         self._log = LogThrottle(self.get_logger(), LOG_PERIOD)

@@ -16,8 +16,6 @@ LOG_PERIOD = 10.0
 
 
 class GridMapSaverNode(ConfiguredNode):
-    """Node that saves the first received map, or every received map, to a bag."""
-
     def __init__(self) -> None:
         super().__init__("grid_map_saver")
         about = "folder of the bag; an existing bag is replaced"

@@ -36,8 +36,6 @@ from ..nodes._topics import offer_service
 
 
 class GridMapServerNode(ConfiguredNode):
-    """Node that stores one map, publishes it and offers it through services."""
-
     def __init__(self) -> None:
         super().__init__("grid_map_server")
         self._log = LogThrottle(self.get_logger())

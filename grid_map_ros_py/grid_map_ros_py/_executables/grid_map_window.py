@@ -39,8 +39,6 @@ PATIENCE = 20.0
 
 
 class GridMapWindowNode(ConfiguredNode):
-    """Node that publishes a window of a tiled map, centered on the latest robot position."""
-
     def __init__(self) -> None:
         super().__init__("grid_map_window")
         self._log = LogThrottle(self.get_logger())

@@ -111,8 +111,6 @@ class RollingSettings:
 
 
 class PointCloudToGridMapNode(ConfiguredNode):
-    """Node that subscribes to clouds and poses, and publishes the fused map."""
-
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")
         settings, log = read_fields(self, RollingSettings), LogThrottle(self.get_logger())

@@ -52,7 +52,6 @@ class Rosbag2File:
         return sorted(found)
 
     def read(self, entry: Entry) -> bytes:
-        """Return the serialized message of an entry."""
         _, topic, earlier = entry.place
         self._seek(entry.time, [topic])
         for _ in range(earlier):
@@ -82,12 +81,11 @@ class Rosbag2Writer:
         self._writer: Any = _opened("SequentialWriter", self._folder, _PRESETS[compression])
 
     def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
-        """Append a serialized message with its time [ns]."""
         if topic not in self._topics:
             self._topics.add(topic)
+            profiles = [_quality(one) for one in parse_yaml(kind.qos, topic) or ()]
             metadata = import_module("rosbag2_py").TopicMetadata(
-                *(len(self._topics), topic, kind.type, kind.encoding),
-                *([_quality(one) for one in parse_yaml(kind.qos, topic) or ()], kind.type_hash),
+                len(self._topics), topic, kind.type, kind.encoding, profiles, kind.type_hash
             )
             self._writer.create_topic(metadata)
         self._writer.write(topic, data, time)

@@ -77,7 +77,6 @@ class Health:
         self._last_time = time.monotonic()
 
     def use(self, count: int = 1) -> None:
-        """Count processed inputs."""
         self.used += count
         self._last_was_dropped = False
 
