@@ -81,13 +81,8 @@ def resampled(
 
     Each new cell gets the worst cost of the map cells that it touches. A new cell that touches no
     map cell becomes unknown. A map that already has this frame, resolution and alignment is
-    returned unchanged.
-
-    Args:
-        grid_map, layer: the map and the name of its cost layer.
-        transform: pose of the map's frame in the frame `frame_id`.
-        frame_id, resolution: frame and cell size [m] of the result.
-        worst_below_unknown: largest cost that an unknown map cell outranks.
+    returned unchanged. `transform` is the pose of the map's frame in the frame `frame_id`, and
+    `worst_below_unknown` is the largest cost that an unknown map cell outranks.
     """
     (*shift, yaw), source = transform, grid_map.resolution
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -134,14 +129,10 @@ def _worst(
 ) -> npt.NDArray[np.int16]:
     """Return the highest rank among the unit squares that each rotated square touches; 0 if none.
 
-    Two squares touch if their projections onto the side directions of both squares overlap
-    (separating axis theorem).
-
-    Args:
-        ranks: ranks of the unit squares; square (i, j) has its center at (i, j).
-        u, v: (n, m) centers of the rotated squares.
-        direction: cosine and sine of the rotation angle.
-        side: side length of the rotated squares.
+    The unit square with the rank `ranks[i, j]` has its center at (i, j). The rotated squares have
+    the side length `side` and their centers at `u`, `v` (n, m); `direction` is the cosine and sine
+    of the rotation angle. Two squares touch if their projections onto the side directions of both
+    squares overlap (separating axis theorem).
     """
     if direction == (1.0, 0.0):
         return _worst_along(_worst_along(ranks, u[:, 0], side).T, v[0], side).T

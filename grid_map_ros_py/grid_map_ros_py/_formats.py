@@ -8,9 +8,7 @@ from typing import Any, cast
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.files import Format
-from grid_map_core_py.files._shared import (
-    map_facts,
-)
+from grid_map_core_py.files._shared import map_facts
 
 from .bags import BagReader, BagWriter, bag_topics, load_from_bag
 from .messages import load_octomap

@@ -51,10 +51,8 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
     """Divide the polygons of `PlanarRegions` into triangles between cell centers.
 
     A block of 2 x 2 cells is filled if all four cells have the same label, and half filled if
-    three do. Adjacent filled blocks in a row are merged.
-
-    Args:
-        labels: (rows, cols) labels in map order; 0 means no region.
+    three do. Adjacent filled blocks in a row are merged. `labels` (rows, cols) are in map order; 0
+    means no region.
 
     Returns:
         corners: (T, 3, 2) row and column of the corners, counter-clockwise in the map.
@@ -123,16 +121,11 @@ def to_polygons(regions: "PlanarRegions", header: Header) -> list[PolygonStamped
 
 
 def to_terrain(regions: "PlanarRegions", gridmap: Any, package: Any) -> Any:
-    """Return a `convex_plane_decomposition_msgs/PlanarTerrain`.
+    """Return a `PlanarTerrain` of `package`, the module `convex_plane_decomposition_msgs.msg`.
 
     Each polygon is in the frame of its plane. An inset is a polygon with a margin to the boundary
     of the planar ground. The regions already have such a margin, so the boundary of a region is
     also its only inset.
-
-    Args:
-        regions: the regions.
-        gridmap: message of the map.
-        package: the module `convex_plane_decomposition_msgs.msg`.
     """
 
     def polygon(points: Positions) -> Any:

@@ -30,11 +30,8 @@ T = TypeVar("T")
 def place_below(directory: str, path: str) -> Iterator[Path]:
     """Yield the path of a requested file; errors in the `with` block become `RequestError`.
 
-    Args:
-        directory: directory that contains all permitted files; an empty string rejects all
-            requests.
-        path: requested path, absolute or relative to `directory`. The resolved path, without
-            symbolic links, must be inside `directory`.
+    `path` is absolute or relative to `directory`. After symbolic links are resolved, it must be
+    inside `directory`. An empty `directory` rejects all requests.
     """
     if not directory:
         raise RequestError("files are refused: the parameter 'directory' is not set")
@@ -59,15 +56,11 @@ def part(
     length: Sequence[float],
     layers: Sequence[str] | None = None,
 ) -> GridMap:
-    """Return the submap of the cells that overlap a rectangle.
+    """Return the submap of the cells that overlap a rectangle centered at `position` (2,) [m].
 
-    Args:
-        grid_map: the map.
-        frame_id: frame of `position`; empty means the frame of the map.
-        position: (2,) center of the rectangle [m].
-        length: (2,) side lengths of the rectangle along x and y [m]; zeros select the whole map.
-        layers: names of the layers to read from a tiled map; None reads all layers. Submaps of a
-            `GridMap` always contain all layers.
+    `length` (2,) holds the side lengths along x and y [m]; zeros select the whole map. An empty
+    `frame_id` means the frame of the map. `layers` selects the layers of a tiled map; None means
+    all. Submaps of a `GridMap` always contain all layers.
     """
     if frame_id not in ("", grid_map.frame_id):
         raise RequestError(
@@ -102,14 +95,7 @@ def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | Non
 def open_source(
     source: str | list[str], frame_id: str = "", origin: Sequence[float] = ()
 ) -> TiledMap:
-    """Open a tiled map without reading its layers.
-
-    Args:
-        source: path of a Zarr store, or one or more paths of raster files.
-        frame_id: frame of the map; empty means the stored frame.
-        origin: latitude and longitude [deg] of the frame origin. If empty, the map keeps the
-            origin of the source.
-    """
+    """Open a tiled map without reading its layers; `read_source` describes the arguments."""
     tiled_map = open_map(source)
     if origin:
         tiled_map = tiled_map.with_origin(*origin)
@@ -117,15 +103,9 @@ def open_source(
 
 
 def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequence[str]) -> GridMap:
-    """Return a window of fixed size, centered as close to a position as possible.
+    """Return a window of `size` cells, centered as close to `position` (2,) [m] as possible.
 
     The window is aligned with the cells of the map. Cells outside the map are NaN.
-
-    Args:
-        tiled_map: the map.
-        position: (2,) x, y [m], inside or outside the map.
-        size: rows and columns of the window.
-        layers: names of the layers to read.
     """
     check_cells("window", size, len(layers))
     first = tiled_map.geometry.cropped(*(slice(0, count) for count in size))
@@ -134,10 +114,7 @@ def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequenc
     for start, count, cells in zip(shift, size, tiled_map.size, strict=True):
         stored.append(slice(max(start, 0), min(start + count, cells)))
         kept.append(slice(stored[-1].start - start, stored[-1].stop - start))
-    grid_map = GridMap.from_geometry(first.shifted(shift), frame_id=tiled_map.frame_id)
-    grid_map = grid_map.with_layers(
-        {name: np.full(size, np.nan, np.float32, order="F") for name in layers}
-    )
+    grid_map = GridMap.from_geometry(first.shifted(shift), layers, frame_id=tiled_map.frame_id)
     grid_map.basic_layers = [name for name in tiled_map.basic_layers if name in layers]
     if all(part.start < part.stop for part in stored):
         block = tiled_map.get_block(stored[0], stored[1], layers)
@@ -147,11 +124,7 @@ def window(tiled_map: TiledMap, position: ArrayLike, size: Size, layers: Sequenc
 
 
 class LatestOnly(Generic[T]):
-    """Worker thread that calls a function with the newest item and drops older waiting items.
-
-    Args:
-        function: called with one item at a time.
-    """
+    """Worker thread that calls a function with the newest item and drops older waiting items."""
 
     def __init__(self, function: Callable[[T], object]) -> None:
         self._function = function

@@ -10,15 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from bags import (
-    DATA,
-    SECOND,
-    TOPIC,
-    number_of,
-    numbered_map,
-    write_bag,
-    write_mcap,
-)
+from bags import DATA, SECOND, TOPIC, number_of, numbered_map, write_bag, write_mcap
 from cpp_recordings import recorded
 from hypothesis import given, settings, strategies as st
 

@@ -11,14 +11,7 @@ from conftest import arguments
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import BagError, from_message, load_from_bag, to_message
-from grid_map_ros_py.testing import (
-    Process,
-    peer,
-    running,
-    running_node,
-    start_node,
-    wait_until,
-)
+from grid_map_ros_py.testing import Process, peer, running, running_node, start_node, wait_until
 
 pytestmark = pytest.mark.needs("mcap", "rosbags")
 

@@ -20,13 +20,7 @@ from std_msgs.msg import String
 
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import (
-    bag_topics,
-    from_message,
-    load_from_bag,
-    save_to_bag,
-    to_message,
-)
+from grid_map_ros_py import bag_topics, from_message, load_from_bag, save_to_bag, to_message
 from grid_map_ros_py.bags._bag import BagFiles, BagWriter
 from grid_map_ros_py.bags._storage import Topic, dump, qos_profile
 from grid_map_ros_py.testing import Peer, Process, peer, wait_until

@@ -19,8 +19,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
 from std_msgs.msg import ColorRGBA, String
-from test_node_web_viewer import CHROMIUM, FLAGS, decoded, share, url_of
-from test_rerun_server import rerun, sockets_of
+from test_node_web_viewer import CHROMIUM, FLAGS, decoded, url_of
+from test_rerun_server import rerun
 from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridMap
@@ -33,13 +33,12 @@ MODULE = "grid_map_visualization_py._executables.rerun_viewer"
 
 IMPATIENT = f"""
 import sys
-from grid_map_visualization_py._rerun import live, server
+from grid_map_visualization_py._rerun import live
 import {MODULE} as module
-live.STALL, server.STALL = 1.0, 30.0
-server.BUFFER, server.STEP = 1_000_000, 10_000
+live.STALL = 1.0
 sys.exit(module.RerunViewerNode.main())
 """
-"""The node, which waits less long for Rerun, and keeps less data for a page that takes nothing."""
+"""The node, which waits less long for Rerun."""
 
 PATIENCE = 200.0
 """Seconds that a slow machine may need to draw."""
@@ -263,71 +262,6 @@ def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
         wait_until(lambda: not Path(f"/proc/{program}").exists(), "the end of Rerun")
     finally:
         process.stop()
-
-
-@contextmanager
-def frozen(browser: Any) -> Iterator[None]:
-    """Stop the processes that run the pages of a browser."""
-    answer = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")
-    pids = [process["id"] for process in answer["processInfo"] if process["type"] == "renderer"]
-    assert pids
-    for pid in pids:
-        os.kill(pid, signal.SIGSTOP)
-    try:
-        yield
-    finally:
-        for pid in pids:
-            os.kill(pid, signal.SIGCONT)
-
-
-def readers_of(node: Process) -> list[object]:
-    """Return the connections of pages; while a page asks for something, it has one more."""
-    found = sockets_of(node.pid)
-    return [one for one in found if one == ("127.0.0.1", "127.0.0.1", "01")]
-
-
-def test_browser_shows_maps_beside_a_frozen_one(peer):
-    playwright = pytest.importorskip("playwright.sync_api")
-    noise = GridMap((15.0, 15.0), 0.1, frame_id="odom", timestamp=6 * 10**9)
-    # Rerun compresses what it sends.
-    noise["elevation"] = np.random.default_rng(1).random((150, 150), np.float32)
-    flat = slope(seconds=7)
-    flat["elevation"][:] = 0.0
-
-    def wait_for(tab: Any, grid_map: GridMap, colors: Any, least: float = 0.002) -> None:
-        peer.publish("/seen_map", to_message(grid_map))
-
-        def shows() -> bool:
-            picture = decoded(tab.screenshot(timeout=1e3 * PATIENCE))
-            return all(share(picture, color) > least for color in colors)
-
-        step = lambda: tab.wait_for_timeout(1000)  # noqa: E731
-        wait_until(shows, f"the colors {colors}", step=step, timeout=PATIENCE)
-
-    with playwright.sync_playwright() as driver:
-        launch = driver.chromium.launch
-        options = {"executable_path": CHROMIUM, "args": FLAGS, "timeout": 1e3 * PATIENCE}
-        browsers = [launch(**options) for _ in "12"]
-        tabs = [browser.new_page(viewport={"width": 500, "height": 400}) for browser in browsers]
-        flood = {"max_rate": 2.0, "max_drawn_cells": 0, "memory_limit": "20MB"}
-        with viewer("-c", IMPATIENT, topics="[/seen_map]", **flood) as node:
-            for tab in tabs:
-                tab.set_default_timeout(1e3 * PATIENCE)
-                tab.goto(f"{url_of(node)}/?renderer=webgl")
-            for tab in tabs:
-                wait_for(tab, slope(), VIRIDIS)
-            wait_until(lambda: len(readers_of(node)) == 2, "two pages", timeout=PATIENCE)
-            with frozen(browsers[1]):
-
-                def publish() -> None:
-                    peer.publish("/seen_map", to_message(noise))
-                    peer.spin(0.5)
-
-                is_alone = lambda: len(readers_of(node)) == 1  # noqa: E731
-                wait_until(is_alone, "the end of the other page", step=publish, timeout=PATIENCE)
-                wait_for(tabs[0], flat, VIRIDIS[:1], 0.05)
-        for browser in browsers:
-            browser.close()
 
 
 def triangle(number: int, x: float, **color: float) -> Marker:

@@ -7,16 +7,18 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing, suppress
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_ros_py.testing import wait_until
+from grid_map_visualization_py._rerun import server as module
 from grid_map_visualization_py._rerun.server import Server
 from grid_map_visualization_py._web import PageError
 
@@ -182,6 +184,41 @@ def test_server_closes_while_the_program_hangs():
     with closing(Server(port=0)) as one:
         os.kill(one._process.pid, signal.SIGSTOP)
     assert one.problem == "the program rerun has ended with exit code -9"
+
+
+def test_reader_that_takes_nothing_does_not_block_others(monkeypatch):
+    import rerun
+
+    monkeypatch.setattr(module, "STALL", 1.0)
+    monkeypatch.setattr(module, "BUFFER", 1_000_000)
+    monkeypatch.setattr(module, "STEP", 10_000)
+    noise = np.random.default_rng(1).bytes(1_000_000)  # Rerun compresses what it sends.
+    with Server(port=0) as one, ExitStack() as stack:
+        question = f"POST {DATA} HTTP/1.1\r\nHost: 127.0.0.1\r\n".encode()
+        question += b"Content-Type: application/grpc-web+proto\r\nContent-Length: 5\r\n\r\n"
+        frozen, reader = (stack.enter_context(socket.socket()) for _ in "12")
+        for connection in frozen, reader:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+            connection.connect(address(one))
+            connection.sendall(question + QUESTION)
+        reader.settimeout(0.05)
+        received = [0]
+
+        def publish() -> None:
+            one.recording.log("noise", rerun.AnyValues(noise=np.frombuffer(noise, np.uint8)))
+            with suppress(TimeoutError):
+                while data := reader.recv(1 << 20):
+                    received[0] += len(data)
+
+        def connections() -> int:
+            return sum(state == "01" for _, _, state in sockets_of(os.getpid()))
+
+        wait_until(lambda: received[0] > len(noise), "data", step=publish)
+        both = connections()
+        is_alone = lambda: connections() < both  # noqa: E731
+        wait_until(is_alone, "the end of the other connection", step=publish)
+        before = received[0]
+        wait_until(lambda: received[0] > before + len(noise), "more data", step=publish)
 
 
 def test_programs_read_the_recording_through_the_same_port(started, tmp_path):

@@ -30,10 +30,8 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", r
 class Session:
     """Context manager for a ROS node without parameter services.
 
-    After SIGINT, SIGTERM or SIGHUP, the attribute `ended` is True.
-
-    Raises:
-        CommandError: ROS rejects the environment settings, or security keys are missing.
+    After SIGINT, SIGTERM or SIGHUP, the attribute `ended` is True. If ROS does not start, the
+    constructor raises `CommandError`.
     """
 
     def __init__(self, command: str) -> None:
@@ -86,10 +84,9 @@ class Session:
 
 
 def message_class(types: Sequence[str]) -> Any:
-    """Return the message class of a topic, given the names of its message types.
+    """Return the message class of a topic with the message types `types`.
 
-    Raises:
-        CommandError: the topic has several types, or the type is not installed.
+    If there are several types, or the type is not installed, raise `CommandError`.
     """
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")

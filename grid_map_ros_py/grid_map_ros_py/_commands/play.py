@@ -11,9 +11,7 @@ from rclpy.exceptions import NameValidationException
 
 from grid_map_core_py._commands import CommandError, message
 from grid_map_core_py.errors import GridMapError, short
-from grid_map_core_py.files._shared import (
-    parse_yaml,
-)
+from grid_map_core_py.files._shared import parse_yaml
 
 from ..bags._bag import BagFiles
 from ..bags._storage import Entry
@@ -24,7 +22,6 @@ _DEPTH = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command-line arguments of `grid-map play` to a parser."""
     add = parser.add_argument
     add("bag", metavar="BAG", help="folder of a bag, or its .mcap or .db3 file")
     add("topics", metavar="TOPIC", nargs="*", help="topics to publish (all)")

@@ -33,7 +33,6 @@ _FIELD = re.compile(r"^\s*([A-Za-z]\w*/)?([A-Z]\w*)(\[[^]]*\])?\s+[a-z]", re.MUL
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command-line arguments of `grid-map record` to a parser."""
     add = parser.add_argument
     add("topics", metavar="TOPIC", nargs="*", help="topics to record")
     add("destination", metavar="BAG", help="folder of the new bag (MCAP)")

@@ -13,7 +13,6 @@ _CALM_STEPS = 5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command-line arguments of `grid-map topics` to a parser."""
     text = "longest time to look for nodes [s] (%(default)s)"
     parser.add_argument("--wait", type=float, default=3.0, help=text)
     add_json(parser)

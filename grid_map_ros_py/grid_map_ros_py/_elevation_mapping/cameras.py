@@ -183,7 +183,6 @@ class Picture:
         frame_id: optical frame of the camera.
         stamp: time of the image [ns].
         pixels: (rows, cols, channels); color channels are in RGB order.
-        camera: the camera.
     """
 
     is_optical: ClassVar[bool] = True
@@ -263,15 +262,9 @@ def seen_cells(
     A cell is hidden if another cell rises above the line from its center to the camera. The line is
     sampled in steps of one cell size, until it is above the highest cell.
 
-    Args:
-        grid_map: the map, with any start index.
-        layer: layer of heights [m]; cells without a height are invisible and hide nothing.
-        camera: the camera.
-        transform: (4, 4) transform from the camera frame to the map frame.
-
-    Returns:
-        cells: row indices and column indices of the visible cells in the map.
-        pixels: row indices and column indices of the corresponding pixels in the image.
+    `layer` contains heights [m]; cells without a height are invisible and hide nothing. `transform`
+    (4, 4) is the transform from the camera frame to the map frame. Cells and pixels are each a pair
+    of arrays: row indices and column indices.
     """
     heights = grid_map[layer]
     rows, columns = np.nonzero(np.isfinite(heights))
@@ -289,8 +282,7 @@ def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt
     hidden = np.zeros(len(points), bool)
     if not len(points):
         return hidden
-    side, top = grid_map.resolution, float(points[:, 2].max())
-    top = max(top, float(np.nanmax(heights)))
+    side, top = grid_map.resolution, float(np.nanmax(heights))
     way = eye - points
     distances = np.hypot(way[:, 0], way[:, 1])
     left = np.flatnonzero(distances > side)

@@ -10,14 +10,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.conversions import (
-    color_vector_to_value,
-)
+from grid_map_core_py.conversions import color_vector_to_value
 from grid_map_core_py.conversions._image_arrays import COLOR_LAYER
-from grid_map_core_py.elevation import (
-    ElevationMapper,
-    UpdateReport,
-)
+from grid_map_core_py.elevation import ElevationMapper, UpdateReport
 from grid_map_core_py.elevation._parameters import Parameters
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import check
@@ -157,22 +152,18 @@ class ElevationFusion:
     def lay_patch(
         self, frame: Matrix, length: tuple[float, float], height_offset: float, variance: float
     ) -> None:
-        """Initialize the map with a flat patch around a frame.
+        """Initialize the map with a flat patch of `length` (x, y) [m] around a frame.
 
-        Args:
-            frame: (4, 4) transform from the frame to the map frame.
-            length: (2,) side lengths of the patch along x and y [m].
-            height_offset: height of the patch above the origin of the frame [m].
-            variance: variance of the heights in the patch [m^2].
+        `frame` (4, 4) is the transform from the frame to the map frame. The patch is
+        `height_offset` [m] above the origin of the frame; its heights have the variance `variance`
+        [m^2].
         """
         x, y, z = frame[:3, 3]
         if self.follow:
             self.mapper.move((x, y))
-        geometry = GridGeometry(np.array(length), self.grid_map.resolution, np.array((x, y)))
+        geometry = GridGeometry(length, self.grid_map.resolution, (x, y))
         layers = {"elevation": z + height_offset, "variance": variance}
-        flat = GridMap.from_geometry(geometry, frame_id=self.grid_map.frame_id)
-        for name, value in layers.items():
-            flat.add(name, value)
+        flat = GridMap.from_geometry(geometry, layers, frame_id=self.grid_map.frame_id)
         self.mapper.masked_replace(flat)
         self._note({})
 
@@ -200,7 +191,6 @@ class ElevationFusion:
         self.milliseconds[stage] = last, mean + FORGETTING * (last - mean)
 
     def clear(self) -> None:
-        """Set all cells to unknown."""
         self.mapper.clear()
         self._note({})
 

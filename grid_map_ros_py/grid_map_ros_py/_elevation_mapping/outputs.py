@@ -17,9 +17,7 @@ from grid_map_core_py._arrays import Size
 from grid_map_core_py.errors import MissingPackageError
 
 from ..messages import to_serialized_message
-from ..nodes import (
-    MapPublisher,
-)
+from ..nodes import MapPublisher
 from ..nodes._health import LogThrottle
 from ..nodes._spin import steady_timer
 from .fusion import ElevationFusion
@@ -41,7 +39,6 @@ class Chain(Protocol):
 
 
 def make_chain(config: Mapping[str, Any], threads: int = 1) -> Chain:
-    """Create a filter chain from its configuration."""
     found = next(iter(entry_points(group=GROUP)), None)
     if found is None:
         raise MissingPackageError(PACKAGE, "postprocessor_pipeline")
@@ -52,11 +49,9 @@ def make_chain(config: Mapping[str, Any], threads: int = 1) -> Chain:
 class MapOutputs:
     """Publishers of the raw and the filtered map of a fusion.
 
-    Args:
-        chain: filter chain of the filtered map; if None, the map is published unfiltered.
-        raw_rate: rate at which the raw map is published if it has changed [Hz].
-        filtered_rate: rate for the filtered map [Hz]. With 0, only `trigger` publishes this map.
-            With infinity, `on_scan` publishes both maps together.
+    Changed maps are published at `raw_rate` and `filtered_rate` [Hz]. If `filtered_rate` is 0, only
+    `trigger` publishes the filtered map; if it is infinite, `on_scan` publishes both maps together.
+    If `chain` is None, the map is not filtered.
     """
 
     def __init__(

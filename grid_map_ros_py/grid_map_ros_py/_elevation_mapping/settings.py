@@ -10,10 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 from grid_map_core_py import GridGeometry
-from grid_map_core_py._parameters import build, cast
-from grid_map_core_py.elevation import (
-    ElevationMapper,
-)
+from grid_map_core_py._parameters import cast
+from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.elevation._parameters import Parameters
 from grid_map_core_py.errors import ConfigError, hint
 from grid_map_core_py.limits import check_cells
@@ -174,20 +172,14 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion.
-
-    The first call on a machine may take several seconds, because it compiles code.
-    """
-    geometry = GridGeometry(
-        np.array([settings.length_in_x, settings.length_in_y]),
-        settings.resolution,
-        np.array([settings.position_x, settings.position_y]),
-    )
+    """Create the fusion; the first call on a machine compiles code, which may take seconds."""
+    length = settings.length_in_x, settings.length_in_y
+    position = settings.position_x, settings.position_y
+    geometry = GridGeometry(length, settings.resolution, position)
     check_cells("length_in_x, length_in_y", geometry.size)
     parameters = read_mapper_parameters(node, sources)
     if settings.visibility_cleanup_rate == 0:
         parameters["enable_visibility_cleanup"] = False
-    build(Parameters, parameters)
     about = "`covariance_scale`: factor applied to the pose covariances"
     motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
     scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)

@@ -175,7 +175,6 @@ class InputSource:
 
     @property
     def camera_info_topic(self) -> str:
-        """Topic of the `CameraInfo` messages."""
         beside = "".join([*self.settings.topic.rpartition("/")[:2], "camera_info"])
         return self.settings.camera_info_topic or beside
 

@@ -38,9 +38,7 @@ from .._elevation_mapping.settings import (
     read_unused,
 )
 from .._elevation_mapping.sources import InputSource, frame_name
-from ..nodes import (
-    ConfiguredNode,
-)
+from ..nodes import ConfiguredNode
 from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._parameters import read_fields
 from ..nodes._poses import (
@@ -61,8 +59,6 @@ LOG_PERIOD = 5.0
 
 
 class ElevationMappingNode(ConfiguredNode):
-    """Node that fuses sensor data into an elevation map, publishes it and offers services."""
-
     def __init__(self) -> None:
         super().__init__("elevation_mapping")
         self._log = LogThrottle(self.get_logger(), LOG_PERIOD)

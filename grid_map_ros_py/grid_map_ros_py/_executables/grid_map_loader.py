@@ -10,8 +10,6 @@ from ..nodes import ConfiguredNode, map_qos, read_parameter
 
 
 class GridMapLoaderNode(ConfiguredNode):
-    """Node that loads the last map of a bag and publishes it on a latched topic."""
-
     def __init__(self) -> None:
         super().__init__("grid_map_loader")
         about = "folder or file of the bag"

@@ -8,11 +8,7 @@ from grid_map_core_py.errors import GridMapError
 from .. import BagWriter, MessageError, ReceivedMap
 from ..bags._bag import chosen_storage
 from ..errors import NodeFailedError
-from ..nodes import (
-    ConfiguredNode,
-    MapSubscription,
-    read_parameter,
-)
+from ..nodes import ConfiguredNode, MapSubscription, read_parameter
 from ..nodes._spin import steady_timer
 
 LOG_PERIOD = 10.0
@@ -20,8 +16,6 @@ LOG_PERIOD = 10.0
 
 
 class GridMapSaverNode(ConfiguredNode):
-    """Node that saves the first received map, or every received map, to a bag."""
-
     def __init__(self) -> None:
         super().__init__("grid_map_saver")
         about = "folder of the bag; an existing bag is replaced"

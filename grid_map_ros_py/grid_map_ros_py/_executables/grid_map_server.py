@@ -30,18 +30,12 @@ from .._serving import part, place_below, read_source
 from ..bags._bag import STORAGES, chosen_storage
 from ..errors import RequestError
 from ..messages._grid_map import to_info
-from ..nodes import (
-    ConfiguredNode,
-    MapSubscription,
-    map_qos,
-)
+from ..nodes import ConfiguredNode, MapSubscription, map_qos
 from ..nodes._health import LogThrottle
 from ..nodes._topics import offer_service
 
 
 class GridMapServerNode(ConfiguredNode):
-    """Node that stores one map, publishes it and offers it through services."""
-
     def __init__(self) -> None:
         super().__init__("grid_map_server")
         self._log = LogThrottle(self.get_logger())

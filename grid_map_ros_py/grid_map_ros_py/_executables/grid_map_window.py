@@ -24,12 +24,7 @@ from grid_map_core_py.limits import check_cells
 from .. import ReceivedMap, to_serialized_message
 from .._serving import LatestOnly, read_source, window
 from ..errors import MessageError, reason
-from ..nodes import (
-    ConfiguredNode,
-    MapPublisher,
-    MapSubscription,
-    read_parameter,
-)
+from ..nodes import ConfiguredNode, MapPublisher, MapSubscription, read_parameter
 from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._poses import POSE_TYPES, PoseHistory, TfPoses, chosen_source, subscribe_to_poses
 from ..nodes._spin import steady_timer
@@ -44,8 +39,6 @@ PATIENCE = 20.0
 
 
 class GridMapWindowNode(ConfiguredNode):
-    """Node that publishes a window of a tiled map, centered on the latest robot position."""
-
     def __init__(self) -> None:
         super().__init__("grid_map_window")
         self._log = LogThrottle(self.get_logger())
@@ -95,10 +88,8 @@ class GridMapWindowNode(ConfiguredNode):
                 raise ConfigError(f"write_topic and output_topic are both {write_topic!r}")
             # Writing a NaN cell does not change the store, but reveals errors at startup.
             first = self._whole.geometry.cropped(slice(0, 1), slice(0, 1))
-            cell = GridMap.from_geometry(first, frame_id=self._whole.frame_id)
-            self._whole.write(
-                cell.with_layers({self._layers[0]: np.full((1, 1), np.nan, np.float32)})
-            )
+            layer, frame_id = self._layers[0], self._whole.frame_id
+            self._whole.write(GridMap.from_geometry(first, [layer], frame_id=frame_id))
             self._writer = LatestOnly(self._merge)
             self._subscription = MapSubscription(self, write_topic, self._writer.put)
         # Check more often than `rate`, because a pose may arrive just after a check.

@@ -8,10 +8,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import from_octomap, to_serialized_message
 from ..messages._packages import messages_of
-from ..nodes import (
-    ConfiguredNode,
-    map_qos,
-)
+from ..nodes import ConfiguredNode, map_qos
 from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._spin import steady_timer
 from ..nodes._topics import LatchedSubscription

@@ -170,13 +170,9 @@ class PathPlannerNode(ConfiguredNode):
         return self._initial_pose
 
     def _pose(self, message: Any) -> tuple[float, float, float]:
-        """Return x, y and yaw of a pose, transformed to the map frame.
+        """Return x, y and yaw of a pose in the map frame; an empty `frame_id` means the map frame.
 
-        An empty `frame_id` of the pose means the map frame.
-
-        Raises:
-            NoPathError: the transform to the map frame is not known yet (`TF_ERROR`).
-            MissingPackageError: the transform is needed, but tf2 is not installed.
+        If the transform to the map frame is not known yet, raise `NoPathError` (`TF_ERROR`).
         """
         pose, source = from_pose(message), message.header.frame_id.removeprefix("/")
         target = self._fresh().grid_map.frame_id

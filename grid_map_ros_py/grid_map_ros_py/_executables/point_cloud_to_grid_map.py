@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
-import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridGeometry
@@ -15,10 +14,7 @@ from grid_map_core_py.limits import check_cells
 from grid_map_core_py.plugins import check
 
 from .. import to_serialized_message
-from ..nodes import (
-    ConfiguredNode,
-    MapPublisher,
-)
+from ..nodes import ConfiguredNode, MapPublisher
 from ..nodes._health import LogThrottle, health_of
 from ..nodes._parameters import read_fields
 from ..nodes._poses import (
@@ -115,15 +111,11 @@ class RollingSettings:
 
 
 class PointCloudToGridMapNode(ConfiguredNode):
-    """Node that subscribes to clouds and poses, and publishes the fused map."""
-
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")
         settings, log = read_fields(self, RollingSettings), LogThrottle(self.get_logger())
         health_of(self).inputs = "clouds"
-        geometry = GridGeometry(
-            np.array(settings.length), settings.resolution, np.array(settings.position)
-        )
+        geometry = GridGeometry(settings.length, settings.resolution, settings.position)
         check_cells("length", geometry.size)
         rolling_map = RollingMap(
             geometry,
@@ -183,7 +175,6 @@ class PointCloudToGridMapNode(ConfiguredNode):
             settings.input_topic,
             clouds,
             publish if not rate else lambda: None,
-            name="a sensor",
             is_reliable=settings.input_reliability == "reliable",
         )
         self.get_logger().info(f"maps the clouds of {topic}, poses: {source}")

@@ -16,9 +16,7 @@ from typing import NamedTuple, Self, TypeAlias
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import LimitError, MissingPackageError, required, short
-from grid_map_core_py.files._shared import (
-    new_folder,
-)
+from grid_map_core_py.files._shared import new_folder
 from grid_map_core_py.limits import check_bytes
 
 from ..errors import BagError, MessageError
@@ -173,8 +171,6 @@ class BagWriter:
         """Append a map.
 
         Args:
-            topic: topic of the map in the bag.
-            grid_map: the map to append.
             time: time of the message [ns]; None means the timestamp of the map.
             layers: names of the layers to write; None means all.
         """

@@ -130,7 +130,6 @@ class McapFile:
         return sorted((entry, names[key]) for key, entry in found if key in names)
 
     def read(self, entry: Entry) -> bytes:
-        """Return the serialized message of an entry."""
         chunk, offset = entry.place
         stream = self._file if chunk < 0 else self._unpacked(chunk)
         length = self._seek(stream, offset, _MESSAGE)
@@ -139,7 +138,6 @@ class McapFile:
         return stream.read(length - _MESSAGE_HEAD.size)
 
     def close(self) -> None:
-        """Close the file."""
         self._file.close()
 
     def _scan(self, *, recover: bool = False) -> list[tuple[int, Entry]]:
@@ -236,7 +234,6 @@ class McapWriter:
         self._channels: dict[str, int] = {}
 
     def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
-        """Append a serialized message with its time [ns]."""
         if self._reserves:
             written = self._file.tell()
             if written != self._written:

@@ -17,7 +17,6 @@ _PRESETS = {"none": "", "zstd": "zstd_fast"}
 
 
 def _opened(kind: str, uri: Path, preset: str = "") -> Any:
-    """Return an open `SequentialReader` or `SequentialWriter`."""
     rosbag2 = import_module("rosbag2_py")
     found = getattr(rosbag2, kind)()
     options = rosbag2.StorageOptions(uri=str(uri), storage_id="mcap", storage_preset_profile=preset)
@@ -53,7 +52,6 @@ class Rosbag2File:
         return sorted(found)
 
     def read(self, entry: Entry) -> bytes:
-        """Return the serialized message of an entry."""
         _, topic, earlier = entry.place
         self._seek(entry.time, [topic])
         for _ in range(earlier):
@@ -61,7 +59,6 @@ class Rosbag2File:
         return bytes(self._reader.read_next()[1])
 
     def close(self) -> None:
-        """Close the file."""
         self._reader = None
 
     def _seek(self, time: int, topics: Collection[str]) -> None:
@@ -84,12 +81,11 @@ class Rosbag2Writer:
         self._writer: Any = _opened("SequentialWriter", self._folder, _PRESETS[compression])
 
     def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
-        """Append a serialized message with its time [ns]."""
         if topic not in self._topics:
             self._topics.add(topic)
+            profiles = [_quality(one) for one in parse_yaml(kind.qos, topic) or ()]
             metadata = import_module("rosbag2_py").TopicMetadata(
-                *(len(self._topics), topic, kind.type, kind.encoding),
-                *([_quality(one) for one in parse_yaml(kind.qos, topic) or ()], kind.type_hash),
+                len(self._topics), topic, kind.type, kind.encoding, profiles, kind.type_hash
             )
             self._writer.create_topic(metadata)
         self._writer.write(topic, data, time)

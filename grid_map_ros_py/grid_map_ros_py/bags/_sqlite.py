@@ -48,7 +48,6 @@ class SqliteWriter:
         self._topics: dict[str, int] = {}
 
     def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
-        """Append a serialized message with its time [ns]."""
         if kind.type not in self._types:
             self._types.add(kind.type)
             definition = ("ros2msg" if kind.definition else "", kind.definition, kind.type_hash)
@@ -114,11 +113,9 @@ class SqliteFile:
         return sorted((Entry(time, key), self._names[topic]) for time, key, topic in rows)
 
     def read(self, entry: Entry) -> bytes:
-        """Return the serialized message of an entry."""
         query = "SELECT data FROM messages WHERE id = ?"
         ((data,),) = self._database.execute(query, (entry.place,))
         return bytes(data)
 
     def close(self) -> None:
-        """Close the file."""
         self._database.close()

@@ -12,10 +12,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files._shared import (
-    load_yaml,
-    parse_yaml,
-)
+from grid_map_core_py.files._shared import load_yaml, parse_yaml
 
 from ..errors import BagError
 from ..messages._definition import DEFINITION, TYPE_HASH

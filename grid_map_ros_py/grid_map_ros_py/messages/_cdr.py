@@ -182,11 +182,9 @@ class _Reader:
         return self.data[begin : begin + size]
 
     def count(self, bound: int, smallest: int) -> int:
-        """Read and return the length of a sequence or string.
+        """Read the length of a sequence or string whose values have at least `smallest` bytes.
 
-        Raises:
-            MessageError: the length exceeds `bound`, or the remaining data is too short for that
-                many values of `smallest` bytes.
+        Raise `MessageError` if the length exceeds `bound` or the remaining data.
         """
         number: int = _COUNT.read(self)
         if number > bound:

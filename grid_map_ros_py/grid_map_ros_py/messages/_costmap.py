@@ -21,11 +21,11 @@ from grid_map_core_py.conversions._costmap import FREE, LETHAL, CostCodec, Costs
 
 from ..errors import MessageError
 from ._fields import (
-    as_float32,
     as_written,
     check_fields,
     check_grid,
     check_positive,
+    float32_resolution,
     from_stamp,
     to_header,
 )
@@ -92,8 +92,6 @@ def to_costmap(
     `PyCostmap2D` accepts only an `OccupancyGrid`; use `to_occupancy_grid` with the same codec.
 
     Args:
-        grid_map: the map.
-        layer: name of the layer to convert.
         data_min, data_max: layer values that become 0 (free) and 254 (lethal); must differ. Values
             outside this range are clamped; NaN becomes 255 (unknown).
         codec: codec that replaces `data_min` and `data_max`, for example `OCCUPANCIES`.
@@ -105,7 +103,7 @@ def to_costmap(
         map_load_time=header.stamp,
         update_time=header.stamp,
         layer=layer,
-        resolution=as_float32("resolution", costmap.resolution),
+        resolution=float32_resolution(costmap.resolution),
         size_x=costmap.size_x,
         size_y=costmap.size_y,
     )
@@ -127,7 +125,6 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` from nav2_simple_commander. Up to
             Jazzy, its occupancy values are first converted to costs with `OCCUPANCIES`.
-        layer: name of the layer.
         codec: converts costs to layer values; the default keeps the costs, with NaN for unknown.
     """
     if hasattr(costmap, "metadata"):

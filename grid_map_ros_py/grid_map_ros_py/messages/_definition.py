@@ -81,12 +81,10 @@ def _fields(package: str, lines: Iterable[str]) -> Mapping[str, str]:
         kind, name, *_ = line.split()
         given, _, count = kind.rstrip("]").partition("[")
         item = _NUMBERS.get(given, given)
-        if re.match("[A-Z]", item):
+        if item[0].isupper():
             item = f"{package}/{item}"
-        is_sequence = kind.endswith("[]")
-        fields[name] = (
-            f"sequence<{item}>" if is_sequence else item + (f"[{count}]" if count else "")
-        )
+        array = f"{item}[{count}]" if count else item
+        fields[name] = f"sequence<{item}>" if kind.endswith("[]") else array
     return fields
 
 

@@ -153,15 +153,11 @@ def check_unrotated(field: str, orientation: "Quaternion") -> None:
 
 
 def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
-    """Check the grid description of a message and return its geometry.
+    """Check `info`, the grid description of a message, and return the geometry.
 
-    The `origin` of the grid is its corner with the smallest x and y.
-
-    Args:
-        field: path of `info` in the message, for error messages.
-        info: part of the message with `resolution`, `origin` and both cell counts.
-        cells: attribute names of the cell counts along x and y.
-        values: number of values in the message; must equal the number of cells.
+    The origin is the corner with the smallest x and y. `field` is the path of `info` in the
+    message, and `cells` contains the attribute names of the cell counts along x and y. `values`,
+    the number of values in the message, must equal the number of cells.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
     for name, count in zip(cells, size, strict=True):
@@ -182,12 +178,12 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
     return geometry
 
 
-def as_float32(field: str, value: float) -> float:
-    """Round a positive number to float32; raise `MessageError` if it is out of range."""
+def float32_resolution(resolution: float) -> float:
+    """Round a resolution to float32; raise `MessageError` if it is out of range."""
     with np.errstate(over="ignore"):
-        held = float(np.float32(value))
+        held = float(np.float32(resolution))
     if not 0 < held < math.inf:
-        raise MessageError(field, "a positive number that float32 can hold", value)
+        raise MessageError("resolution", "a positive number that float32 can hold", resolution)
     return held
 
 

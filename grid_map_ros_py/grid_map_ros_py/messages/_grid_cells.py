@@ -14,11 +14,11 @@ from grid_map_core_py.conversions._point_layers import fitting_geometry
 from ..errors import MessageError
 from ._cdr import serialize
 from ._fields import (
-    as_float32,
     as_written,
     check_fields,
     check_finite,
     check_positive,
+    float32_resolution,
     from_stamp,
     to_header,
 )
@@ -37,7 +37,6 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
     For large maps, `to_serialized_grid_cells` is faster, because it creates no object per cell.
 
     Args:
-        grid_map: the map.
         layer: layer whose values are compared with the bounds.
         lower, upper: inclusive bounds, rounded to float32. Cells with NaN or infinite values are
             always omitted.
@@ -66,7 +65,6 @@ def from_grid_cells(
 
     Args:
         message: the cells; z is ignored.
-        layer: name of the layer.
         resolution: cell size [m]; must equal the cell width in the message up to float32 rounding.
             None means the cell width, with the same decimal form, such as exactly 0.1.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
@@ -125,7 +123,7 @@ def centers_between(
 
 
 def _without_cells(grid_map: GridMap) -> "GridCells":
-    side = as_float32("resolution", grid_map.resolution)
+    side = float32_resolution(grid_map.resolution)
     cells = messages_of("nav_msgs").GridCells
     message: GridCells = cells(header=to_header(grid_map), cell_width=side, cell_height=side)
     return message
@@ -134,7 +132,7 @@ def _without_cells(grid_map: GridMap) -> "GridCells":
 def _side(message: "GridCells", resolution: float | None) -> float:
     width = check_positive("cell_width", message.cell_width)
     side = as_written(width) if resolution is None else as_number(resolution, "resolution")
-    held = as_written(as_float32("resolution", side))
+    held = as_written(float32_resolution(side))
     for name in ("cell_width", "cell_height"):
         if as_written(getattr(message, name)) != held:
             raise MessageError(name, f"the resolution {side}", getattr(message, name))

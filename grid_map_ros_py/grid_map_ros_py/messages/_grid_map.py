@@ -213,10 +213,9 @@ def from_serialized_message(
     unwrap: bool = True,
     copy: bool = True,
 ) -> GridMap:
-    """Create a map from a serialized message; see `from_message` for other arguments and errors.
+    """Create a map from a message in CDR, for example from a raw subscription or a bag.
 
-    Args:
-        data: the message in CDR, for example from a raw subscription or a bag.
+    See `from_message` for the other arguments and the errors.
     """
     message = view(data, GRID_MAP)
     return from_message(

@@ -80,7 +80,6 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
     """Convert a layer of packed colors to a color image.
 
     Args:
-        grid_map: the map.
         layer: layer of packed colors (see `color_vector_to_value`).
         encoding: name in `ENCODINGS` with three or four channels. Alpha is 0 for NaN cells.
     """

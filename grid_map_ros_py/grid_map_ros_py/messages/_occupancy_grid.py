@@ -12,7 +12,7 @@ from grid_map_core_py._arrays import as_number, slices
 from grid_map_core_py.conversions._costmap import INSCRIBED, LETHAL, CostCodec
 
 from ..errors import MessageError
-from ._fields import as_float32, check_fields, check_grid, from_stamp, to_header
+from ._fields import check_fields, check_grid, float32_resolution, from_stamp, to_header
 from ._packages import messages_of, set_array
 
 if TYPE_CHECKING:
@@ -44,8 +44,6 @@ def to_occupancy_grid(
     """Convert a layer to a `nav_msgs/OccupancyGrid` message.
 
     Args:
-        grid_map: the map.
-        layer: name of the layer to convert.
         data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
             Values outside this range are clamped; NaN becomes -1 (unknown). Required if
             `codec` is None.
@@ -58,12 +56,11 @@ def to_occupancy_grid(
     else:
         stored = OCCUPANCY_OF_COST[codec.to_costs(grid_map[layer])]
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
-    data = array.array("b")
     # An occupancy grid starts with the cell of smallest x and y, which is the last one of a map.
-    data.frombytes(values.ravel("F")[::-1].tobytes())
+    data = array.array("b", values.ravel("F")[::-1].tobytes())
     message = messages_of("nav_msgs").OccupancyGrid(header=to_header(grid_map))
     message.info.map_load_time = message.header.stamp
-    message.info.resolution = as_float32("resolution", grid_map.resolution)
+    message.info.resolution = float32_resolution(grid_map.resolution)
     message.info.width, message.info.height = grid_map.size
     origin = message.info.origin.position
     origin.x, origin.y = (grid_map.position - 0.5 * grid_map.length).tolist()

@@ -25,13 +25,9 @@ import numpy.typing as npt
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import as_array
 from grid_map_core_py._arrays._checks import select_layers
-from grid_map_core_py.conversions import (
-    rasterize,
-)
+from grid_map_core_py.conversions import rasterize
 from grid_map_core_py.conversions._point_layers import fitting_geometry
-from grid_map_core_py.files._shared import (
-    storage_errors,
-)
+from grid_map_core_py.files._shared import storage_errors
 from grid_map_core_py.limits import check_bytes, check_cells
 from grid_map_core_py.map._axis import BORDER_TOLERANCE
 
@@ -80,7 +76,6 @@ def from_octomap(
     Args:
         message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or
             full, and its class is OcTree, OcTreeStamped or ColorOcTree.
-        layer: name of the layer.
         resolution: cell size [m]; None means the voxel size. A cell larger than a voxel gets the
             maximum height of the columns whose centers it contains. Smaller cells are an error.
         min_bound, max_bound: (3,) smallest and largest x, y, z [m] of the voxel centers; voxels

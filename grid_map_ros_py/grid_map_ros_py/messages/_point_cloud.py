@@ -17,10 +17,7 @@ from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py._arrays import Mask, slices
 from grid_map_core_py._arrays._checks import select_layers
 from grid_map_core_py._parameters import mismatch
-from grid_map_core_py.conversions import (
-    from_points,
-    rasterize,
-)
+from grid_map_core_py.conversions import from_points, rasterize
 from grid_map_core_py.conversions._image_arrays import COLOR_LAYER
 from grid_map_core_py.conversions._point_layers import COLOR_FIELDS
 from grid_map_core_py.plugins import check
@@ -62,7 +59,6 @@ def to_point_cloud(
       name if a layer `rgb` is also sent.
 
     Args:
-        grid_map: the map.
         point_layer: layer with the z coordinates [m].
         layers: names of the layers to send, in this order; None means all. If the point layer is
             not listed, x, y, z are the first fields. Other layers may not be called x, y or z.

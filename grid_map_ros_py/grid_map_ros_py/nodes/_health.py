@@ -73,12 +73,10 @@ class Health:
         self._is_deferred = True
 
     def receive(self) -> None:
-        """Count a received input."""
         self.received += 1
         self._last_time = time.monotonic()
 
     def use(self, count: int = 1) -> None:
-        """Count processed inputs."""
         self.used += count
         self._last_was_dropped = False
 
@@ -151,7 +149,6 @@ class LogThrottle:
     expected ...". At most `LIMIT` different messages are logged per period.
 
     Args:
-        logger: logger of the node.
         period: minimum time between similar messages [s].
         clock: returns the time [s]; the default clock continues while a simulation is paused.
     """
@@ -165,17 +162,14 @@ class LogThrottle:
         self._recent: dict[tuple[str, ...], tuple[float, int]] = {}
 
     def error(self, text: str) -> None:
-        """Log an error, unless a similar message was logged recently."""
         if line := self._line(text, "error"):
             self._logger.error(line)
 
     def warning(self, text: str) -> None:
-        """Log a warning, unless a similar message was logged recently."""
         if line := self._line(text, "warning"):
             self._logger.warning(line)
 
     def info(self, text: str) -> None:
-        """Log an info message, unless a similar message was logged recently."""
         if line := self._line(text, "info"):
             self._logger.info(line)
 

@@ -53,7 +53,6 @@ def read_parameter(
     with an empty list counts as not set if `kind` is not a list.
 
     Args:
-        node: the node.
         name: full name, such as `elevation.params.layer`.
         kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
         default: value if the parameter is not set; None makes the parameter required.
@@ -84,16 +83,10 @@ def read_fields(
 ) -> T:
     """Create an instance of a dataclass from ROS parameters that are named after its fields.
 
-    The parameter descriptions are those in the `Attributes:` section of the dataclass.
-
-    Args:
-        cls: the dataclass; all fields must have defaults.
-        prefix: prefix of the parameter names, such as `input_sources.front.`.
-        defaults: default values by field name, which override the defaults of the dataclass.
-        read_only: see `read_parameter`.
-
-    Raises:
-        ConfigError: a parameter has the wrong type, or the dataclass rejects its value.
+    All fields must have defaults; `defaults` overrides them by field name. The parameter names
+    begin with `prefix`, such as `input_sources.front.`. The parameter descriptions are those in the
+    `Attributes:` section of the dataclass. If a parameter has the wrong type or the dataclass
+    rejects its value, the function raises `ConfigError`.
     """
     kinds, texts, values = get_type_hints(cls), descriptions(cls), dict[str, Any]()
     for field in fields(cls):  # type: ignore[arg-type]
@@ -115,11 +108,8 @@ def read_fields(
 def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> None:
     """Call `apply` with the new settings when the user changes parameters.
 
-    If the dataclass rejects a change, the parameters keep their values.
-
-    Args:
-        settings: result of `read_fields` without a prefix and with `read_only=False`.
-        apply: called with the new settings, unless they equal the previous ones.
+    If the dataclass rejects a change, the parameters keep their values. `settings` is the result of
+    `read_fields` without a prefix and with `read_only=False`.
     """
     current = checked = settings
 
@@ -157,17 +147,12 @@ def read_limits(node: "Node") -> None:
 
     The limits apply to the whole process. Call this before the node creates or receives a map.
     """
-    abouts = {
-        "max_cells": "maximum number of cells in a map",
-        "max_bytes": "maximum size of a map or of decompressed data [bytes]",
-        "max_ratio": "maximum compression ratio, for data that decompresses to over 100 MB",
+    texts = descriptions(Limits)
+    limits = {
+        name: read_parameter(node, name, int, int(default), description=texts[name])
+        for name, default in vars(Limits()).items()
     }
-    set_limits(
-        **{
-            name: read_parameter(node, name, int, int(getattr(Limits, name)), description=about)
-            for name, about in abouts.items()
-        }
-    )
+    set_limits(**limits)
 
 
 def read_parameter_tree(
@@ -187,7 +172,6 @@ def read_parameter_tree(
     them.
 
     Args:
-        node: the node.
         prefix: root of the tree.
         read_only: if False, the parameters can be set later, to values of any type; for example,
             `radius: 1` can be changed to 1.5.

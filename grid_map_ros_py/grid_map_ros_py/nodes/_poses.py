@@ -64,7 +64,6 @@ class Poses:
     """Pose source for scans that are already in the map frame; base class of other sources.
 
     Attributes:
-        map_frame: frame of the map.
         waits_for: description of the pose or transform that was missing when `place` last returned
             None.
     """
@@ -77,9 +76,7 @@ class Poses:
     def place(self, frame_id: str, stamp: int) -> Placement | None:  # noqa: ARG002
         """Return the placement of a scan, or None if the pose is not known yet.
 
-        Args:
-            frame_id: frame of the scan.
-            stamp: time of the scan [ns]; 0 selects the latest pose.
+        `stamp` is the time of the scan [ns]; 0 selects the latest pose.
         """
         if frame_id != self.map_frame:
             expected = f"{self.map_frame!r}, that of the map, as there are no poses"
@@ -189,10 +186,7 @@ class PoseHistory(Poses):
     def at(self, stamp: int) -> Matrix | None:
         """Return the robot pose at the time `stamp` [ns], or None if all poses are earlier.
 
-        If `stamp` is 0, return the latest pose.
-
-        Raises:
-            GridMapError: all poses are later.
+        If `stamp` is 0, return the latest pose. If all poses are later, raise `GridMapError`.
         """
         if not self._stamps or stamp > self._stamps[-1]:
             return None
@@ -312,8 +306,6 @@ class TfPoses(Poses):
     """Pose source that looks up transforms in tf2.
 
     Args:
-        node: node that subscribes to `/tf` and `/tf_static`.
-        map_frame: frame of the map.
         robot_frame: frame of the robot; empty means the frame of the scan.
         track_frame: frame of `track_point`; empty means the robot frame.
         track_point: (3,) point that the map follows [m], in `track_frame`.

@@ -102,10 +102,6 @@ class LatchedSubscription:
     the message is dropped and the error is logged. A `NodeFailedError` ends the node.
 
     Args:
-        node: the node that subscribes.
-        message_type: class of the messages.
-        topic: name of the topic.
-        callback: called with each message.
         qos: fixed quality of service; None adapts the quality of service as described above.
         raw: pass serialized messages (bytes) to the callback.
         hears_best_effort: also switch to best effort when a best-effort publisher appears; if
@@ -225,7 +221,6 @@ class MapPublisher:
     Each new subscriber triggers a publication, because the latched map may be outdated.
 
     Args:
-        node: the node that publishes.
         topic: topic of grid maps.
         serialized: function that returns the current map as a message or its serialized bytes, or
             None if there is no map yet.
@@ -277,13 +272,10 @@ class MapPublisher:
 def offer_service(
     node: Node, kind: type, name: str, action: Callable[[Any, Any], None], log: LogThrottle
 ) -> None:
-    """Create the service `~/name`, and log the errors of its requests.
+    """Create the service `~/name`; `action(request, response)` fills the response.
 
-    Args:
-        kind: class of the service.
-        name: name of the service, relative to the node.
-        action: function that takes the request and an empty response to fill. If it raises a
-            `GridMapError` or a `MemoryError`, the error is logged and an empty response is sent.
+    If `action` raises a `GridMapError` or a `MemoryError`, the error is logged and an empty
+    response is sent.
     """
 
     def respond(request: Any, response: Any) -> Any:

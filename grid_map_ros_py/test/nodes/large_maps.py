@@ -15,11 +15,7 @@ from sensor_msgs.msg import PointCloud2
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
-from grid_map_ros_py.nodes import (
-    MapSubscription,
-    map_qos,
-    run,
-)
+from grid_map_ros_py.nodes import MapSubscription, map_qos, run
 
 COUNT = 5
 CLOUDS = 30
