@@ -193,7 +193,7 @@ def test_reader_that_takes_nothing_does_not_block_others(monkeypatch):
     monkeypatch.setattr(module, "BUFFER", 1_000_000)
     monkeypatch.setattr(module, "STEP", 10_000)
     noise = np.random.default_rng(1).bytes(1_000_000)  # Rerun compresses what it sends.
-    with Server(port=0) as one, ExitStack() as stack:
+    with closing(Server(port=0)) as one, ExitStack() as stack:
         question = f"POST {DATA} HTTP/1.1\r\nHost: 127.0.0.1\r\n".encode()
         question += b"Content-Type: application/grpc-web+proto\r\nContent-Length: 5\r\n\r\n"
         frozen, reader = (stack.enter_context(socket.socket()) for _ in "12")
