@@ -19,9 +19,7 @@ from grid_map_core_py.plugins import check
 from .errors import FilterError
 
 if TYPE_CHECKING:
-    from grid_map_core_py.tiled import (
-        TiledMap,
-    )
+    from grid_map_core_py.tiled import TiledMap
     from grid_map_core_py.tiled._source import Window
 
 WHOLE_MAP = math.inf

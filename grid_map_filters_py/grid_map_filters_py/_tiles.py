@@ -11,9 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
-from grid_map_core_py.tiled import (
-    TiledMap,
-)
+from grid_map_core_py.tiled import TiledMap
 from grid_map_core_py.tiled._source import Window, shape, widened, within
 
 from ._filter import (

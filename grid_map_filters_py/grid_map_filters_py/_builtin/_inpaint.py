@@ -11,33 +11,18 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py._arrays import (
-    Layer,
-    Mask,
-    Size,
-    elementwise,
-    max_of_finites,
-    min_of_finites,
-)
+from grid_map_core_py._arrays import Layer, Mask, Size, elementwise, max_of_finites, min_of_finites
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, Filter, TileOptions, warn
 from ..errors import FilterError
-from ..parts._holes import (
-    FindHoles,
-    Holes,
-    find_holes,
-    merged,
-    place_of,
-)
+from ..parts._holes import FindHoles, Holes, find_holes, merged, place_of
 from ..parts._inpaint_loop import inpainted
 from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side, thread_count
 
 if TYPE_CHECKING:
-    from grid_map_core_py.tiled import (
-        TiledMap,
-    )
+    from grid_map_core_py.tiled import TiledMap
     from grid_map_core_py.tiled._source import Window
 
 _LARGEST_RADIUS = 100.0
@@ -211,12 +196,8 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the cells in wanted holes.
-
-    Hole i, wanted if `wanted[i]`, consists of the cells with the label i + 1.
-    """
-    mask: Mask = np.append(False, wanted)[labels]
-    return mask
+    """Return a mask of the cells in wanted holes; the label of a cell in hole i is i + 1."""
+    return np.asarray(np.append(False, wanted)[labels])
 
 
 def _near(radius: float) -> int:

@@ -17,12 +17,7 @@ from grid_map_core_py._parameters import nested
 from grid_map_core_py.errors import ConfigError, GridMapError, cut
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
-from grid_map_ros_py.nodes import (
-    ConfiguredNode,
-    MapSubscription,
-    map_qos,
-    read_parameter_tree,
-)
+from grid_map_ros_py.nodes import ConfiguredNode, MapSubscription, map_qos, read_parameter_tree
 from grid_map_ros_py.nodes._health import LogThrottle, health_of
 
 from .._chain import FilterChain, describe_parameters
