@@ -296,12 +296,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return `n` points (n, 2) on a counter-clockwise arc around the origin.
-
-    Args:
-        start: x, y of the first point.
-        turns: angle of the arc [full turns].
-    """
+    """Return points (n, 2) on a counter-clockwise arc of `turns` full turns around the origin."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start

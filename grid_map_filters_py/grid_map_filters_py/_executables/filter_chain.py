@@ -52,8 +52,6 @@ class FilterChainNode(ConfiguredNode):
         self._subscription = MapSubscription(self, topic, self._on_map)
         self.get_logger().info(f"{self._chain} on {self._subscription.topic_name}")
 
-    # --- parameters -------------------------------------------------------------------------------
-
     def _is_of_chain(self, name: str) -> bool:
         return name.startswith(f"{self._chain_name}.")
 
@@ -98,8 +96,6 @@ class FilterChainNode(ConfiguredNode):
             self._chain, self._next_chain = self._next_chain, None
             self._times = StepTimes()
             self._log.info(f"now {self._chain}")
-
-    # --- maps -------------------------------------------------------------------------------------
 
     def _on_map(self, received: ReceivedMap) -> None:
         warnings = list[str]()
