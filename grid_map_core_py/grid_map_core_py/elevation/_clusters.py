@@ -256,7 +256,7 @@ def _grow_arrays(
 
 @loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
-    """Store the `counts` and `sums` of each cluster at the index of its first point.
+    """Compute the `counts` and `sums` of clusters, at the index of each cluster's first point.
 
     The sums are those of w, w h and w h^2 over the points of the cluster, where w is the inverse
     variance of a point, and h is its height above the first point.

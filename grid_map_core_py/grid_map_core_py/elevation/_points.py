@@ -228,7 +228,8 @@ def located(
 ) -> Scan:
     """Return the points of a cloud (N, 3) or wider [m] that are finite and within all limits.
 
-    `transform` (4, 4) leads from the sensor frame, in which the points are given, to the map frame.
+    `transform` (4, 4) is the transform from the sensor frame, the frame of the cloud, to the map
+    frame.
     """
     count, kept, dropped = len(cloud), 0, dict[str, int]()
     points, variances = np.empty((3, count)), np.empty(count)

@@ -297,10 +297,11 @@ def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, 
 
 
 def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
-    """Return height [m], roll and pitch [rad] of a sole on points (N, 3), relative to the robot.
+    """Return height [m], roll and pitch [rad] of a sole that lies on points (N, 3) [m].
 
-    A convex hull is an intersection of half spaces. At each position, the upper facet is therefore
-    the facet with the lowest plane among all upper facets.
+    The x and y of the points are relative to the robot. A convex hull is an intersection of half
+    spaces. At each position, the upper facet is therefore the facet with the lowest plane among all
+    upper facets.
     """
     from scipy.spatial import ConvexHull  # slow to import
 

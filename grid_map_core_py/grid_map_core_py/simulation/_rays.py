@@ -154,7 +154,7 @@ def march(
 
 
 def _crossing(start: float, step: float, patch: int) -> float:
-    """Return the range at which a beam leaves a row or column `patch`; inf if it never does."""
+    """Return the range at which a beam leaves the row or column `patch`; inf if it never does."""
     if step == 0.0:
         return np.inf
     return (patch + (step > 0.0) - start) / step

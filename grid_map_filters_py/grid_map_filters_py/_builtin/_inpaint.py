@@ -195,7 +195,7 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the cells in wanted holes; the label of a cell in hole i is i + 1."""
+    """Return a mask of the cells in wanted holes; the cells of hole i have the label i + 1."""
     return np.asarray(np.append(False, wanted)[labels])
 
 

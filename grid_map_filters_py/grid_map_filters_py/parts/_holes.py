@@ -148,9 +148,10 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
     graph = coo_matrix((np.ones(len(pair[0])), pair), shape=(firsts[-1] + 1,) * 2)
     # Node 0 stands for the cells outside holes.
     count, groups = connected_components(graph, directed=False)
+    of_part = groups[1:] - 1
     starts = np.full((count - 1, 2), np.iinfo(np.int64).max)
     ends, areas = np.zeros((count - 1, 2), np.int64), np.zeros(count - 1, np.int64)
-    np.minimum.at(starts, groups[1:] - 1, np.concatenate([part.starts for part in parts]))
-    np.maximum.at(ends, groups[1:] - 1, np.concatenate([part.ends for part in parts]))
-    np.add.at(areas, groups[1:] - 1, np.concatenate([part.areas for part in parts]))
+    np.minimum.at(starts, of_part, np.concatenate([part.starts for part in parts]))
+    np.maximum.at(ends, of_part, np.concatenate([part.ends for part in parts]))
+    np.add.at(areas, of_part, np.concatenate([part.areas for part in parts]))
     return Holes(starts, ends, areas)
