@@ -10,10 +10,7 @@ from grid_map_core_py._lazy import lazy_names
 
 from ._chain import FilterChain
 from ._filter import WHOLE_MAP, Filter, FilterWarning, in_map_order, warn
-from ._offline import (
-    Filtered,
-    filter_maps,
-)
+from ._offline import Filtered, filter_maps
 from ._registry import FILTERS
 from ._step import Step
 from .errors import ExpressionError, FilterConfigError, FilterError

@@ -32,15 +32,7 @@ class StepConfig:
 
 
 def parse_steps(config: object) -> list[StepConfig]:
-    """Return the steps of a chain in execution order.
-
-    Args:
-        config: the mapping `{filter1: step, filter2: step, ...}` or a list of steps.
-
-    Raises:
-        FilterConfigError: the chain is invalid. The message names the filter, the expected and the
-            actual value.
-    """
+    """Return the steps of a chain, given as `{filter1: step, filter2: step, ...}` or as a list."""
     if isinstance(config, Mapping):
         numbered = {}
         for key, entry in config.items():
@@ -75,9 +67,6 @@ def read_chain(path: str | Path, name: str) -> object:
 
     In a ROS 2 parameter file, the chain is one of the `ros__parameters` of a node. In a ROS 1 file,
     it is the top-level entry `name` or the only top-level list. The file may also be a plain list.
-
-    Raises:
-        FilterConfigError: the file cannot be read, or does not contain exactly one such chain.
     """
     try:
         content = load_yaml(path)
@@ -112,9 +101,6 @@ def flat(parameters: Mapping[object, object]) -> dict[str, object]:
     """Return the parameters of a filter by field name.
 
     `min: {value: 1}`, `min.value: 1` and the ROS 1 form `min/value: 1` become `min_value: 1`.
-
-    Raises:
-        FilterConfigError: a parameter occurs in two spellings.
     """
     result: dict[str, object] = {}
     for key, value in parameters.items():

@@ -19,9 +19,7 @@ from grid_map_core_py.plugins import check
 from .errors import FilterError
 
 if TYPE_CHECKING:
-    from grid_map_core_py.tiled import (
-        TiledMap,
-    )
+    from grid_map_core_py.tiled import TiledMap
     from grid_map_core_py.tiled._source import Window
 
 WHOLE_MAP = math.inf
@@ -54,13 +52,10 @@ class LocalFilter(Filter, Protocol):
     """
 
     def reach(self, resolution: float) -> float:
-        """Return the reach as a number of cells, or `WHOLE_MAP`.
+        """Return the reach for cells with the side `resolution` [m]: a number, or `WHOLE_MAP`.
 
         A cell of the output depends only on input cells that are at most this number of rows and
         columns away.
-
-        Args:
-            resolution: side of a cell [m].
         """
 
 
@@ -69,12 +64,7 @@ class GlobalFilter(Filter, Protocol):
     """Filter that needs quantities of the whole map, such as a mean, but is otherwise local."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
-        """Compute quantities of the whole map, and return a `LocalFilter` for the tiles.
-
-        Args:
-            tiled_map: input map; use `tiled_map.over_tiles` to compute the quantities.
-            options: options of `FilterChain.on_tiles`.
-        """
+        """Compute quantities with `tiled_map.over_tiles`, and return a `LocalFilter` for tiles."""
 
 
 @runtime_checkable

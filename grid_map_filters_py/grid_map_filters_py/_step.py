@@ -100,13 +100,9 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a layer that the caller may change.
+    """Return a layer that the caller may change; add its memory address to `taken`.
 
-    The result is a view of `layer`, or a copy if `layer` is read-only or its memory is in use.
-
-    Args:
-        layer: layer returned by a filter, or a layer of the input.
-        taken: memory addresses of layers already in use; the address of `layer` is added.
+    The result is a view of `layer`, or a copy if `layer` is read-only or its address is in `taken`.
     """
     own, address = layer.view(), address_of(layer)
     try:

@@ -11,9 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Layer
-from grid_map_core_py.tiled import (
-    TiledMap,
-)
+from grid_map_core_py.tiled import TiledMap
 from grid_map_core_py.tiled._source import Window, shape, widened, within
 
 from ._filter import (
@@ -40,14 +38,9 @@ _MOST = 1.05
 
 @dataclass(frozen=True)
 class _TileStep:
-    """One step of a chain that runs on tiles.
+    """One step of a chain that runs on tiles, and the layers of its result.
 
-    Args:
-        step: filter and configuration.
-        reads: input layers that the filter reads.
-        writes: new or changed layers of the result.
-        layers: all layers of the result.
-        basic_layers: basic layers of the result.
+    The filter reads the input layers `reads`. The layers `writes` are new or changed.
     """
 
     step: Step
@@ -114,9 +107,8 @@ class FilteredTiles:
     def _block(self, count: int, window: Window, names: frozenset[str]) -> tuple[GridMap, Window]:
         """Compute the layers `names` of a window after the first `count` steps.
 
-        Returns:
-            The resulting map, and the window that it covers, which may be slightly larger than the
-                requested window. The additional cells may be wrong.
+        Also return the window that the result covers. It may be slightly larger than the requested
+        window; the additional cells may be wrong.
         """
         while count and not self.steps[count - 1].writes & names:
             count -= 1

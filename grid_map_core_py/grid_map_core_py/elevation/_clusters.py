@@ -89,14 +89,10 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
 def deal(
     cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Compiled version of `sorted_by_cell`.
+    """Sort the heights and variances `points` (count,) as described in `Sorted`.
 
-    Args:
-        points: (count,) heights and variances of the points.
-        size: number of cells of the map.
-        borders: (size + 1,) zeros. On return, `borders[i]` is the end (exclusive) of cell i.
-        order: (count,) output, the sorted indices of the points.
-        dealt: (count,) output, the sorted heights and variances.
+    `order` and `dealt` (count,) receive the sorted indices, heights and variances. `borders`
+    (size + 1,) contains zeros. On return, `borders[i]` is the end (exclusive) of cell i.
     """
     heights, variances = points
     sorted_heights, sorted_variances = dealt
@@ -118,12 +114,9 @@ def deal(
 
 
 def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) -> None:
-    """Shellsort a slice of points by descending height, then by variance.
+    """Sort a slice of `order` and `heights` by descending height, then by variance (Shellsort).
 
-    Args:
-        begin, end: start and end (exclusive) of the slice.
-        order, heights: indices and heights of the points; sorted in place.
-        variances: variances in the original order of the points; not sorted.
+    `variances` stay in the original order of the points.
     """
     gap = (end - begin) // 2 if end - begin > 12 else 1
     while gap > 0:
@@ -182,8 +175,7 @@ class Clusters:
         """
         gate = self.threshold * np.sqrt(variances[self.groups] + self.variances + self.spreads)
         away = np.abs(self.means - heights[self.groups])
-        fits: Mask = away <= np.maximum(gate, self.relief)
-        return fits
+        return away <= np.maximum(gate, self.relief)
 
     def first(self, chosen: Mask) -> Integers:
         """Return the index (m,) of each cell's highest cluster in the mask `chosen`, or `NONE`."""
@@ -264,10 +256,9 @@ def _grow_arrays(
 
 @loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
-    """Group the points of each cell into clusters.
+    """Compute the `counts` and `sums` of clusters, at the index of each cluster's first point.
 
-    The outputs are stored at the index of each cluster's first point. `counts` receives the number
-    of points. `sums` receives the sums of w, w h and w h^2 over the points, where w is the inverse
+    The sums are those of w, w h and w h^2 over the points of the cluster, where w is the inverse
     variance of a point, and h is its height above the first point.
     """
     begins, ends = borders

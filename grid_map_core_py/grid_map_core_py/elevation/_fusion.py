@@ -127,10 +127,9 @@ class Fusion:
         clusters, given = self.clusters, self.given
         self._cells, self._numbers = clusters.points.cells, np.arange(len(clusters.groups))
         is_large = clusters.counts >= given.conflict_points
+        is_low = np.ones(len(is_large), np.bool_)
         if given.overhang_clearance > 0.0:
             is_low = self._numbers > self._overhangs(is_large)[clusters.groups]
-        else:
-            is_low = np.ones(len(is_large), np.bool_)
         counts = np.where(is_low, clusters.counts, 0)
         heads = np.searchsorted(clusters.groups, np.arange(len(self._cells)))
         densest = np.maximum.reduceat(counts, heads)[clusters.groups]
@@ -140,16 +139,9 @@ class Fusion:
         self._merge(is_large & is_low)
 
     @property
-    def is_conflict(self) -> Mask:
-        """(m,) mask of the cells whose height the scan contradicts."""
-        conflict: Mask = self.outcomes >= Outcome.RAISED
-        return conflict
-
-    @property
     def is_seen(self) -> Mask:
         """(m,) mask of the cells whose height this scan has set or confirmed."""
-        seen: Mask = self.outcomes != Outcome.CONTRADICTED
-        return seen
+        return np.asarray(self.outcomes != Outcome.CONTRADICTED)
 
     @property
     def used(self) -> Mask:
@@ -227,7 +219,7 @@ class Fusion:
         least = np.maximum(slope * slope / (12.0 * support), is_tail * tails)
         least = np.where(self.is_seen, np.minimum(least, self.given.largest_share), 0.0)
         least = np.maximum(least, self.given.min_variance)
-        noise = self.given.multi_height_noise * self.is_conflict
+        noise = self.given.multi_height_noise * (self.outcomes >= Outcome.RAISED)
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:

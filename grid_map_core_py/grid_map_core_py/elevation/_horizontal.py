@@ -66,7 +66,10 @@ def _neighbors(
     """For each offset, yield the weights, heights and variances (k,) of known cells' neighbors."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
-    shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
+    # Probability that the position error along an axis rounds to each number of cells.
+    with np.errstate(divide="ignore"):
+        borders = np.arange(-reach, reach + 2)[:, None] - 0.5
+        shares = np.diff(ndtr(borders / deviations), axis=0)
     rows, columns = heights.shape
     for i, along in enumerate(shares):
         for j, across in enumerate(shares):
@@ -80,17 +83,9 @@ def _neighbors(
             )
 
 
-def _share(step: int, deviations: Cells) -> Cells:
-    """Return the probability that the position error along an axis rounds to `step` cells."""
-    with np.errstate(divide="ignore"):
-        share: Cells = ndtr((step + 0.5) / deviations) - ndtr((step - 0.5) / deviations)
-    return share
-
-
 def _quantile(values: Cells, weights: Cells) -> Cells:
     """Return the weighted quantile (k,) of each cell's values, at the level `1 - _TAIL`."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
-    place = np.argmax(above > _TAIL, axis=0)
-    found: Cells = np.take_along_axis(values, np.take_along_axis(order, place[None], 0), axis=0)[0]
-    return found
+    place = np.take_along_axis(order, np.argmax(above > _TAIL, axis=0)[None], axis=0)
+    return np.asarray(np.take_along_axis(values, place, axis=0)[0])

@@ -40,13 +40,8 @@ from ._state import BOUNDS, HIDDEN, HORIZONTAL, OVERHANG, OWN, State, at_centers
 from ._values import Chosen, ValueFusion
 from ._visibility import cleared_cells, cover, entry_heights, trace
 
-_LOOPS = deal, grow_clusters, cover, trace
-
 LATE = 10**9
 """If timestamps are too early for longer than this time [ns], the map clock restarts."""
-
-KEPT = "time", *BOUNDS
-"""Layers that `masked_replace` does not copy from the other map."""
 
 
 @dataclass(frozen=True)
@@ -138,8 +133,8 @@ class ElevationMapper:
         self._last = 0
         self._late: int | None = None
         # Compile the loops now, so that the first scan is not delayed.
-        for made in _LOOPS:
-            made.compiled()
+        for loop in (deal, grow_clusters, cover, trace):
+            loop.compiled()
 
     @property
     def grid_map(self) -> GridMap:
@@ -290,7 +285,8 @@ class ElevationMapper:
             raise GridMapError(
                 f"grid_map: expected the frame {self._map.frame_id!r}, got {grid_map.frame_id!r}"
             )
-        common = [name for name in self._map if name in grid_map and name not in KEPT]
+        own = "time", *BOUNDS
+        common = [name for name in self._map if name in grid_map and name not in own]
         if not common:
             raise LayerNotFoundError("elevation", tuple(grid_map))
         target = in_map_order(self._map, None)

@@ -102,10 +102,8 @@ class Parameters:
         check(is_open, "max_variance", "at least min_variance, or 0", self.max_variance)
         ranges = self.min_range <= self.max_range
         check(ranges, "min_range", "at most max_range", self.min_range)
-        heights = self.ignore_points_below <= self.ignore_points_above
-        check(
-            heights, "ignore_points_below", "at most ignore_points_above", self.ignore_points_below
-        )
+        lowest, highest = self.ignore_points_below, self.ignore_points_above
+        check(lowest <= highest, "ignore_points_below", "at most ignore_points_above", lowest)
 
     @property
     def largest_variance(self) -> float:

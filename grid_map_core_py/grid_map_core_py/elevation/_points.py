@@ -167,10 +167,7 @@ class Scan:
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
     def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return height variances (k,) [m^2] due to the uncertainty of the pose.
-
-        `x` and `y` (k,) are positions in the map frame [m].
-        """
+        """Return height variances (k,) [m^2] due to pose uncertainty at `x`, `y` [m], map frame."""
         if self.noise is None:
             return np.zeros(len(x))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -229,13 +226,10 @@ def located(
     geometry: GridGeometry,
     given: Parameters,
 ) -> Scan:
-    """Return the points that are finite and within all limits, with their variances and cells.
+    """Return the points of a cloud (N, 3) or wider [m] that are finite and within all limits.
 
-    Args:
-        cloud: (N, 3) or wider, sensor frame [m].
-        transform: (4, 4) from the sensor to the map frame.
-        noise: pose covariance, shared by all points; None means an exact pose.
-        given: parameters that contain the range and height limits.
+    `transform` (4, 4) is the transform from the sensor frame, the frame of the cloud, to the map
+    frame.
     """
     count, kept, dropped = len(cloud), 0, dict[str, int]()
     points, variances = np.empty((3, count)), np.empty(count)

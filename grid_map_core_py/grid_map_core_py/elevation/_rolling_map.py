@@ -15,11 +15,7 @@ from .. import GridGeometry, GridMap
 from .._arrays._checks import Layer, Mask, as_points, as_rigid
 from ..conversions._point_layers import as_limits, rasterize_counted
 from ..plugins import check
-from ._points import (
-    as_columns,
-    distances_of,
-    rotated,
-)
+from ._points import as_columns, distances_of, rotated
 from ._state import flat
 
 _VARIANCE, _COUNT = "variance", "count"  # layers of the fusion `mean`

@@ -102,8 +102,7 @@ class State:
 
     def is_stale(self, given: Parameters) -> Mask:
         """Return a mask (cells,) of the cells that were not confirmed for `scanning_duration`."""
-        stale: Mask = self.memory.age >= 1e3 * given.scanning_duration
-        return stale
+        return self.memory.age >= 1e3 * given.scanning_duration
 
     def confirm(self, cells: Integers | Mask, now: float) -> None:
         """Record that `cells` were confirmed at time `now` [s]."""
@@ -157,9 +156,8 @@ def highest_around(
     # `cv2.dilate` is ten times as fast for float32 as for float64.
     with np.errstate(over="ignore"):
         known = np.fmax(values.astype(np.float32), np.float32(-np.inf)).reshape(size[::-1])
-    around: Any = cv2.dilate(known, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=-np.inf)
-    found: NDArray[np.float32] = around.ravel()
-    return found
+    around = cv2.dilate(known, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=-np.inf)
+    return np.asarray(around, np.float32).ravel()
 
 
 def at_centers(
@@ -170,18 +168,12 @@ def at_centers(
     geometry: GridGeometry,
     threshold: float,
 ) -> Numbers:
-    """Return the heights (n,) [m] of points after a shift along the slope to their cell centers.
+    """Return the heights (n,) [m] of `points` (3, n), shifted along the slope to cell centers.
 
     Along each axis, the height differences between a cell and its two neighbors define two slopes.
     The less steep slope is used. The slope is 0 if the two slopes have opposite signs, or if one
     height difference is at most `threshold` standard deviations: the cell is then level or next to
     a step. The slope is also 0 next to unknown cells and map borders.
-
-    Args:
-        points: (3, n) points on the map.
-        cells: (n,) cells of the points.
-        heights, variances: (cells,) heights and variances of the map.
-        threshold: largest height difference that counts as level [standard deviations].
     """
     seen = np.zeros(len(heights), np.bool_)
     seen[cells] = True

@@ -52,13 +52,10 @@ class Chosen:
 
 
 class ValueFusion:
-    """Fuses point values into layers.
+    """Fuses point values into layers; see `ElevationMapper` for the arguments.
 
-    Args:
-        fusions: fusion methods by value name, or by regular expression that matches the whole name.
-            An exact name takes precedence. Otherwise, the first matching expression is used. The
-            default is `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
-        exponential_alpha: weight of the last scan in `exponential`.
+    Regular expressions in `fusions` match whole names. An exact name takes precedence. Otherwise,
+    the first matching expression is used.
     """
 
     def __init__(self, fusions: Mapping[str, str], exponential_alpha: float) -> None:
@@ -82,14 +79,12 @@ class ValueFusion:
         layers: dict[str, NDArray[np.float32]],
         weights: dict[str, NDArray[np.float32]],
     ) -> None:
-        """Fuse point values (n,) into flat layers (cells,).
+        """Fuse point values into flat layers (cells,), which are updated in place.
 
         Args:
-            chosen: sorted points of the scan, with a mask of the points that were fused.
-            values: point values by layer name, for all points on the map in their original order.
-            layers: layers by name; updated in place.
+            values: (n,) values by layer name, for all points on the map in their original order.
             weights: weights of `average` by layer name, and counts of `class_bayesian` by class
-                pattern; updated in place.
+                pattern; also updated in place.
         """
         sets: dict[str, list[str]] = {}
         for name in values:
@@ -182,7 +177,5 @@ def _used(
     sortable = values.view(np.uint32) if is_color else values.astype(np.float64)
     order = in_one_order(points, sortable)
     found = values[order] if is_color else sortable[order]
-    counts = chosen.used & ~np.isnan(found)
-    if not is_color:
-        counts &= np.isfinite(found)
+    counts = chosen.used & (~np.isnan(found) if is_color else np.isfinite(found))
     return points.cells[points.groups][counts], found[counts], 1.0 / points.variances[counts]

@@ -60,8 +60,7 @@ def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: I
             way = points[axis] - scan.sensor[axis]
             border = center[lines[axis]] - np.copysign(0.5 * geometry.resolution, way)
             np.fmin(backward, np.maximum((points[axis] - border) / way, 0.0), out=backward)
-    heights: Numbers = points[2] + backward * (scan.sensor[2] - points[2])
-    return heights
+    return np.asarray(points[2] + backward * (scan.sensor[2] - points[2]))
 
 
 def cleared_cells(
@@ -118,8 +117,7 @@ def cleared_cells(
     ground = -highest_around(-heights, size)[found]
     beside = highest_around(feet, size, 2)[found]
     stands = beside > np.maximum(beams, ground + 2.0 * resolution) - resolution
-    cleared: Integers = found[~stands]
-    return cleared
+    return np.asarray(found[~stands])
 
 
 def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any) -> None:

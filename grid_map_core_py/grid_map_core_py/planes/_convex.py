@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._arrays._checks import Positions, as_pair
 from ..errors import GeometryError, short
-from ..regions._polygon import Polygon
+from ..regions._polygon import Polygon, cross
 from ._regions import PlanarRegion, edges_of, to_edges
 
 _DIRECTIONS = np.exp(2j * math.pi * np.arange(36) / 36)  # as x + 1j * y
@@ -85,23 +85,19 @@ def _grown(edges: Positions, x: float, y: float) -> Positions:
     dual = Polygon.convex_hull(np.array(lines)).vertices
     after = np.roll(dual, -1, axis=0)
     step = after - dual
-    return np.stack([step[:, 1], -step[:, 0]], axis=1) / _cross(dual, after)[:, None]
+    return np.stack([step[:, 1], -step[:, 0]], axis=1) / cross(dual, after)[:, None]
 
 
 def _area(corners: Positions) -> float:
-    return float(_cross(corners, np.roll(corners, -1, axis=0)).sum())
+    return float(cross(corners, np.roll(corners, -1, axis=0)).sum())
 
 
 def _reduced(corners: Positions, count: int) -> Positions:
     """Remove the corners that add the least area until `count` remain. The origin stays inside."""
     while len(corners) > count:
         before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
-        lost = _cross(corners - before, after - before)
+        lost = cross(corners - before, after - before)
         # Without the corner, the origin must stay to the left of the new edge.
-        lost[_cross(after - before, -before) <= 1e-9 * np.abs(lost)] = np.inf
+        lost[cross(after - before, -before) <= 1e-9 * np.abs(lost)] = np.inf
         corners = np.delete(corners, int(lost.argmin()), axis=0)
     return corners
-
-
-def _cross(a: Positions, b: Positions) -> Positions:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

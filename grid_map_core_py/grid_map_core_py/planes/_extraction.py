@@ -87,12 +87,9 @@ def extract_planes(
 def _cleaned(rounds: Image, margin: int) -> Image:
     """Remove cells until no outline through the centers of border cells touches itself.
 
-    In the result, every cell of a plane belongs to a block of 2 x 2 cells with the same number. If
-    two such cells touch at a corner, a third cell with this number shares a side with both.
-
-    Args:
-        rounds: round in which each cell was assigned to a plane; 0 for none.
-        margin: width of the border to remove first [cells].
+    A border of `margin` cells is removed first. In the result, every cell of a plane belongs to a
+    block of 2 x 2 cells with the same number. If two such cells touch at a corner, a third cell
+    with this number shares a side with both.
     """
     image = np.pad(rounds, 1)
     if margin:
@@ -164,11 +161,10 @@ def _fitted(
 def _identify(
     labels: NDArray[np.int32], is_kept: Mask, grid_map: GridMap, previous: PlanarRegions | None
 ) -> tuple[NDArray[np.int64], int]:
-    """Return the ids (N,) of labels 1 to N (0 if a label is not kept), and the next unused id.
+    """Return the ids (N,) of labels 1 to N, and the next unused id.
 
-    Args:
-        labels: (rows, cols) label of each cell in map order; 0 for none.
-        is_kept: (N,) whether the cells of a label become a region.
+    `labels` (rows, cols) is in map order, with 0 for no label. A label has the id 0 if it is not in
+    the mask `is_kept` (N,).
     """
     ids, next_id = np.zeros(1 + is_kept.size, np.int64), 1
     check(isinstance(previous, PlanarRegions | None), "previous", "PlanarRegions", previous)

@@ -48,9 +48,6 @@ class Cells(NamedTuple):
         return Cells(*(values.take(chosen, axis=-1) for values in parts))
 
 
-# --- planar cells ---------------------------------------------------------------------------------
-
-
 def planar_cells(
     heights: Image, resolution: float, parameters: PlaneParameters
 ) -> tuple[Cells, Mask]:
@@ -124,9 +121,6 @@ def _window_fits(heights: Image, size: int, resolution: float) -> tuple[list[Ima
     *slopes, means = (cv2.sepFilter2D(data, cv2.CV_64F, *pair) for pair in kernels)
     squares = cv2.sepFilter2D(data**2, cv2.CV_64F, mean, mean) - means**2
     return slopes, squares - spread * (slopes[0] ** 2 + slopes[1] ** 2)
-
-
-# --- planes ---------------------------------------------------------------------------------------
 
 
 def fit_planes(

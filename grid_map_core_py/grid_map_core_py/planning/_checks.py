@@ -225,8 +225,7 @@ def _check(
 ) -> tuple[PathCheck, list[float]]:
     """Return a `PathCheck`, and height, roll, pitch and clearance at the last of `poses` (P, 3).
 
-    Args:
-        indices: (P,) index of the last path pose at or before each pose.
+    `indices` (P,) are the indices of the last path pose at or before each pose.
     """
     is_blocked, union = np.zeros(len(poses), np.bool_), []
     rests = np.full((4, len(poses)), np.nan)
@@ -298,13 +297,11 @@ def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, 
 
 
 def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
-    """Return height [m], roll and pitch [rad] of a sole that lies on points.
+    """Return height [m], roll and pitch [rad] of a sole that lies on points (N, 3) [m].
 
-    A convex hull is an intersection of half spaces. At each position, the upper facet is therefore
-    the facet with the lowest plane among all upper facets.
-
-    Args:
-        points: (N, 3) points [m], N > 0, with x and y relative to the robot.
+    The x and y of the points are relative to the robot. A convex hull is an intersection of half
+    spaces. At each position, the upper facet is therefore the facet with the lowest plane among all
+    upper facets.
     """
     from scipy.spatial import ConvexHull  # slow to import
 

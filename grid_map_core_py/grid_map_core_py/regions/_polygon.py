@@ -197,7 +197,7 @@ class Polygon:
         corners, of_vertex = self._corners()
         to_previous = _normalized(np.roll(corners, 1, axis=0) - corners)
         to_next = _normalized(_following(corners) - corners)
-        sine = np.abs(_cross(to_previous, to_next))
+        sine = np.abs(cross(to_previous, to_next))
         straight = sine < 1e-9
         with np.errstate(invalid="ignore", divide="ignore"):
             bisector = (to_previous + to_next) / sine[:, None]
@@ -223,7 +223,7 @@ class Polygon:
         mean = corners.mean(axis=0)
         start = corners - mean
         along = _following(start) - start
-        distance = _cross(start, along)
+        distance = cross(start, along)
         # An edge whose line contains the mean cannot be scaled; convex polygons have no such edge.
         scaled = np.abs(distance) > 1e-12 * np.abs(distance).max()
         normals = np.stack([along[:, 1], -along[:, 0]], axis=1)[scaled]
@@ -279,7 +279,8 @@ def _following(points: Positions) -> Positions:
     return np.roll(points, -1, axis=0)
 
 
-def _cross(a: Positions, b: Positions) -> Positions:
+def cross(a: Positions, b: Positions) -> Positions:
+    """Return the z components (...) of the cross products of vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
@@ -287,7 +288,7 @@ def _doubled_areas(vertices: Positions) -> Positions:
     """Return twice the signed area of the triangle between the first vertex and each edge (V,)."""
     # Far from the origin, products of large coordinates would lose precision.
     points = vertices - vertices[0]
-    return _cross(points, _following(points))
+    return cross(points, _following(points))
 
 
 def _normalized(vectors: Positions) -> Positions:
@@ -295,12 +296,7 @@ def _normalized(vectors: Positions) -> Positions:
 
 
 def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
-    """Return `n` points (n, 2) on a counter-clockwise arc around the origin.
-
-    Args:
-        start: x, y of the first point.
-        turns: angle of the arc [full turns].
-    """
+    """Return points (n, 2) on a counter-clockwise arc of `turns` full turns around the origin."""
     angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y = start

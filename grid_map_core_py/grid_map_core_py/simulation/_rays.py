@@ -154,12 +154,7 @@ def march(
 
 
 def _crossing(start: float, step: float, patch: int) -> float:
-    """Return the range at which a beam leaves a patch along one axis; inf if it never does.
-
-    Args:
-        start, step: row (or column) of the beam at range 0, and its change per meter.
-        patch: row (or column) of the patch.
-    """
+    """Return the range at which a beam leaves the row or column `patch`; inf if it never does."""
     if step == 0.0:
         return np.inf
     return (patch + (step > 0.0) - start) / step

@@ -1,15 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Built-in filters, one per module, for use from Python.
-
-The YAML parameters of a filter are keyword arguments of its class. Call an instance with a map:
-
-    >>> from grid_map_core_py import GridMap
-    >>> from grid_map_filters_py._builtin import Slope
-    >>> slope = Slope(input_layer="elevation", output_layer="slope")
-    >>> flat = slope(GridMap((1.0, 1.0), 0.1, layers={"elevation": 0.0}))
-    >>> float(flat["slope"][5, 5])
-    0.0
-"""
+"""Built-in filters, one per module; the YAML parameters are keyword arguments of the classes."""
 
 from ._bilateral import Bilateral as Bilateral
 from ._buffer_normalizer import BufferNormalizer as BufferNormalizer

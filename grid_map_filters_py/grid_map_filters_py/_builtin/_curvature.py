@@ -34,7 +34,6 @@ class Curvature(LayerFilter):
         return 1
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
-        # Pad with one cell that replicates the border.
         heights = cv2.copyMakeBorder(layer.T, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         width, flat = heights.shape[1], np.asarray(heights).ravel()
         # Slices of the flattened image with its left and right margins: cells and their neighbors.

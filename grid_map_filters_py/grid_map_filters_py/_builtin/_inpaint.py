@@ -11,33 +11,18 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py._arrays import (
-    Layer,
-    Mask,
-    Size,
-    elementwise,
-    max_of_finites,
-    min_of_finites,
-)
+from grid_map_core_py._arrays import Layer, Mask, Size, elementwise, max_of_finites, min_of_finites
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, Filter, TileOptions, warn
 from ..errors import FilterError
-from ..parts._holes import (
-    FindHoles,
-    Holes,
-    find_holes,
-    merged,
-    place_of,
-)
+from ..parts._holes import FindHoles, Holes, find_holes, merged, place_of
 from ..parts._inpaint_loop import inpainted
 from ..parts._layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side, thread_count
 
 if TYPE_CHECKING:
-    from grid_map_core_py.tiled import (
-        TiledMap,
-    )
+    from grid_map_core_py.tiled import TiledMap
     from grid_map_core_py.tiled._source import Window
 
 _LARGEST_RADIUS = 100.0
@@ -141,10 +126,9 @@ class Inpaint(LayerFilter):
 
 @dataclass(frozen=True)
 class _InpaintTiles:
-    """Version of the filter `Inpaint` for the tiles of a large map.
+    """Version of the filter `whole` for the tiles of a large map.
 
     Args:
-        whole: the `Inpaint` filter of the chain.
         geometry: geometry of the whole map.
         extremes: lowest and highest finite value of the whole layer; NaN if there are none.
         max_hole: length of the longest hole to fill [cells].
@@ -161,7 +145,7 @@ class _InpaintTiles:
         return _BEYOND + self._margin
 
     def missing(self, tile: GridMap, window: "Window") -> int:
-        """Return the number of cells by which to widen the tile; 0 if the tile is large enough.
+        """See `WideningFilter.missing`.
 
         A tile is large enough if it contains every hole that reaches into the window, with a margin
         around the hole. Holes longer than `max_hole` are ignored.
@@ -211,12 +195,8 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the cells in wanted holes.
-
-    Hole i, wanted if `wanted[i]`, consists of the cells with the label i + 1.
-    """
-    mask: Mask = np.append(False, wanted)[labels]
-    return mask
+    """Return a mask of the cells in wanted holes; the cells of hole i have the label i + 1."""
+    return np.asarray(np.append(False, wanted)[labels])
 
 
 def _near(radius: float) -> int:
@@ -232,15 +212,10 @@ def _fill(
     radius: float,
     extremes: tuple[float, float],
 ) -> None:
-    """Inpaint the chosen cells of `layer`, and write the results into `filled`.
+    """Inpaint the chosen cells of `layer`, and write the results into its copy `filled`.
 
-    Args:
-        filled: copy of `layer`.
-        layer: heights; non-finite in holes.
-        holes: mask of all holes.
-        chosen: mask of the holes to fill.
-        radius: radius of the neighborhood [cells].
-        extremes: lowest and highest value of the whole layer.
+    `holes` is a mask of all holes, chosen or not. `radius` is in cells. `extremes` are the lowest
+    and the highest value of the whole layer.
     """
     lowest, highest = extremes
     if lowest == highest:
@@ -281,16 +256,11 @@ def _fill(
 
 
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
-    """Yield strips of columns, each with a mask of the holes that are filled together.
+    """Yield up to `count` strips of columns, each with a mask of the holes to fill together.
 
     The value of a filled cell depends only on the cells within the radius and on their neighbors.
     Groups of holes that are more than `near` cells apart are therefore independent. Filling only
     the columns around a group gives exactly the same values as filling the whole layer.
-
-    Args:
-        holes: (rows, columns) mask of all holes.
-        near: distance within which holes affect each other [cells].
-        count: maximum number of strips; there are fewer if groups are wide.
     """
     columns = holes.shape[1]
     if count == 1:

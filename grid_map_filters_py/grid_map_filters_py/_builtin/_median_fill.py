@@ -123,7 +123,6 @@ def _mask(layer: Layer, iterations: int) -> Layer:
         known = np.isfinite(values).T.view(np.uint8)
         solid = cv2.morphologyEx(known, cv2.MORPH_OPEN, _BLOCK)
         grown = cv2.dilate(solid, _BLOCK, iterations=iterations)
-        mask: Layer = cv2.erode(grown, _BLOCK, iterations=iterations).T.astype(np.float32)
-        return mask
+        return cv2.erode(grown, _BLOCK, iterations=iterations).T.astype(np.float32)
 
     return blockwise(closed, layer, reach=2 + 2 * iterations)

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py._arrays import Layer
 from grid_map_core_py.plugins import check
 
 from .._filter import in_map_order
 from ..parts._blocks import blocks_of, fill_blocks
-from ..parts._disc import disc_reach, need_neighbors, typical_value
-from ..parts._normals import area_normals, raster_normals
+from ..parts._disc import disc_reach
+from ..parts._normals import normals_of_blocks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,20 +42,12 @@ class NormalVectors:
         check(math.isfinite(self.radius), "radius", "a finite length [m]", self.radius)
 
     def reach(self, resolution: float) -> float:
-        return 1 if self._is_raster else disc_reach(self.radius, resolution)
+        return disc_reach(self._disc_radius, resolution) if self._disc_radius else 1
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights, resolution = grid_map[self.input_layer], grid_map.resolution
-        offset = 0.0 if self._is_raster else typical_value(heights)
-        if not self._is_raster:
-            need_neighbors(self.radius, resolution)
-
-        def normals_of(block: Layer) -> tuple[npt.NDArray[np.float64], ...]:
-            if self._is_raster:
-                return raster_normals(block, resolution)
-            return area_normals(block, offset, self.radius, resolution)
-
+        normals_of = normals_of_blocks(heights, self._disc_radius, resolution)
         normals = [np.empty(grid_map.size, np.float32, order="F") for _ in "xyz"]
         blocks = blocks_of(grid_map.size, self.reach(resolution))
         # Differences between very large floats may overflow.
@@ -71,5 +61,6 @@ class NormalVectors:
         return grid_map.with_layers(dict(zip(names, normals, strict=True)))
 
     @property
-    def _is_raster(self) -> bool:
-        return self.algorithm == "raster" or self.radius <= 0
+    def _disc_radius(self) -> float:
+        """Radius of the disc [m], or 0 for the algorithm "raster"."""
+        return max(self.radius, 0.0) if self.algorithm == "area" else 0.0

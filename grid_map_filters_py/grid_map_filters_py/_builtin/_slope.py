@@ -13,9 +13,9 @@ from grid_map_core_py.errors import ConfigError
 
 from .._filter import in_map_order
 from ..parts._blocks import blockwise
-from ..parts._disc import disc_reach, need_neighbors, typical_value
+from ..parts._disc import disc_reach
 from ..parts._layer_filter import check_radius
-from ..parts._normals import area_normals, raster_normals
+from ..parts._normals import normals_of_blocks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,16 +54,9 @@ class Slope:
     def __call__(self, grid_map: GridMap) -> GridMap:
         if self.input_layers_prefix is None:
             heights, resolution = grid_map[self.input_layer or ""], grid_map.resolution
-            offset = typical_value(heights) if self.radius else 0.0
-            if self.radius:
-                need_neighbors(self.radius, resolution)
-
-            def of_block(block: Layer) -> Layer:
-                if self.radius:
-                    return _slope(*area_normals(block, offset, self.radius, resolution))
-                return _slope(*raster_normals(block, resolution))
-
-            slope = blockwise(of_block, heights, reach=self.reach(resolution))
+            normals_of = normals_of_blocks(heights, self.radius, resolution)
+            reach = self.reach(resolution)
+            slope = blockwise(lambda block: _slope(*normals_of(block)), heights, reach=reach)
         else:
             normals = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
             slope = blockwise(_slope, *normals)

@@ -17,12 +17,7 @@ from grid_map_core_py._parameters import nested
 from grid_map_core_py.errors import ConfigError, GridMapError, cut
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
-from grid_map_ros_py.nodes import (
-    ConfiguredNode,
-    MapSubscription,
-    map_qos,
-    read_parameter_tree,
-)
+from grid_map_ros_py.nodes import ConfiguredNode, MapSubscription, map_qos, read_parameter_tree
 from grid_map_ros_py.nodes._health import LogThrottle, health_of
 
 from .._chain import FilterChain, describe_parameters
@@ -56,8 +51,6 @@ class FilterChainNode(ConfiguredNode):
         self.add_post_set_parameters_callback(self._replace_chain)
         self._subscription = MapSubscription(self, topic, self._on_map)
         self.get_logger().info(f"{self._chain} on {self._subscription.topic_name}")
-
-    # --- parameters -------------------------------------------------------------------------------
 
     def _is_of_chain(self, name: str) -> bool:
         return name.startswith(f"{self._chain_name}.")
@@ -103,8 +96,6 @@ class FilterChainNode(ConfiguredNode):
             self._chain, self._next_chain = self._next_chain, None
             self._times = StepTimes()
             self._log.info(f"now {self._chain}")
-
-    # --- maps -------------------------------------------------------------------------------------
 
     def _on_map(self, received: ReceivedMap) -> None:
         warnings = list[str]()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays import Size
+from grid_map_core_py.regions._sliding_window import EdgeHandling
 
 from ..errors import ExpressionError
 from ._cells import Analysis
@@ -19,7 +20,7 @@ from ._interpreter import Interpreter, check
 from ._matrices import Combined, Matrices, Partial
 from ._nodes import Fault, Node
 from ._parser import parse
-from ._windows import EdgeHandling, evaluate_over_windows
+from ._windows import evaluate_over_windows
 
 if TYPE_CHECKING:
     from grid_map_core_py.tiled import TiledMap
@@ -69,11 +70,6 @@ class Expression:
         object.__setattr__(self, "names", frozenset(names.keys() - CONSTANTS.keys()))
         object.__setattr__(self, "_root", root)
         object.__setattr__(self, "_places", functions | names)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # An expression for tiles also depends on the tiled map.
-        state = () if self._layers is None else (self.__dict__,)
-        return Expression, (self.text,), *state
 
     @property
     def is_cellwise(self) -> bool:
@@ -158,9 +154,7 @@ class Expression:
     def fill(self, out: NDArray[np.float32], layers: Mapping[str, NDArray[Any]]) -> None:
         """Evaluate the expression and write the result to an existing array, to save memory.
 
-        Args:
-            out: (rows, columns) float32 array for the result.
-            layers: (rows, columns) arrays by name, one for each layer that the expression names.
+        `out` and the `layers` that the expression names are (rows, columns) arrays.
         """
         values = {name: _bind(name, layers[name], self._places[name]) for name in layers}
         with _faults_as_errors(self.text):
@@ -211,9 +205,7 @@ class Expression:
 class _PartsOfTile:
     """Computes the partial results of reductions on one tile.
 
-    Args:
-        expression: expression that contains the reductions.
-        nodes: syntax-tree nodes of these reductions, which are calls such as `sum(...)`.
+    The reductions are `nodes` of the syntax tree, which are calls such as `sum(...)`.
     """
 
     expression: Expression
@@ -237,12 +229,7 @@ class _PartsOfTile:
         return [partial.parts for partial in partials]
 
     def combined(self, of_tiles: Sequence[list[list[float]]], size: Size) -> list[float]:
-        """Combine the partial results of all tiles into the reductions of the whole map.
-
-        Args:
-            of_tiles: results for each tile, in tile order.
-            size: rows and columns of the map.
-        """
+        """Combine the results of all tiles, in order, into the reductions of a map of `size`."""
         # Only the shape of this array is used.
         whole = np.broadcast_to(np.float32(0), size)
         results = []

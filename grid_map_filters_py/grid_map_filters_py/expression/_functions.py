@@ -27,9 +27,6 @@ LARGEST = 10**8
 CONSTANTS = {"pi": np.pi, "nan": np.nan, "inf": np.inf}
 
 
-# --- elementwise ----------------------------------------------------------------------------------
-
-
 def round_half_away(values: Any) -> Any:
     """Round to the nearest integer; halves are rounded away from zero, as in std::round."""
     whole = np.trunc(values)
@@ -49,8 +46,6 @@ def _finite_or(substitute: float) -> Callable[[Any], Any]:
 
     return clean
 
-
-# --- operators ------------------------------------------------------------------------------------
 
 ARITHMETIC = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "^": np.power}
 """Arithmetic operators; a leading dot, as in `.*`, makes an operator elementwise."""
@@ -83,10 +78,7 @@ def operate(algebra: Matrices, operator: str, left: Value, right: Value) -> Valu
     return algebra.elementwise((ARITHMETIC | COMPARISONS)[operator.lstrip(".")], left, right)
 
 
-# --- reductions -----------------------------------------------------------------------------------
-
 _WRONG_AXIS = "the axis must be 0 (per column) or 1 (per row)"
-
 
 SUM = Fold(np.asarray, np.add)
 SQUARES = Fold(np.square, np.add)
@@ -143,9 +135,6 @@ def _axis(axis: Value | None) -> int | None:
     return int(np.max(value))
 
 
-# --- shapes and creation --------------------------------------------------------------------------
-
-
 def _size(_: Matrices, value: Value, axis: Value | None = None) -> Value:
     shape, along = shape_of(value), _axis(axis)
     return np.array([shape], np.float32) if along is None else float(shape[along])
@@ -168,9 +157,6 @@ def _length(value: Value, argument: int) -> int:
     if not (number >= 1.0 and number.is_integer()):
         raise Fault("the number of rows and columns must be whole and positive", argument=argument)
     return int(number)
-
-
-# --- the table ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -31,15 +31,7 @@ class Interpreter:
         self._available = available
 
     def __call__(self, node: Node, end: int | None = None) -> Value:
-        """Evaluate `node`.
-
-        Args:
-            node: root of the subtree.
-            end: value of the keyword `end`; None outside an index.
-
-        Raises:
-            Fault: the evaluation failed; the fault includes a position.
-        """
+        """Evaluate `node`; `end` is the value of the keyword `end`, or None outside an index."""
         # For small maps, `node.blamed()` would take longer than the operation.
         try:
             return getattr(self, f"_{node.kind}")(end, *node.parts)
@@ -183,11 +175,9 @@ _EVALUATE = Interpreter(Matrices(), {}, "")
 
 
 def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
-    """Raise a Fault if an expression is invalid regardless of the layers.
+    """Raise a Fault if a subtree at `depth` is invalid regardless of the layers.
 
-    Args:
-        node: root of the tree, or of a subtree at `depth`.
-        indexing: True if the node may be part of an index.
+    `indexing` is True if the node may be part of an index.
     """
     if depth > _DEEPEST:
         raise Fault("the expression is nested too deeply", position=node.position)

@@ -152,16 +152,10 @@ def apply(
     dtype: type[np.floating[Any]],
     spare: NDArray[Any] | None = None,
 ) -> Any:
-    """Apply an elementwise function; truth values become 1 and 0.
+    """Apply an elementwise function to floats and arrays; truth values become 1 and 0.
 
-    Args:
-        function: a ufunc, or a function that accepts arrays.
-        values: floats and arrays of equal shape (or 1 x 1).
-        dtype: dtype of the resulting array.
-        spare: array that may be reused for the result.
-
-    Returns:
-        A new array or an overwritten temporary array; a float if all values are numbers.
+    Arrays have equal shapes, or are 1 x 1. The result is an array of type `dtype`, or a float if
+    all values are numbers. It may overwrite `spare` or a temporary array in `values`.
     """
     if isinstance(function, np.ufunc):
         # Temporary arrays may be overwritten, except 1 x 1 arrays, which may be too small.

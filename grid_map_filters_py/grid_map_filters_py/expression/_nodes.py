@@ -25,10 +25,7 @@ class Node:
     | `call`   | the name of a known function, and a tuple of arguments; evaluated as an index if  |
     |          | a layer has the same name                                                         |
 
-    Args:
-        kind: kind of the node; see the table.
-        parts: parts of the node; see the table.
-        position: column in the text to which errors point.
+    Errors point to the column `position` of the text.
     """
 
     kind: str

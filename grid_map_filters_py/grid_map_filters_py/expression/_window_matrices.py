@@ -156,15 +156,10 @@ class SquaredDeviations(WindowMatrix):
 
 
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return the windows of chosen cells, each padded with the mean of its finite values.
+    """Return the windows of the cells in the mask `cells`, padded with the mean of their values.
 
-    The padding replaces cells beyond the map. Each element of the result is an (N,) array with one
-    value per chosen cell, in Fortran order.
-
-    Args:
-        layer: (rows, columns) layer of the map.
-        cells: (rows, columns) mask of the chosen cells.
-        size: number of rows and columns of a window; odd.
+    The padding replaces cells beyond the map; the mean ignores non-finite values. Each element of
+    the result is an (N,) array with one value per chosen cell, in Fortran order.
     """
     margin, shape = size // 2, (size, size)
     source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)

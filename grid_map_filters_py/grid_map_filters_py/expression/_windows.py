@@ -4,10 +4,12 @@
 from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise, product
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+
+from grid_map_core_py.regions._sliding_window import EdgeHandling
 
 from ..errors import FilterError
 from ._functions import COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
@@ -15,8 +17,6 @@ from ._interpreter import Interpreter
 from ._matrices import SCALAR, describe, shape_of
 from ._nodes import Fault, Node
 from ._window_matrices import SlidingWindow, WindowMatrices, WindowMatrix, mean_padded_window
-
-EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 
 # Number of cells per block; arrays of this size fit into the cache of one core.
 _BLOCK = 2**17
@@ -118,9 +118,6 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
         raise FilterError(
             f"a window of {window_size} cells is too large for a layer of {np.shape(layer)} cells"
         )
-
-
-# --- padding in place of cropping -----------------------------------------------------------------
 
 
 def skips_missing(root: Node, name: str) -> bool:

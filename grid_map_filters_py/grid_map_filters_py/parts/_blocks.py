@@ -14,11 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py._arrays import Layer, Size, slices
+from grid_map_core_py.tiled._source import Window, widened, within
 
 from ._side_by_side import CELLS, side_by_side
 
-Block = tuple[tuple[slice, slice], tuple[slice, slice]]
-"""Rows and columns of a block without its border, and rows and columns with the border."""
+Block = tuple[Window, Window]
+"""Cells of a block without its border, and with the border."""
 
 _SIDE = 512
 """Maximum side of blocks with a narrow border [cells]; in small maps, half of this value."""
@@ -62,13 +63,9 @@ def fill_blocks(
 
     def compute(block: Block) -> None:
         cells, around = block
-        inner = tuple(
-            slice(own.start - wide.start, own.stop - wide.start)
-            for own, wide in zip(cells, around, strict=True)
-        )
         values = function(*(layer[around] for layer in layers))
         for result, found in zip(results, values, strict=True):
-            result[cells] = found[inner]
+            result[cells] = found[within(cells, around)]
 
     side_by_side(compute, blocks)
 
@@ -89,11 +86,5 @@ def blocks_of(size: Size, reach: float) -> list[Block]:
         math.ceil(length / math.ceil(length / max(limit, 1)))
         for length, limit in zip(size, limits, strict=True)
     ]
-
-    def widened(cells: slice, length: int) -> slice:
-        return slice(max(cells.start - border, 0), min(cells.stop + border, length))
-
-    return [
-        ((rows, columns), (widened(rows, size[0]), widened(columns, size[1])))
-        for rows, columns in product(slices(size[0], sides[0]), slices(size[1], sides[1]))
-    ]
+    blocks = product(slices(size[0], sides[0]), slices(size[1], sides[1]))
+    return [(block, widened(block, border, size)) for block in blocks]

@@ -26,12 +26,7 @@ def check_color(name: str, color: tuple[float, ...]) -> None:
 
 
 def pack(r: Value, g: Value, b: Value) -> Value:
-    """Pack a color into the bits 0x00RRGGBB.
-
-    Args:
-        r, g, b: red, green and blue as float32. Values are clamped to [0, 255] and truncated to
-            integers.
-    """
+    """Pack float32 channels, clamped to [0, 255] and truncated, into the bits 0x00RRGGBB."""
     return join_channels(_byte(r), _byte(g), _byte(b))
 
 

@@ -33,13 +33,11 @@ class Holes:
     @property
     def lengths(self) -> Integers:
         """(n,) longer side of the bounding box of each hole [cells]."""
-        lengths: Integers = (self.ends - self.starts).max(axis=1, initial=0)
-        return lengths
+        return np.asarray((self.ends - self.starts).max(axis=1, initial=0))
 
     def touch_border(self, size: Size) -> Mask:
         """Return an (n,) mask of the holes that touch the map border."""
-        touch: Mask = ((self.starts == 0) | (self.ends == size)).any(axis=1)
-        return touch
+        return np.asarray(((self.starts == 0) | (self.ends == size)).any(axis=1))
 
     def moved(self, shift: Size) -> "Holes":
         """Return the holes shifted by a number of rows and columns."""
@@ -72,32 +70,6 @@ def place_of(tile: GridMap, whole: GridGeometry) -> Size:
     return whole.cell_at(tile.geometry.center_of((0, 0))) or (0, 0)
 
 
-class Edge(NamedTuple):
-    """Hole numbers along an edge of a tile, stored only for missing cells.
-
-    Args:
-        length: number of cells of the edge.
-        cells: indices of the missing cells.
-        numbers: hole numbers of the missing cells, from 1.
-    """
-
-    length: int
-    cells: Integers
-    numbers: Integers
-
-    @classmethod
-    def of(cls, numbers: Integers) -> "Edge":
-        """Create an edge from hole numbers (n,), which are 0 outside holes."""
-        cells = np.flatnonzero(numbers)
-        return cls(len(numbers), cells.astype(np.int32), numbers[cells].astype(np.int32))
-
-    def shifted(self, first: int) -> Integers:
-        """Return the hole number plus `first` for each cell of the edge, or 0 outside holes."""
-        numbers = np.zeros(self.length, np.int64)
-        numbers[self.cells] = self.numbers + np.int64(first)
-        return numbers
-
-
 class HolesOfTile(NamedTuple):
     """Holes in one tile; input of `merged`.
 
@@ -105,13 +77,14 @@ class HolesOfTile(NamedTuple):
         lowest, highest: smallest and largest finite value; NaN if there are none.
         holes: long holes and holes that touch the tile border; rows and columns refer to the whole
             map.
-        edges: edges of the tile, in the order first row, last row, first column, last column.
+        edges: (n,) hole number of each cell, from 1, or 0 outside holes; for the first row, last
+            row, first column and last column of the tile.
     """
 
     lowest: float
     highest: float
     holes: Holes
-    edges: tuple[Edge, ...]
+    edges: tuple[Integers, ...]
 
 
 @dataclass(frozen=True)
@@ -132,9 +105,9 @@ class FindHoles:
         layer = tile[self.layer]
         labels, holes = find_holes(~np.isfinite(layer))
         kept = holes.touch_border(tile.size) | (holes.lengths > self.length)
-        numbers = np.append(0, np.cumsum(kept) * kept)
+        numbers = np.append(0, np.cumsum(kept) * kept).astype(np.int32)
         edges = tuple(
-            Edge.of(numbers[edge]) for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1])
+            numbers[edge] for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1])
         )
         moved = holes[kept].moved(place_of(tile, self.whole))
         return HolesOfTile(min_of_finites(layer), max_of_finites(layer), moved, edges)
@@ -147,44 +120,38 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
         tiles: holes of the tiles, row by row.
         counts: number of rows and number of columns in the grid of tiles.
     """
+    from scipy.sparse import coo_matrix  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
     parts = [tile.holes for tile in tiles]
     firsts = np.cumsum([0, *(len(part.areas) for part in parts)])
     numbers = np.arange(len(tiles)).reshape(counts)
     pairs = [np.empty((2, 0), np.int64)]
+
+    def shifted(tile: int, side: int) -> Integers:
+        """Return the hole numbers in the whole map along an edge of a tile; 0 outside holes."""
+        edge = tiles[tile].edges[side]
+        return np.where(edge > 0, edge + firsts[tile], 0)
+
     for lines, sides in ((numbers, (1, 0)), (numbers.T, (3, 2))):
         for both in pairwise(lines):
-            # Hole numbers in the whole map on both sides of the border between two lines of tiles.
+            # Hole numbers on both sides of the border between two lines of tiles.
             last, first = (
-                np.concatenate([tiles[n].edges[side].shifted(firsts[n]) for n in line])
+                np.concatenate([shifted(n, side) for n in line])
                 for line, side in zip(both, sides, strict=True)
             )
             # A hole may continue straight or diagonally across the border.
             for one, other in ((last, first), (last[1:], first[:-1]), (last[:-1], first[1:])):
                 touch = (one > 0) & (other > 0)
                 pairs.append(np.stack([one[touch], other[touch]]))
-    touching = np.concatenate(pairs, axis=1)
-    roots = _roots(firsts[-1] + 1, *touching)[1:]
-    which, of_part = np.unique(roots, return_inverse=True)
-    starts = np.full((len(which), 2), np.iinfo(np.int64).max)
-    ends, areas = np.zeros((len(which), 2), np.int64), np.zeros(len(which), np.int64)
+    pair = tuple(np.concatenate(pairs, axis=1))
+    graph = coo_matrix((np.ones(len(pair[0])), pair), shape=(firsts[-1] + 1,) * 2)
+    # Node 0 stands for the cells outside holes.
+    count, groups = connected_components(graph, directed=False)
+    of_part = groups[1:] - 1
+    starts = np.full((count - 1, 2), np.iinfo(np.int64).max)
+    ends, areas = np.zeros((count - 1, 2), np.int64), np.zeros(count - 1, np.int64)
     np.minimum.at(starts, of_part, np.concatenate([part.starts for part in parts]))
     np.maximum.at(ends, of_part, np.concatenate([part.ends for part in parts]))
     np.add.at(areas, of_part, np.concatenate([part.areas for part in parts]))
     return Holes(starts, ends, areas)
-
-
-def _roots(count: int, ones: Integers, others: Integers) -> Integers:
-    """Return the smallest number in the group of each number below `count`.
-
-    `ones[i]` and `others[i]` are in the same group.
-    """
-    roots = np.arange(count)
-    while True:
-        lowest = np.minimum(roots[ones], roots[others])
-        lower = roots.copy()
-        for numbers in (ones, others):
-            np.minimum.at(lower, roots[numbers], lowest)
-        lower = lower[lower]
-        if np.array_equal(lower, roots):
-            return roots
-        roots = lower

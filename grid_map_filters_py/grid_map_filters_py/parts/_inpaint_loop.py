@@ -31,10 +31,7 @@ def inpainted(
 ) -> npt.NDArray[np.float32] | None:
     """Inpaint like `cv2.inpaint` with `cv2.INPAINT_NS`; return None if numba is not available.
 
-    Args:
-        image: (rows, columns) gray values, at least 3 x 3.
-        missing: mask of the cells to fill.
-        radius: radius of the neighborhood [cells], from 1 to 100.
+    The image has at least 3 x 3 cells. The radius of the neighborhood is from 1 to 100 [cells].
     """
     run = _inpaint.compiled()
     if run is None:

@@ -112,17 +112,8 @@ def check_radius(radius: float, name: str = "radius") -> None:
 def highest_in_disc(layer: Layer, radius: float, resolution: float, *, fill: bool = True) -> Layer:
     """Return the largest finite value in the disc around every cell; NaN if there is none.
 
-    This is the gray-scale dilation of the layer with the disc as structuring element. Non-finite
-    cells are ignored.
-
-    Args:
-        layer: (rows, cols).
-        radius: radius of the disc [m].
-        resolution: side of a cell [m].
-        fill: also compute values for non-finite cells of the layer.
-
-    Returns:
-        (rows, cols) float32 in Fortran order.
+    This is the gray-scale dilation of the layer with a disc of `radius` [m] as structuring element.
+    Unless `fill` is True, non-finite cells become NaN.
     """
     finite = np.isfinite(layer)
     known = np.where(finite, layer, np.float32(-np.inf))

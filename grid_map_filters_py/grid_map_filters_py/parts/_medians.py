@@ -34,13 +34,8 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
     """Write the upper median of the finite values in the square around each chosen cell.
 
     The upper median of an even number of values is the larger of the two middle values. The result
-    is NaN where no value is finite.
-
-    Args:
-        output: (rows, cols) array in Fortran order, to which the medians are written.
-        layer: (rows, cols) array in Fortran order.
-        cells: (rows, cols) bool mask of the chosen cells, in Fortran order.
-        half_width: number of cells on each side of the center; squares are cropped at the border.
+    is NaN where no value is finite. `cells` is the mask of the chosen cells. Squares extend
+    `half_width` cells to each side, and are cropped at the border.
     """
     # Wider squares would contain no additional cells.
     half_width, chosen = min(half_width, max(layer.shape) - 1), cells

@@ -11,7 +11,8 @@ The functions have these arguments in common:
 Normals are three (rows, cols) arrays: the x, y and z components of unit vectors.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy.typing as npt
 
 from grid_map_core_py._arrays import Layer, slices
 
-from ._disc import Disc
+from ._disc import Disc, need_neighbors, typical_value
 
 Field = npt.NDArray[np.float64]
 Fields = tuple[Field, ...]
@@ -35,6 +36,15 @@ _SMALLEST_Z = 0.01
 """z component of the normal below which `_smallest_eigenvectors` is imprecise."""
 
 _PIECE = 2**14  # number of cells whose normals are computed at once, to fit the cache
+
+
+def normals_of_blocks(layer: Layer, radius: float, resolution: float) -> Callable[[Layer], Fields]:
+    """Return `area_normals` for blocks of a layer, or `raster_normals` if the radius is 0."""
+    if not radius:
+        return partial(raster_normals, resolution=resolution)
+    need_neighbors(radius, resolution)
+    offset = typical_value(layer)
+    return partial(area_normals, offset=offset, radius=radius, resolution=resolution)
 
 
 def area_normals(layer: Layer, offset: float, radius: float, resolution: float) -> Fields:
