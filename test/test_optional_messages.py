@@ -85,7 +85,7 @@ TYPE_HASHES = {
 }
 """Type hashes that Jazzy shows for messages of these types (`ros2 topic info --verbose`)."""
 
-# Only the Python generators: all generators would take twice as long.
+# Only what Python needs: all generators would take twice as long.
 CMAKE = """
 cmake_minimum_required(VERSION 3.8)
 project({name})
@@ -94,6 +94,7 @@ foreach(package ament_cmake action_msgs builtin_interfaces geometry_msgs grid_ma
         rosidl_typesupport_fastrtps_c rosidl_generator_py)
   find_package(${{package}} REQUIRED)
 endforeach()
+list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE REGEX cpp)
 rosidl_generate_interfaces({name} {files}
   DEPENDENCIES action_msgs builtin_interfaces geometry_msgs grid_map_msgs nav_msgs std_msgs)
 ament_package()
