@@ -115,11 +115,6 @@ def check_visits(name: str, visits: float) -> None:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 
 
-def most_bytes(packed: float) -> float:
-    """Return how many bytes may be unpacked from `packed` bytes."""
-    return min(current_limits().max_bytes, _most_by_ratio(packed))
-
-
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
     """Raise `LimitError` if compressed data exceeds `max_bytes` or `max_ratio` when unpacked.
 
@@ -127,17 +122,8 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
     """
     if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")
-    check_ratio(name, unpacked, packed)
-
-
-def check_ratio(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if the ratio of unpacked to packed bytes exceeds `max_ratio`."""
-    if unpacked > _most_by_ratio(packed):
+    if unpacked > max(FREE_BYTES, current_limits().max_ratio * packed):
         _refuse("max_ratio", name, "bytes from one byte", f"{unpacked} unpacked from {packed}")
-
-
-def _most_by_ratio(packed: float) -> float:
-    return max(FREE_BYTES, current_limits().max_ratio * packed)
 
 
 def _refuse(limit: str, name: str, unit: str, found: str) -> None:

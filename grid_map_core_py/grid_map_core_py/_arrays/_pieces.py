@@ -51,8 +51,9 @@ def piece_of(count: int) -> int:
 
 def slices(count: int, step: int) -> Iterator[slice]:
     """Yield slices of `step` items that cover `count` items; the last slice may be shorter."""
-    for first in range(0, count, max(1, step)):
-        yield slice(first, min(first + max(1, step), count))
+    step = max(1, step)
+    for first in range(0, count, step):
+        yield slice(first, min(first + step, count))
 
 
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
