@@ -17,14 +17,9 @@ CHUNK = 2**13  # number of points in a chunk
 def elementwise(
     function: Callable[..., npt.NDArray[Any]], dtype: npt.DTypeLike, *arrays: npt.NDArray[Any]
 ) -> npt.NDArray[Any]:
-    """Return `function(*arrays)` computed piece by piece.
+    """Return `function(*arrays)` computed piece by piece, with pieces of shape (n,).
 
-    Args:
-        function: converts arrays (n,) to an array (n,).
-        arrays: arrays with shapes that can be broadcast together.
-
-    Returns:
-        An array of type `dtype` with the broadcast shape, in the memory order of the arrays.
+    The arrays are broadcast together. The result has their memory order.
     """
     iterator = np.nditer(
         (*arrays, None),

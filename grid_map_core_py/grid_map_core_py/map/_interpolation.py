@@ -246,11 +246,9 @@ def _neighbors(
 
 
 def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
-    """Return the weights (...) of the neighbors along an axis, lowest coordinate first.
+    """Return the weights (...) of 2 (linear) or 4 (cubic) neighbors, lowest coordinate first.
 
-    Args:
-        t: (...) position between the two inner cells, from 0 (lower) to 1 (upper).
-        reach: number of neighbors, 2 (linear) or 4 (cubic).
+    `t` (...) is the position between the two inner cells, from 0 (lower) to 1 (upper).
     """
     rest = 1.0 - t
     if reach == 2:

@@ -13,9 +13,6 @@ from .._arrays._checks import Layer, Positions, Size
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..map._geometry import GridGeometry
 
-__all__ = ["shape", "widened", "within"]
-"""Names that other packages of the suite may import."""
-
 Window: TypeAlias = tuple[slice, slice]
 """Row and column slices (start, stop, no step) of a rectangle of cells in map order."""
 
@@ -175,11 +172,9 @@ def tile_name(window: Window) -> str:
 
 @contextmanager
 def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
-    """Replace exceptions from reading or writing with a GridMapError that names `path`.
+    """Replace exceptions from reading or writing with a `GridMapError` that names `path`.
 
-    Args:
-        path: name of a store or dataset, or of a part of it.
-        doing: "read" or "written", for the message "cannot be ...".
+    `doing` is "read" or "written", for the error message.
     """
     try:
         yield
