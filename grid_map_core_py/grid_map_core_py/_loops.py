@@ -46,14 +46,11 @@ class Loop:
     instead: Mapping[Callable[..., Any], Callable[..., Any]] = field(default_factory=dict)
 
     def compiled(self) -> Compiled | None:
-        """Return the compiled function, which releases the GIL.
+        """Return the compiled function, which releases the GIL, or None if numba is not installed.
 
-        If the function is not in numba's cache, its compilation takes a few seconds. Array
+        The result is also None if NUMBA_DISABLE_JIT is set, or (with a `RuntimeWarning`) if numba
+        fails. If the function is not in numba's cache, its compilation takes a few seconds. Array
         arguments may have any shape, but must be contiguous.
-
-        Returns:
-            The function, or None if numba is not installed, if NUMBA_DISABLE_JIT is set, or (with a
-            `RuntimeWarning`) if numba fails.
         """
         with _compiling:
             return self._compiled

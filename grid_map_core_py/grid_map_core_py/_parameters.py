@@ -90,14 +90,9 @@ def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[
 def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
     """Convert parameters with dotted names, `a.b: 1`, to nested mappings, `a: {b: 1}`.
 
-    ROS reads an empty mapping `a: {}` as None. If `a.b` is also given, `a` becomes a mapping.
-
-    Args:
-        above: number of levels that enclose `parameters`; they count towards `DEEPEST`.
-
-    Raises:
-        ConfigError: a parameter has both a value and nested parameters, or is nested more than
-            `DEEPEST` levels deep.
+    ROS reads an empty mapping `a: {}` as None. If `a.b` is also given, `a` becomes a mapping. Any
+    other value of `a` is then an error. There may be at most `DEEPEST` levels, including the
+    `above` levels that enclose `parameters`.
     """
     result: dict[str, Any] = {}
     expected = "no value, as there are parameters below it"

@@ -91,12 +91,10 @@ def changed_limits(**changes: float) -> Iterator[None]:
 
 
 def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
-    """Raise `LimitError` if a map would have too many cells or bytes.
+    """Raise `LimitError` if a map of `size` rows and columns would have too many cells or bytes.
 
-    Args:
-        name: subject of the error message.
-        size: numbers of rows and columns; may be infinite.
-        layers: number of layers to allocate; 0 if the input already contains the layer data.
+    `name` is the subject of the error message. `layers` is the number of layers to allocate, or 0
+    if the input already contains the layer data.
     """
     cells = size[0] * size[1]
     if not cells <= current_limits().max_cells:

@@ -54,12 +54,8 @@ def slices(count: int, step: int) -> Iterator[slice]:
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
     """Yield the members of all groups, group by group, in chunks of at most `limit` members.
 
-    Args:
-        counts: (G,) number of members in each group.
-
-    Yields:
-        groups: (n,) index of each member's group.
-        members: (n,) index of each member within its group.
+    `counts` (G,) is the number of members of each group. A chunk consists of the group (n,) of each
+    member, and the index (n,) of the member within its group.
     """
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0

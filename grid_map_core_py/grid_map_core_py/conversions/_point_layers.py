@@ -43,7 +43,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
-from . import _point_loops as point_loops
+from ._point_loops import find_cells, ready
 from ._point_reductions import COLOR_REDUCTIONS, REDUCTIONS, Reduction
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
@@ -266,8 +266,7 @@ def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
     """Return flat cell indices (n,) of points on the map and within limits, and their mask (N,)."""
-    point_loops.count(len(points))
-    find = point_loops.ready(point_loops.find_cells)
+    find = ready(find_cells, len(points))
     # For comparisons, NumPy rounds the limits to the data type of the heights.
     rounded = points.dtype.type(limits).tolist()
     half, center = (0.5 * geometry.length).tolist(), geometry.position.tolist()

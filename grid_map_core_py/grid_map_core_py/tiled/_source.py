@@ -165,11 +165,6 @@ def shape(window: Window) -> Size:
     return window[0].stop - window[0].start, window[1].stop - window[1].start
 
 
-def tile_name(window: Window) -> str:
-    """Format a window for messages."""
-    return f"cells [{', '.join(f'{part.start}:{part.stop}' for part in window)}]"
-
-
 @contextmanager
 def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
     """Replace exceptions from reading or writing with a `GridMapError` that names `path`.

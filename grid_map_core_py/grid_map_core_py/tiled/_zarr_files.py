@@ -32,7 +32,7 @@ from ..errors import GridMapError, required, short
 from ..files._shared import check_ending, new_folder, replace_folder
 from ._datasets import CRS_VARIABLE, DIMENSIONS, attributes, coordinates, grid_mapping
 from ._engine import in_any_order
-from ._source import Progress, TiledData, data_errors, tile_name
+from ._source import Progress, TiledData, data_errors
 
 VERSION_KEY = "grid_map_version"
 VERSION = 1
@@ -157,7 +157,8 @@ class _Write:
         try:
             layers = self.tiled_map.source.read(window, self.names)
         except GridMapError as error:
-            raise GridMapError(f"{tile_name(window)}: {error}") from error
+            place = ", ".join(f"{part.start}:{part.stop}" for part in window)
+            raise GridMapError(f"cells [{place}]: {error}") from error
         for name, layer in zip(self.names, layers, strict=True):
             with data_errors(Path(self.store, name), "written"):
                 self._arrays[name][window] = layer
