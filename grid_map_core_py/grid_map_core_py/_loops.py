@@ -19,8 +19,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-__all__ = ["Compiled", "Loop", "loop"]
-
 Compiled: TypeAlias = Callable[..., None]
 Type: TypeAlias = str | tuple[str, int] | tuple[str, ...]
 
@@ -48,14 +46,11 @@ class Loop:
     instead: Mapping[Callable[..., Any], Callable[..., Any]] = field(default_factory=dict)
 
     def compiled(self) -> Compiled | None:
-        """Return the compiled function, which releases the GIL.
+        """Return the compiled function, which releases the GIL, or None if numba is not installed.
 
-        If the function is not in numba's cache, its compilation takes a few seconds. Array
+        The result is also None if NUMBA_DISABLE_JIT is set, or (with a `RuntimeWarning`) if numba
+        fails. If the function is not in numba's cache, its compilation takes a few seconds. Array
         arguments may have any shape, but must be contiguous.
-
-        Returns:
-            The function, or None if numba is not installed, if NUMBA_DISABLE_JIT is set, or (with a
-            `RuntimeWarning`) if numba fails.
         """
         with _compiling:
             return self._compiled
@@ -63,10 +58,14 @@ class Loop:
     @cached_property
     def _compiled(self) -> Compiled | None:
         failure = None
+        is_on = os.environ.get("NUMBA_DISABLE_JIT", "0") in {"0", ""}
+        has_numba = is_on and importlib.util.find_spec("numba") is not None
         # Numba raises an error if it finds no writable folder for its cache.
-        for cache in (True, False) if _has_numba() else ():
+        for cache in (True, False) if has_numba else ():
             try:
-                dispatcher = self._dispatcher(cache=cache)
+                njit: Any = importlib.import_module("numba").njit
+                _let_call(self.function, self.instead)
+                dispatcher = njit(nogil=True, error_model="numpy", cache=cache)(self.function)
                 folder = dispatcher.stats.cache_path
                 files = f"*.{self.function.__qualname__}-*.nbi"
                 if folder is None or not any(Path(folder).glob(files)):
@@ -84,13 +83,6 @@ class Loop:
             warnings.warn(said, RuntimeWarning, stacklevel=3)
         return None
 
-    def _dispatcher(self, *, cache: bool) -> Any:
-        import numba
-
-        _let_call(self.function, self.instead)
-        make: Any = numba.njit
-        return make(nogil=True, error_model="numpy", cache=cache)(self.function)
-
 
 def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
     """Return a decorator that turns a function into a `Loop` with the argument types `takes`."""
@@ -101,11 +93,6 @@ def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
 def _announce() -> None:
     # Logged rather than warned, because programs may turn warnings into errors.
     logger.warning("numba compiles loops once, which takes some seconds")
-
-
-def _has_numba() -> bool:
-    is_on = os.environ.get("NUMBA_DISABLE_JIT", "0") in {"0", ""}
-    return is_on and importlib.util.find_spec("numba") is not None
 
 
 def _let_call(

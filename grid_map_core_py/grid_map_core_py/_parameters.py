@@ -16,19 +16,6 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from .errors import ConfigError, hint, short
 
-__all__ = [
-    "DEEPEST",
-    "build",
-    "cast",
-    "check",
-    "describe",
-    "descriptions",
-    "mismatch",
-    "nested",
-    "node_sections",
-    "with_checked_names",
-]
-
 T = TypeVar("T")
 
 DEEPEST = 50
@@ -42,8 +29,7 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
     `X | None` of these types.
 
     Raises:
-        ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` rejects a
-            value.
+        ConfigError: a parameter is unknown or missing, or has an invalid type or value.
     """
     _check_names(cls, parameters)
     types_of = typing.get_type_hints(cls)
@@ -104,14 +90,9 @@ def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[
 def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
     """Convert parameters with dotted names, `a.b: 1`, to nested mappings, `a: {b: 1}`.
 
-    ROS reads an empty mapping `a: {}` as None. If `a.b` is also given, `a` becomes a mapping.
-
-    Args:
-        above: number of levels that enclose `parameters`; they count towards `DEEPEST`.
-
-    Raises:
-        ConfigError: a parameter has both a value and nested parameters, or is nested more than
-            `DEEPEST` levels deep.
+    ROS reads an empty mapping `a: {}` as None. If `a.b` is also given, `a` becomes a mapping. Any
+    other value of `a` is then an error. There may be at most `DEEPEST` levels, including the
+    `above` levels that enclose `parameters`.
     """
     result: dict[str, Any] = {}
     expected = "no value, as there are parameters below it"
@@ -134,13 +115,9 @@ def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
 
 
 def cast(name: str, value: object, kind: Any) -> Any:
-    """Cast the value of a parameter to a declared type, or raise `ConfigError`.
+    """Cast the value of a parameter to a type that `build` supports, or raise `ConfigError`.
 
-    Args:
-        name: parameter name for the error message.
-        value: value from YAML. For a tuple or list type, None becomes empty, because ROS reads an
-            empty list as None.
-        kind: one of the types that `build` supports.
+    For a tuple or list type, None becomes empty, because ROS reads an empty list as None.
     """
     result = _try_cast(value, kind)
     if result is MISSING:
@@ -173,7 +150,6 @@ def _try_cast(value: object, kind: Any) -> object:
         return next((cast for cast in casts if cast is not MISSING), MISSING)
     if origin in (tuple, list):
         if value is None:
-            # ROS parameters have no type for an empty list.
             return origin()
         if not isinstance(value, list | tuple):
             return MISSING

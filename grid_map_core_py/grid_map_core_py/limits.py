@@ -91,12 +91,10 @@ def changed_limits(**changes: float) -> Iterator[None]:
 
 
 def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
-    """Raise `LimitError` if a map would have too many cells or bytes.
+    """Raise `LimitError` if a map of `size` rows and columns would have too many cells or bytes.
 
-    Args:
-        name: subject of the error message.
-        size: numbers of rows and columns; may be infinite.
-        layers: number of layers to allocate; 0 if the input already contains the layer data.
+    `name` is the subject of the error message. `layers` is the number of layers to allocate, or 0
+    if the input already contains the layer data.
     """
     cells = size[0] * size[1]
     if not cells <= current_limits().max_cells:
@@ -115,11 +113,6 @@ def check_visits(name: str, visits: float) -> None:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 
 
-def most_bytes(packed: float) -> float:
-    """Return how many bytes may be unpacked from `packed` bytes."""
-    return min(current_limits().max_bytes, _most_by_ratio(packed))
-
-
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
     """Raise `LimitError` if compressed data exceeds `max_bytes` or `max_ratio` when unpacked.
 
@@ -127,17 +120,8 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
     """
     if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")
-    check_ratio(name, unpacked, packed)
-
-
-def check_ratio(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if the ratio of unpacked to packed bytes exceeds `max_ratio`."""
-    if unpacked > _most_by_ratio(packed):
+    if unpacked > max(FREE_BYTES, current_limits().max_ratio * packed):
         _refuse("max_ratio", name, "bytes from one byte", f"{unpacked} unpacked from {packed}")
-
-
-def _most_by_ratio(packed: float) -> float:
-    return max(FREE_BYTES, current_limits().max_ratio * packed)
 
 
 def _refuse(limit: str, name: str, unit: str, found: str) -> None:

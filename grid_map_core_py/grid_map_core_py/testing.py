@@ -50,10 +50,8 @@ def assert_maps_equal(
 def register_profiles() -> None:
     """Register the hypothesis profiles `grid_map` and `explore`, and activate `grid_map`.
 
-    Call this function in a `conftest.py`. The profile `grid_map` runs the same examples every time,
-    so that results are reproducible. The profile `explore` runs more examples, and new ones every
-    time. To select it, run `pytest --hypothesis-profile=explore` or `make explore`. Neither profile
-    limits the time per example.
+    The profile `grid_map` runs the same examples every time, so that results are reproducible. The
+    profile `explore`, which `make explore` selects, runs more examples, and new ones every time.
     """
     from hypothesis import settings
 

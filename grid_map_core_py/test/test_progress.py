@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The progress bar of the command line."""
 
-import io
 import json
+import sys
+from types import SimpleNamespace
 
 import pytest
 
-from grid_map_core_py._commands import ProgressBar
+from grid_map_core_py._commands import ProgressBar, _output
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
+@pytest.fixture
+def now(monkeypatch) -> list[float]:
+    """Return a list whose only item is the time of the progress bar [s]."""
+    now = [5.0]
+    monkeypatch.setattr(_output, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    return now
 
 
 @pytest.mark.parametrize(
@@ -25,36 +29,34 @@ class Terminal(io.StringIO):
         (7, None, 2.0, "7 maps, 3.5 maps/s"),
     ],
 )
-def test_progress_shows_count_rate_and_remaining_time(done, total, seconds, text):
-    log, now = io.StringIO(), [5.0]
-    with ProgressBar(log, lambda: now[0]) as bar:
+def test_progress_shows_count_rate_and_remaining_time(now, capsys, done, total, seconds, text):
+    with ProgressBar() as bar:
         now[0] += seconds
         bar(done, total)
-    assert log.getvalue() == f"{text}\n"
+    assert capsys.readouterr().err == f"{text}\n"
 
 
-def test_terminal_shows_one_line_that_is_overwritten():
-    terminal = Terminal()
-    now = [100.0]
-    with ProgressBar(terminal, lambda: now[0], unit="tiles", cells=1e6) as bar:
+def test_terminal_shows_one_line_that_is_overwritten(now, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with ProgressBar(unit="tiles", cells=1e6) as bar:
         for done in range(6, 107):
             bar(done, 106)
             now[0] += 0.0625
-    assert terminal.getvalue().count("\n") == 1
-    shown = terminal.getvalue().rstrip("\n").split("\r")
+    text = capsys.readouterr().err
+    assert text.count("\n") == 1
+    shown = text.rstrip("\n").split("\r")
     # At most ten updates per second; the last state is always shown.
     assert 45 <= len(shown) <= 55
     assert shown[2].startswith(f"[{'#' * 2}{'.' * 28}] 8/106 tiles, 1.6e+07 cells/s, 0:00:06 left")
     assert shown[-1].startswith(f"[{'#' * 30}] 106/106 tiles, 1.58e+07 cells/s")
 
 
-def test_progress_as_lines_of_json():
-    stream, now = io.StringIO(), [0.0]
-    with ProgressBar(stream, lambda: now[0], unit="tiles", cells=100.0, as_json=True) as bar:
+def test_progress_as_lines_of_json(now, capsys):
+    with ProgressBar(unit="tiles", cells=100.0, as_json=True) as bar:
         for done in range(3, 9):
             bar(done, 8)
             now[0] += 0.5
-    lines = [json.loads(line) for line in stream.getvalue().splitlines()]
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [line["tiles"] for line in lines] == [3, 5, 7, 8]
     assert lines[1] == {
         "tiles": 5,

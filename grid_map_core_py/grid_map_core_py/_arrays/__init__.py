@@ -8,7 +8,6 @@ from ._checks import (
     Positions as Positions,
     Size as Size,
     as_array as as_array,
-    as_cells as as_cells,
     as_number as as_number,
 )
 from ._freed_memory import LARGEST_BLOCK as LARGEST_BLOCK, keep_memory as keep_memory

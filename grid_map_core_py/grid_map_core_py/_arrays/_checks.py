@@ -65,11 +65,7 @@ def as_pair(values: ArrayLike, name: str) -> Pair:
 
 
 def as_crs(crs: Any) -> str:
-    """Convert a coordinate reference system to a string, such as "EPSG:25832" or WKT.
-
-    Args:
-        crs: string, EPSG number, object with the method `to_wkt`, or None, which becomes "".
-    """
+    """Convert a reference system (text, EPSG number, object with `to_wkt`, or None) to a string."""
     if isinstance(crs, int | np.integer):
         return f"EPSG:{crs}"
     text = crs.to_wkt() if hasattr(crs, "to_wkt") else crs or ""
@@ -224,11 +220,7 @@ def plain_cell(values: Any) -> Size | None:
 
 
 def as_cells(values: ArrayLike, name: str = "index") -> Cells:
-    """Return cells as a tuple (rows, cols) of int64 arrays.
-
-    Args:
-        values: a tuple (rows, cols) or (row, col), or an (N, 2) array of rows and columns.
-    """
+    """Return cells, given as (rows, cols), (row, col) or an (N, 2) array, as int64 (rows, cols)."""
     if isinstance(values, tuple):
         numbers = [_as_integers(value, name) for value in values]
         if len(numbers) != 2 or numbers[0].shape != numbers[1].shape:

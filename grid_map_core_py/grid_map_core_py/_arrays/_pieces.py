@@ -17,14 +17,9 @@ CHUNK = 2**13  # number of points in a chunk
 def elementwise(
     function: Callable[..., npt.NDArray[Any]], dtype: npt.DTypeLike, *arrays: npt.NDArray[Any]
 ) -> npt.NDArray[Any]:
-    """Return `function(*arrays)` computed piece by piece.
+    """Return `function(*arrays)` computed piece by piece, with pieces of shape (n,).
 
-    Args:
-        function: converts arrays (n,) to an array (n,).
-        arrays: arrays with shapes that can be broadcast together.
-
-    Returns:
-        An array of type `dtype` with the broadcast shape, in the memory order of the arrays.
+    The arrays are broadcast together. The result has their memory order.
     """
     iterator = np.nditer(
         (*arrays, None),
@@ -51,19 +46,16 @@ def piece_of(count: int) -> int:
 
 def slices(count: int, step: int) -> Iterator[slice]:
     """Yield slices of `step` items that cover `count` items; the last slice may be shorter."""
-    for first in range(0, count, max(1, step)):
-        yield slice(first, min(first + max(1, step), count))
+    step = max(1, step)
+    for first in range(0, count, step):
+        yield slice(first, min(first + step, count))
 
 
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
     """Yield the members of all groups, group by group, in chunks of at most `limit` members.
 
-    Args:
-        counts: (G,) number of members in each group.
-
-    Yields:
-        groups: (n,) index of each member's group.
-        members: (n,) index of each member within its group.
+    `counts` (G,) is the number of members of each group. A chunk consists of the group (n,) of each
+    member, and the index (n,) of the member within its group.
     """
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0

@@ -4,7 +4,6 @@
 from ._arguments import (
     add_destination as add_destination,
     add_json as add_json,
-    add_layers as add_layers,
     add_source as add_source,
     complete_layers as complete_layers,
     completed as completed,
@@ -13,7 +12,6 @@ from ._main import die_with_parent as die_with_parent, main as main, on_end as o
 from ._maps import (
     Destination as Destination,
     check_free as check_free,
-    describe as describe,
     open_recording as open_recording,
     open_records as open_records,
     read_map as read_map,

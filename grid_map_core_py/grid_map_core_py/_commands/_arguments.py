@@ -13,8 +13,7 @@ _FORMAT = "name of the format, if the name of the file does not tell it"
 def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
     """Add the arguments for the source file and the options for reading.
 
-    Args:
-        which: help text that says which maps of a bag are read without `--index`.
+    `which` is the help text for the maps of a bag that are read without `--index`.
     """
     parser.add_argument("source", help="file or folder of any format, or - for .npz from a pipe")
     group = parser.add_argument_group("reading")

@@ -207,8 +207,7 @@ def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], Non
 
     def prepare() -> None:
         control(set_parent_death_signal, number)
-        # The parent may have ended already. Comparing with 1 would fail in a container, where
-        # the parent itself may be process 1.
+        # The parent may have ended already. In a container, the parent itself may be process 1.
         if os.getppid() != parent:
             os._exit(0)
 

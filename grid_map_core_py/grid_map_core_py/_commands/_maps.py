@@ -45,9 +45,8 @@ def _choose(
 ) -> "tuple[Format, dict[str, Any]]":
     """Return the format of the source or destination, and the options given for this format.
 
-    Args:
-        of_source: None selects the source. To select the destination, pass the names of the source
-            options; these are accepted even if the destination does not use them.
+    `of_source` is None for the source. For the destination, it contains the options of the source,
+    which are accepted even if the destination does not use them.
     """
     from ..files._formats import find_format, formats, options_of
 
@@ -109,15 +108,11 @@ def describe(options: argparse.Namespace) -> dict[str, Any]:
             known = options_of(found.describe)
             facts = found.describe(path, **{n: given[n] for n in known if n in given})
     size = None
-    if options.source != STANDARD and not _is_address(options.source):
+    if options.source != STANDARD and "://" not in options.source:
         path = Path(options.source)
         files = path.iterdir() if path.is_dir() else [path]
         size = sum(file.stat().st_size for file in files if file.is_file())
     return {"path": options.source, "format": found.name, "bytes": size} | facts
-
-
-def _is_address(source: str) -> bool:
-    return "://" in source
 
 
 @contextmanager
@@ -134,7 +129,6 @@ def open_records(
         record: Any = SimpleNamespace(time=None, grid_map=lambda *_, **__: grid_map)
         yield [record]
         return
-    index = options.index
     with open_recording(options) as records:
         if destination.takes_many:
             bag = Path(options.source).resolve()
@@ -143,12 +137,14 @@ def open_records(
                     f"{destination.path}: is also the source; its other topics would be lost"
                 )
             destination.usual_topic = destination.usual_topic or records.topic  # type: ignore[attr-defined]
-        if destination.takes_many and index is None:
+        if options.index is not None:
+            yield [records[options.index]]
+        elif destination.takes_many:
             yield records
         else:
-            if index is None and len(records) > 1:
+            if len(records) > 1:
                 message(f"{options.source}: last of {len(records)} maps; --index selects another")
-            yield [records[-1 if index is None else index]]
+            yield [records[-1]]
 
 
 @contextmanager
@@ -166,7 +162,7 @@ def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]
 def _source(path: str) -> Iterator[Path | str]:
     """Yield the path or address of the source; standard input is copied to a temporary file."""
     if path != STANDARD:
-        yield path if _is_address(path) else Path(path)
+        yield path if "://" in path else Path(path)
         return
     if sys.stdin is None or sys.stdin.isatty():
         raise CommandError("expected an .npz file on standard input, from a file or a pipe")
@@ -183,9 +179,8 @@ def _source(path: str) -> Iterator[Path | str]:
 class Destination:
     """Destination of maps, selected by the `add_destination` arguments.
 
-    Args:
-        usual_topic: default topic of the maps in a bag. None means the source topic if the source
-            is a bag too, else `/grid_map`.
+    `usual_topic` is the default topic of the maps in a bag. None means the source topic if the
+    source is a bag too, else `/grid_map`.
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
@@ -195,8 +190,6 @@ class Destination:
         self._holds_many = source.open_maps is not None
         try:
             self.format, self._given = _choose(options, source_given)
-        except UsageError:
-            raise
         except GridMapError as error:
             raise UsageError(str(error)) from error
         if self.path == STANDARD and (sys.stdout is None or sys.stdout.isatty()):
@@ -209,8 +202,7 @@ class Destination:
 
     def takes_all(self, options: argparse.Namespace) -> bool:
         """Return whether a whole bag is selected and the format can copy whole bags."""
-        chosen = (options.topic, options.index, options.layers)
-        is_whole = all(one is None for one in chosen)
+        is_whole = (options.topic, options.index, options.layers) == (None, None, None)
         return self.format.save_all is not None and self._holds_many and is_whole
 
     def write_all(self, options: argparse.Namespace) -> None:
@@ -247,7 +239,7 @@ class Destination:
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Raise `CommandError` if `path` exists, unless it is a file or folder and `force` is set."""
+    """Raise `CommandError` if `path` exists, unless `force` is set and it is a file or folder."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)

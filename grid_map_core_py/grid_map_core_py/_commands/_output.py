@@ -5,9 +5,8 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import timedelta
-from typing import TextIO
 
 from ..errors import GridMapError, cut
 
@@ -72,34 +71,24 @@ def byte_count(size: int) -> str:
 class ProgressBar:
     """Shows progress: `[#####.....] 12/24 maps, 3.1 maps/s, 0:04 left`.
 
-    Leaving the context ends the line. If the stream is not a terminal, only the last state is
+    Leaving the context ends the line. If standard error is not a terminal, only the last state is
     written. With `cells`, the rate counts only units that finish after the first call.
 
     Args:
-        stream: output stream; None means standard error, or standard output with `as_json`.
-        clock: function that returns the time [s].
         quiet: whether to hide the progress; ignored with `as_json`.
         unit: plural name of the counted items.
         cells: number of cells per unit, to show the rate in cells per second; 0 means units per
             second.
-        as_json: whether to print a JSON line every second and at the end.
+        as_json: whether to print a JSON line to standard output every second and at the end.
     """
 
     def __init__(
-        self,
-        stream: TextIO | None = None,
-        clock: Callable[[], float] = time.monotonic,
-        *,
-        quiet: bool = False,
-        unit: str = "maps",
-        cells: float = 0.0,
-        as_json: bool = False,
+        self, *, quiet: bool = False, unit: str = "maps", cells: float = 0.0, as_json: bool = False
     ) -> None:
-        self._stream = stream or (sys.stdout if as_json else sys.stderr)
-        self._clock = clock
+        self._stream = sys.stdout if as_json else sys.stderr
         self._quiet = quiet and not as_json
         self._unit, self._cells, self._as_json = unit, cells, as_json
-        self._begin = clock()
+        self._begin = time.monotonic()
         self._before = None if cells else 0
         self._shown_at = -math.inf
         self._done = 0
@@ -115,7 +104,7 @@ class ProgressBar:
     def __call__(self, done: int, total: int | None = None) -> None:
         """Show that `done` of `total` units are finished; `total` is None if unknown."""
         self._done, self._total = done, total
-        now = self._clock()
+        now = time.monotonic()
         if self._before is None:
             self._begin, self._before = now, done
         shows = self._as_json or (self._stream.isatty() and not self._quiet)
@@ -124,7 +113,7 @@ class ProgressBar:
             self._show(end="\n" if self._as_json else "")
 
     def _show(self, end: str) -> None:
-        done, total, seconds = self._done, self._total, self._clock() - self._begin
+        done, total, seconds = self._done, self._total, time.monotonic() - self._begin
         rate = (done - (self._before or 0)) / seconds if seconds > 0 else 0.0
         left = (total - done) / rate if total is not None and rate else 0.0
         pace = ("cells", rate * self._cells) if self._cells else (self._unit, rate)

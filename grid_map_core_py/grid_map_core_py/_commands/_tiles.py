@@ -139,11 +139,8 @@ def write_tiles(
 ) -> None:
     """Compute a map tile by tile, write it to a Zarr store or GeoTIFF file, and print the path.
 
-    Args:
-        options: the `add_tiles` arguments, and `layers`.
-        threads: number of threads; None means one per processor. Ignored if `options` select
-            worker processes or a cluster.
-        progress: `ProgressBar` arguments.
+    `threads` is None for one thread per processor. It is ignored if `options` select worker
+    processes or a cluster. `progress` contains arguments of `ProgressBar`.
     """
     if options.memory and not options.workers:
         raise UsageError("--memory goes with --workers")

@@ -64,11 +64,8 @@ def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[
     """Return statistics and a histogram of the finite values of a layer as JSON values.
 
     For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
-
-    Args:
-        each: `each(function, layers)` calls `function` with the map, or with each tile if the map
-            is tiled, and returns a list of the results.
-        bins: number of histogram bins.
+    `each(function, layers)` calls `function` with the map, or with each tile of a tiled map, and
+    returns a list of the results.
     """
     import numpy as np
 

@@ -36,9 +36,6 @@ from ._point_cloud_pipeline import (
     downsample as downsample,
     remove_outliers as remove_outliers,
 )
-from ._point_layers import (
-    from_points as from_points,
-    rasterize as rasterize,
-)
+from ._point_layers import from_points as from_points, rasterize as rasterize
 
 __all__, __dir__ = _lazy.public_names(dir())

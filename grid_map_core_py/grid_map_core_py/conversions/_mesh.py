@@ -162,10 +162,8 @@ def _prepared(
 ) -> _Triangles:
     """Return the triangles that are finite, not vertical and of nonzero area.
 
-    Args:
-        rows, columns: (3, T) corners of the triangles [cells]; cell centers are at integers.
-        z: (3, T) heights of the corners [m].
-        tolerance: distance from an edge up to which cell centers outside are covered [cells].
+    `rows`, `columns` (3, T) [cells] and `z` (3, T) [m] are the corners. Cell centers are at
+    integers. A triangle also covers cell centers up to `tolerance` [cells] outside its edges.
     """
     along_rows, along_columns = _edges(rows), _edges(columns)
     area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]

@@ -42,14 +42,9 @@ def color_vector_to_value(rgb: ArrayLike) -> NDArray[np.float32]:
 def color_channels_to_value(
     red: NDArray[Any], green: NDArray[Any], blue: NDArray[Any]
 ) -> NDArray[np.float32]:
-    """Pack colors, given as one array per channel, into layer values.
+    """Pack three channels (...) into layer values (...), as in `color_vector_to_value`.
 
-    Args:
-        red, green, blue: (...) all floats in [0, 1] or all integers in [0, 255], as in
-            `color_vector_to_value`.
-
-    Returns:
-        (...) float32, in the memory order of the arrays; NaN where a component is NaN.
+    The result has the memory order of the channels.
     """
     with np.errstate(invalid="ignore"):
         bits = elementwise(_pack, np.uint32, red, green, blue)
@@ -86,11 +81,7 @@ def color_value_to_vector(value: ArrayLike) -> NDArray[np.float32]:
 
 
 def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
-    """Unpack layer values, as in `color_value_to_vector`, into one byte per channel.
-
-    Returns:
-        Red, green and blue, each (...) uint8; undefined where `value` is NaN.
-    """
+    """Unpack layer values (...) into red, green and blue (...); undefined where `value` is NaN."""
     if value.dtype.kind == "f":
         bits = value.astype(np.float32, copy=False).view(np.uint32)
     else:

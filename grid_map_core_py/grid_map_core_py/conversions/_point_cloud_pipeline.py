@@ -361,16 +361,11 @@ def remove_outliers(
 def euclidean_clusters(
     points: Positions, groups: Integers, tolerance: float, *, workers: int = 1
 ) -> Integers:
-    """Return the cluster number (n,) of each point; the numbering is arbitrary.
+    """Return the cluster number (n,) of each point (n, 3) [m]; the numbering is arbitrary.
 
     Two points are in the same cluster if a chain of points of the same group connects them, with
-    no step longer than the tolerance.
-
-    Args:
-        points: (n, 3) finite x, y, z [m].
-        groups: (n,) nonnegative group number of each point.
-        tolerance: longest step [m]; steps up to 1e-9 m longer are accepted.
-        workers: number of threads that search for neighbors.
+    no step longer than the tolerance [m]. Steps up to 1e-9 m longer are accepted. Points must be
+    finite, and group numbers (n,) nonnegative. `workers` threads search for neighbors.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -408,13 +403,9 @@ def _missing_links(
     """Return links between points of different clusters in the same group.
 
     In each pair of clusters, each crowded point of the cluster that has fewer crowded points is
-    linked to the nearest crowded point of the other cluster, if the distance is less than `reach`.
-
-    Args:
-        points: (n, 3) x, y, z [m].
-        groups, clusters: (n,) group and cluster of each point.
-        crowded: indices of the points with the maximum number of links; only they can lack links.
-        reach: largest length of a link [m].
+    linked to the nearest crowded point of the other cluster, if the distance is less than `reach`
+    [m]. The indices `crowded` select the points with the maximum number of links. Only these points
+    can lack links.
     """
     from scipy.spatial import cKDTree  # slow to import
 

@@ -43,7 +43,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
-from . import _point_loops as point_loops
+from ._point_loops import find_cells, ready
 from ._point_reductions import COLOR_REDUCTIONS, REDUCTIONS, Reduction
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
@@ -180,10 +180,9 @@ def from_points(
 
 
 def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
-    """Return packed colors without alpha.
+    """Remove alpha from colors (N,), which are 0xAARRGGBB as integers or as bits of float32 values.
 
-    Args:
-        values: (N,) 0xAARRGGBB as integers or as float32 bits; `float("nan")` means no color.
+    `float("nan")` means no color.
     """
     given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
     if given.dtype.kind in "iu":
@@ -204,20 +203,14 @@ def fitting_geometry(
     align: bool = False,
     layers: int = 1,
 ) -> GridGeometry:
-    """Return the smallest grid that covers a rectangle.
+    """Return the smallest grid that covers the rectangle from `lower` to `upper` (2,) [m].
 
     Args:
-        lower, upper: (2,) smallest and largest x, y [m].
-        resolution: side of a cell [m].
         hold_edges: if True, the grid also contains the -x and -y edges of the rectangle. A map does
             not contain its -x and -y borders, so the grid may need one more row and column.
         align: if True, align the borders with multiples of the resolution; if False, center the
             grid on the rectangle.
         layers: number of layers for the check of the memory limit.
-
-    Raises:
-        LimitError: the grid or the layers would be too large.
-        GeometryError: the resolution is not positive and finite.
     """
     resolution = as_finite(resolution, "resolution", "a positive number", above=0.0)
     rounding = BORDER_TOLERANCE + 4 * np.spacing(np.abs([lower, upper]).max())
@@ -273,8 +266,7 @@ def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
     """Return flat cell indices (n,) of points on the map and within limits, and their mask (N,)."""
-    point_loops.count(len(points))
-    find = point_loops.ready(point_loops.find_cells)
+    find = ready(find_cells, len(points))
     # For comparisons, NumPy rounds the limits to the data type of the heights.
     rounded = points.dtype.type(limits).tolist()
     half, center = (0.5 * geometry.length).tolist(), geometry.position.tolist()
@@ -283,21 +275,15 @@ def _located(
     for part in slices(len(points), PIECE):
         piece, here = points[part], counted[part]
         if find is None:
-            cells, inside = flat_cells(piece, geometry)
+            (rows, columns), inside = geometry.cells_at(piece[:, :2])
             here[:] = inside & _counted(piece, limits)
-            found.append(cells[here])
+            found.append((rows + geometry.size[0] * columns)[here])
         else:
             xyz = np.ascontiguousarray(piece[:, :3].T)
             cells = np.empty(len(piece), np.int64)
             find(xyz, len(piece), frame, geometry.size, cells, here.view(np.uint8))
             found.append(cells[: np.count_nonzero(here)])
     return np.concatenate(found), counted
-
-
-def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
-    """Return the flat cell index (N,) of each point, and a mask (N,) of the points on the map."""
-    (rows, columns), inside = geometry.cells_at(points[:, :2])
-    return rows + geometry.size[0] * columns, inside
 
 
 def _sources(

@@ -16,14 +16,13 @@ _FEW = 64
 _handled = 0
 
 
-def count(points: int) -> None:
-    """Add `points` to the number of points that this process has handled."""
+def ready(wanted: Loop, points: int = 0) -> Compiled | None:
+    """Return the compiled loop, or None if numba is missing or few points were handled so far.
+
+    `points` is added to the number of points that this process has handled.
+    """
     global _handled
     _handled += points
-
-
-def ready(wanted: Loop) -> Compiled | None:
-    """Return the compiled loop, or None if numba is missing or few points were handled so far."""
     return wanted.compiled() if _handled > _MANY else None
 
 

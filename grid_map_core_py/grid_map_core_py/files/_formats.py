@@ -163,15 +163,9 @@ def formats() -> dict[str, Format]:
 def find_format(
     path: Path, options: Iterable[str] = (), *, name: str | None = None, writes: bool = False
 ) -> Format:
-    """Return the first format that matches a path and accepts all options.
+    """Return the first format that reads (or with `writes`, writes) a path and accepts all options.
 
-    Args:
-        options: names of the options that the format must accept.
-        name: name of the format; None selects the format by the path.
-        writes: True to write to the path, False to read it.
-
-    Raises:
-        GridMapError: no format matches, or an option is unknown.
+    `options` contains the names of the options. `name` selects the format regardless of the path.
     """
 
     def fits(one: Format) -> bool:

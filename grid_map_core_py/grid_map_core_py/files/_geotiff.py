@@ -183,9 +183,7 @@ def unit_of(raster: Any) -> str:
 def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     """Return the grid geometry of an opened raster.
 
-    Raises:
-        ValueError: the pixels are not square, the first row is not the northernmost, or the raster
-            is not georeferenced.
+    Raises `ValueError` unless the raster is georeferenced, and has square pixels and north up.
     """
     step = raster.transform
     if step.is_identity:
@@ -215,9 +213,6 @@ def read_pixels(
         bands: band numbers, starting at 1.
         window: line and pixel slices of the raster.
         images: output arrays (lines, pixels) float32, one per band, with any strides.
-
-    Raises:
-        ValueError: a band contains complex numbers, or its scale or offset is not finite.
     """
     rectangle = import_module("rasterio.windows").Window.from_slices(*window)
     # Access each property only once, because each access visits all bands.
@@ -289,13 +284,9 @@ def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, 
 
 
 def describe_raster(raster: Any, described: Any, layers: Sequence[str]) -> None:
-    """Write band names and map metadata to an open raster.
+    """Write layer names and the metadata of a map or tiled map to an open raster.
 
-    Args:
-        raster: the open raster.
-        described: a `GridMap` or a tiled map. If its frame and its reference system have different
-            origins, `crs` and `origin` [m] are also stored.
-        layers: names of the bands.
+    If the frame and the reference system have different origins, `crs` and `origin` [m] are stored.
     """
     facts = {
         "frame_id": described.frame_id,

@@ -171,15 +171,10 @@ def write_image(file: Path, image: Image) -> None:
 
 
 def read_image(file: Path) -> Image:
-    """Read the pixels of a PNG, TIFF, BMP, PNM or JPEG file.
+    """Read the gray (rows, cols) or BGR(A) (rows, cols, 3 or 4) pixels of an image file.
 
-    Returns:
-        Pixels as uint8, uint16 or floats: gray (rows, cols), BGR (rows, cols, 3) or BGRA
-        (rows, cols, 4).
-
-    Raises:
-        OSError, ValueError: the file cannot be read or is damaged.
-        LimitError: the image has too many pixels.
+    Raises `OSError` or `ValueError` if the file cannot be read, and `LimitError` if the image has
+    too many pixels.
     """
     data = file.read_bytes()
     with suppress(struct.error):

@@ -273,7 +273,7 @@ def _old_image(file: Path) -> Path | None:
         return None
     document = load_yaml(file)
     name = document.get("image") if isinstance(document, Mapping) else None
-    if not isinstance(name, str) or "grid_map" in document:
+    if not isinstance(name, str):
         raise ValueError("the existing file is not a map of map_server")
     is_ours = re.fullmatch(rf"{re.escape(file.stem)}(_\d+)?\.(pgm|png)", name)
     return file.with_name(name) if is_ours else None

@@ -154,12 +154,8 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
 def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -> Iterator[Path]:
     """Yield an empty temporary folder. On success, this folder replaces the folder at `path`.
 
-    Args:
-        check_old: function that raises an error if the existing file or folder must not be
-            replaced; called before anything is written, and again before the replacement.
-
-    Raises:
-        OSError: the parent folder is missing or not writable. The error names `path`.
+    `check_old` raises an error if the existing file or folder must not be replaced. It is called
+    before anything is written, and again before the replacement.
     """
     with _beside(path) as (temporary, target):
         if target.exists():
@@ -170,13 +166,14 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
             _sync(file)
         if target.exists():
             check_old(target)
-            replace_folder(temporary, target)
-        else:
-            temporary.rename(target)
+        replace_folder(temporary, target)
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Replace the folder `target` with `temporary`. After an error, `target` is restored."""
+    """Rename `temporary` to `target`. An existing folder is removed, or restored after an error."""
+    if not target.exists():
+        temporary.rename(target)
+        return
     old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
     target.rename(old)
     try:
@@ -252,11 +249,7 @@ def load_yaml(path: str | PathLike[str]) -> Any:
 
 
 def parse_yaml(text: str | bytes, name: object) -> Any:
-    """Parse a YAML text. `name` identifies the text in errors.
-
-    Raises:
-        GridMapError: the text is not valid YAML, or a key occurs twice.
-    """
+    """Parse a YAML text, in which keys must not repeat. Errors begin with `name`."""
     try:
         return yaml.load(text, _Loader)
     # A value that does not match its tag, such as `!!int x`, may cause an error of any class.

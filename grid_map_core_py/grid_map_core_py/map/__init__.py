@@ -12,9 +12,7 @@ from .. import _lazy
 from ._geometry import GridGeometry as GridGeometry
 from ._grid_map import GridMap as GridMap
 from ._interpolation import Interpolation as Interpolation
-from ._ring_buffer import (
-    BufferRegion as BufferRegion,
-)
+from ._ring_buffer import BufferRegion as BufferRegion
 from ._signed_distance_field import SignedDistanceField as SignedDistanceField
 
 __all__, __dir__ = _lazy.public_names(dir())

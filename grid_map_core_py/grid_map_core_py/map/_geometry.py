@@ -227,10 +227,7 @@ class GridGeometry:
         return x, y
 
     def check_indices(self, cells: ArrayLike, name: str = "index") -> Cells:
-        """Return cells as (rows, cols) after checking that all are on the map.
-
-        `cells` is (rows, cols) or (N, 2). `name` is the name of the parameter in error messages.
-        """
+        """Return (rows, cols) or (N, 2) cells as (rows, cols); all must be on the map."""
         cells = as_cells(cells, name)
         if not cells[0].size or all(
             # Viewed as unsigned integers, negative numbers also exceed `count`.

@@ -99,14 +99,6 @@ class GridMap(MutableMapping[str, Layer]):
         "_start",
         "_timestamp",
     )
-    _basic_layers: tuple[str, ...]
-    _frame_id: str
-    _geometry: GridGeometry
-    _layers: dict[str, Layer]
-    _reference: tuple[str, Pair]  # reference system, and the frame origin in it
-    _shared: set[str]  # layers that another map owns; copied on first access
-    _start: Size
-    _timestamp: int
     __hash__ = None  # type: ignore[assignment]
 
     def __init__(
@@ -193,8 +185,8 @@ class GridMap(MutableMapping[str, Layer]):
         reference: tuple[str, Pair] = ("", (0.0, 0.0)),
     ) -> None:
         self._geometry = geometry
-        self._reference = reference
-        self._shared = set()
+        self._reference = reference  # the reference system, and the frame origin in this system
+        self._shared: set[str] = set()  # layers that another map owns; copied on first access
         self._start = start
         self._layers = layers
         self._basic_layers = basic_layers

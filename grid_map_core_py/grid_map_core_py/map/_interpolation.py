@@ -129,10 +129,8 @@ def check_inside(geometry: GridGeometry, points: Positions) -> None:
 class Surface:
     """Interpolated layer, evaluated at coordinates (2, N): a row of x and a row of y.
 
-    Args:
-        start: start index of the layer.
-        layer: (rows, cols) values of the layer, or a block in map order with all required cells.
-        corner: row and column of the map at which `layer` begins.
+    `layer` is a whole layer with the start index `start`, or a block in map order that begins at
+    the map cell `corner` and contains all required cells.
     """
 
     def __init__(
@@ -149,14 +147,9 @@ class Surface:
         # Infinity times a weight of 0 is NaN. The values are then computed with a simpler method.
         with np.errstate(invalid="ignore"):
             for part in slices(len(points), CHUNK):
-                xy = self.coordinates(points[part])
-                values[part] = self.values(xy, method)
+                check_inside(self._geometry, points[part])
+                values[part] = self.values(np.ascontiguousarray(points[part].T), method)
         return values
-
-    def coordinates(self, points: Positions) -> Positions:
-        """Check that positions (N, 2) are on the map, and return them as coordinates (2, N)."""
-        check_inside(self._geometry, points)
-        return np.ascontiguousarray(points.T)
 
     def values(self, xy: Positions, method: Interpolation) -> NDArray[np.floating[Any]]:
         """Return the values (N,) at coordinates (2, N) on the map."""
@@ -246,11 +239,9 @@ def _neighbors(
 
 
 def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
-    """Return the weights (...) of the neighbors along an axis, lowest coordinate first.
+    """Return the weights (...) of 2 (linear) or 4 (cubic) neighbors, lowest coordinate first.
 
-    Args:
-        t: (...) position between the two inner cells, from 0 (lower) to 1 (upper).
-        reach: number of neighbors, 2 (linear) or 4 (cubic).
+    `t` (...) is the position between the two inner cells, from 0 (lower) to 1 (upper).
     """
     rest = 1.0 - t
     if reach == 2:

@@ -80,10 +80,7 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
 
 
 def check_frames(grid_map: Any, other: GridMap) -> None:
-    """Raise `GridMapError` if two maps name different frames or reference systems.
-
-    `grid_map` may be a tiled map.
-    """
+    """Raise `GridMapError` if two maps or tiled maps name different frames or reference systems."""
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {short(other)}")
     frame_id = grid_map.frame_id
@@ -109,14 +106,10 @@ def _has_one_crs(one: Any, other: GridMap) -> bool:
 def lines_under(
     centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return the rows (axis 0) or columns (axis 1) of `other` that contain given cell centers.
+    """Return the row (axis 0) or column (axis 1) of `other` at each x or y (N,) [m], and a mask.
 
-    Args:
-        centers: (N,) x of rows, or y of columns, of another grid [m].
-
-    Returns:
-        lines: (N,) buffer rows or columns; outside `other`, the nearest row or column.
-        inside: (N,) mask of the centers that are on `other` along this axis.
+    Rows and columns are buffer indices. The mask (N,) is False outside `other`, where the nearest
+    row or column is returned.
     """
     positions = np.tile(other.position, (centers.size, 1))
     positions[:, axis] = centers

@@ -37,14 +37,9 @@ def resize_flag(interpolation: Interpolation | str | int) -> int:
 def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Layer:
     """Interpolate a layer with OpenCV's `resize`. Both grids begin at the same corner.
 
-    A target cell whose nearest source cell is NaN or infinite gets that value. All
-    other target cells are finite: they are computed from finite source cells only.
-
-    Args:
-        layer: (rows, cols) in map order.
-        size: rows and columns of the result.
-        factor: target cells per source cell along each axis.
-        interpolation: a flag of `resize`.
+    A target cell whose nearest source cell is NaN or infinite gets that value. All other target
+    cells are computed from finite source cells only. `factor` is the number of target cells per
+    source cell along each axis.
     """
     if interpolation in (cv2.INTER_NEAREST, cv2.INTER_NEAREST_EXACT):
         return _resized(layer, size, factor, interpolation)

@@ -57,14 +57,7 @@ def place(numbers: Integers, start: int, size: int) -> None:
 def block(
     layer: Layer, start: Size, rows: slice, columns: slice, out: Layer | None = None
 ) -> Layer:
-    """Return a copy of a block of map cells, in map order.
-
-    Args:
-        layer: (rows, cols), the whole buffer.
-        start: start index of the circular buffer.
-        rows, columns: slices of the block in map order.
-        out: array for the block; None creates one.
-    """
+    """Copy a block of a layer to `out` or a new array; the slices and the copy are in map order."""
     if out is None:
         shape = rows.stop - rows.start, columns.stop - columns.start
         out = np.empty(shape, layer.dtype, "F")

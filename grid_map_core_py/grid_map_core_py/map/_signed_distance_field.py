@@ -221,13 +221,8 @@ class SignedDistanceField:
     ) -> tuple[_Coordinates, _Coordinates]:
         """Return the node coordinates of points, and the first node that each point needs.
 
-        Args:
-            rounded: rounding function, such as `np.floor`.
-            width: number of nodes needed along each axis, including the first node.
-
-        Returns:
-            places: node coordinates, in units of the node spacing; NaN where a point is not finite.
-            cells: rounded places, clamped so that all needed nodes exist.
+        Node coordinates are in units of the node spacing, and NaN where a point is not finite. The
+        first nodes are `rounded` coordinates, clamped so that `width` nodes exist along each axis.
         """
         places, cells = [], []
         for axis, size in enumerate(self._counts):

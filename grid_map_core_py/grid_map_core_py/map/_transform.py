@@ -56,14 +56,9 @@ def transformed_map(
 
 
 def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) -> Positions:
-    """Return the x, y or z coordinate of transformed points as a (cols, rows) array.
+    """Return one coordinate (cols, rows) of points at x (rows,) and y (cols,) after the transform.
 
-    Args:
-        row: (4,) row of the transform that yields this coordinate.
-        x: (rows,) x of the points before the transform.
-        y: (cols,) y of the points before the transform.
-        lift: contribution of z and the translation, `row[2] * z + row[3]`; an array (cols, rows),
-            or one number for all points.
+    `row` (4,) is the row of the transform for this coordinate. `lift` is `row[2] * z + row[3]`.
     """
     moved: Positions = row[0] * x + (row[1] * y)[:, None]
     moved += lift
@@ -79,13 +74,9 @@ def _seen_from_above(
 ) -> tuple[NDArray[np.float32], _Indices]:
     """Return the height of the highest point in each new cell, and the index of its source cell.
 
-    Both arrays list the cells in column-major order. Cells without points have the height -inf.
-    Among equally high points, the one from the last source cell is kept.
-
-    Args:
-        geometry: the new grid.
-        matrix: (3, 4) rotation and translation.
-        steps: offsets (dx, dy) [m] of a cell's points from its center.
+    Both arrays list the cells of the new grid `geometry` in column-major order. Cells without
+    points have the height -inf. Among equally high points, the one from the last source cell is
+    kept. `steps` contains the offsets (dx, dy) [m] of a cell's points from its center.
     """
     heights = grid_map.unwrapped(height_layer)
     x, y = grid_map.geometry.axes_in_map_order()

@@ -110,12 +110,7 @@ def dataset_of(described: GridMap | TiledData, layers: Mapping[str, Any]) -> "xa
 def grid_mapping(crs: str) -> dict[str, Any]:
     """Return the attributes of a CF grid mapping variable that describes a reference system.
 
-    Args:
-        crs: WKT, a code such as "EPSG:25832", or a PROJ string.
-
-    Raises:
-        ConfigError: the reference system is unknown.
-        MissingPackageError: `crs` is not WKT, and pyproj is not installed.
+    Only codes such as "EPSG:25832" and PROJ strings require pyproj.
     """
     is_wkt = bool(_WKT.match(crs))
     wkt, about = crs, {}
@@ -170,11 +165,7 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
 
 
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
-    """Return the geometry of a dataset in the map frame, and two flags: whether x and y ascend.
-
-    Raises:
-        GeometryError: a coordinate is missing or not evenly spaced, or cells are not square.
-    """
+    """Return the geometry of a dataset in the map frame, and two flags: whether x and y ascend."""
     axes: list[Positions] = []
     for name in DIMENSIONS:
         if name not in dataset.coords or dataset[name].dims != (name,):
@@ -229,11 +220,7 @@ def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
 
 
 def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
-    """Return the names of the layers, in the order of the attribute `layers`.
-
-    Raises:
-        GridMapError: a variable has additional dimensions or is not numeric.
-    """
+    """Return the names of the layers, in the order of the attribute `layers`."""
     layers = []
     for key, variable in dataset.data_vars.items():
         name, dimensions = str(key), variable.dims
@@ -273,10 +260,8 @@ def crs_of(dataset: "xarray.Dataset") -> str:
 class DatasetSource:
     """Source that reads layers from a dataset in memory, in a file or in Dask arrays.
 
-    Args:
-        dataset: dataset whose variables are layers with the dimensions x and y.
-        name: name of the dataset in error messages.
-        ascends: whether x and y ascend in the dataset; in a map, both descend.
+    `name` identifies the dataset in error messages. `ascends` tells whether x and y ascend in the
+    dataset; in a map, both descend.
     """
 
     dataset: "xarray.Dataset"
@@ -316,13 +301,10 @@ class DatasetSource:
 def open_dataset(
     data: "xarray.Dataset | xarray.DataArray", tile: Size | None = None, name: str = "dataset"
 ) -> TiledData:
-    """Open a dataset as a tiled map.
+    """Open a dataset, as in `GridMap.from_xarray`, as a tiled map.
 
-    Args:
-        data: as in `GridMap.from_xarray`. Values are read or computed window by window.
-        tile: rows and columns of a tile. None means the size of the first Dask chunk, or
-            1024 x 1024 cells if the dataset has no chunks.
-        name: name of the dataset in error messages.
+    By default, a tile has the size of the first Dask chunk, or 1024 x 1024 cells without chunks.
+    `name` identifies the dataset in error messages.
     """
     dataset = as_dataset(data)
     geometry, ascends = geometry_of(dataset)

@@ -92,10 +92,8 @@ class _Part(NamedTuple):
 class RasterSource:
     """Source that reads layers from the bands of rasters that share a grid.
 
-    Args:
-        parts: the rasters. If rasters overlap, a cell gets the first value that is not NaN.
-        layers: names of the bands.
-        crs: reference system to which the rasters are reprojected; empty for no reprojection.
+    If rasters overlap, a cell gets the first value that is not NaN. `crs` is the reference system
+    to which the rasters are reprojected, or empty for no reprojection.
     """
 
     parts: tuple[_Part, ...]
@@ -222,12 +220,10 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
 
 
 def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
-    """Return the coarsest overview whose cells are at most as wide as `step` cells of the raster.
+    """Return the coarsest overview with cells at most `step` map cells wide, and their width.
 
-    Returns:
-        overview: the overview as a map, with positions accurate to half a cell; `tiled_map` itself
-            if it is a mosaic, is reprojected or has no such overview.
-        factor: side of an overview cell [cells of `tiled_map`].
+    Positions in the overview are accurate to half a cell. If the map is a mosaic, is reprojected or
+    has no such overview, the map itself and the width 1 are returned.
     """
     source = tiled_map.source
     if not isinstance(source, RasterSource) or len(source.parts) > 1 or source.parts[0].transform:
@@ -315,12 +311,9 @@ def _warn(raster: Any, path: str) -> None:
 def _box(header: _Header, first: _Header, *, exact: bool) -> tuple[int, int, int, int]:
     """Return the sides of a raster in the grid of a mosaic: west, north, east, south [cells].
 
-    Args:
-        first: header of the first raster in the mosaic; its north-west corner is (0, 0).
-        exact: whether the raster must lie on the grid. Otherwise, the sides are rounded outwards.
-
-    Raises:
-        ValueError: the layers, reference systems, pixel sizes or grids of the rasters differ.
+    The north-west corner of the first raster is (0, 0). Both rasters must have the same layers and
+    reference system. With `exact`, they must also lie on the same grid. Otherwise, the sides are
+    rounded outwards.
     """
     of_crs = import_module("rasterio.crs").CRS.from_user_input
     if header.crs != first.crs and (
@@ -361,7 +354,7 @@ def to_geotiff(
     tiled_map: TiledData,
     path: str | PathLike[str],
     names: Sequence[str],
-    progress: Progress | None,
+    progress: Progress,
     *,
     cog: bool,
     compress: bool,
@@ -392,7 +385,7 @@ def _write_windows(
     tiled_map: TiledData,
     file: Path,
     names: Sequence[str],
-    progress: Progress | None,
+    progress: Progress,
     *,
     compress: bool,
 ) -> None:
@@ -409,13 +402,11 @@ def _write_windows(
     rectangle = import_module("rasterio.windows").Window.from_slices
     with import_module("rasterio").open(file, "w", **profile) as raster:
         describe_raster(raster, tiled_map, names)
-        if progress is not None:
-            progress(0, len(windows))
+        progress(0, len(windows))
         parts = in_any_order(partial(_compute, tiled_map, names), windows)
         for done, (window, layers) in enumerate(parts, 1):
             raster.write(np.stack([*map(to_north_up, layers)]), window=rectangle(*window))
-            if progress is not None:
-                progress(done, len(windows))
+            progress(done, len(windows))
 
 
 def _compute(tiled_map: TiledData, names: Sequence[str], window: Window) -> list[Layer]:

@@ -13,9 +13,6 @@ from .._arrays._checks import Layer, Positions, Size
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..map._geometry import GridGeometry
 
-__all__ = ["shape", "widened", "within"]
-"""Names that other packages of the suite may import."""
-
 Window: TypeAlias = tuple[slice, slice]
 """Row and column slices (start, stop, no step) of a rectangle of cells in map order."""
 
@@ -168,18 +165,11 @@ def shape(window: Window) -> Size:
     return window[0].stop - window[0].start, window[1].stop - window[1].start
 
 
-def tile_name(window: Window) -> str:
-    """Format a window for messages."""
-    return f"cells [{', '.join(f'{part.start}:{part.stop}' for part in window)}]"
-
-
 @contextmanager
 def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
-    """Replace exceptions from reading or writing with a GridMapError that names `path`.
+    """Replace exceptions from reading or writing with a `GridMapError` that names `path`.
 
-    Args:
-        path: name of a store or dataset, or of a part of it.
-        doing: "read" or "written", for the message "cannot be ...".
+    `doing` is "read" or "written", for the error message.
     """
     try:
         yield

@@ -304,7 +304,7 @@ class TiledMap(TiledData):
                 False or the inputs differ.
         """
         names = select_layers(self.layers, layers)
-        to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
+        to_zarr(self, path, names, progress or _silent, resume=resume, overwrite=overwrite)
 
     def write(
         self,
@@ -363,7 +363,7 @@ class TiledMap(TiledData):
         from ._rasters import to_geotiff
 
         names, options = select_layers(self.layers, layers), {"cog": cog, "compress": compress}
-        to_geotiff(self, path, names, progress, overwrite=overwrite, **options)
+        to_geotiff(self, path, names, progress or _silent, overwrite=overwrite, **options)
 
     def position_of(self, latitude: ArrayLike, longitude: ArrayLike) -> Positions:
         """Convert latitudes and longitudes to positions in the map frame.
@@ -422,6 +422,10 @@ class TiledMap(TiledData):
         return self._in_frame_at(origin.tolist())
 
 
+def _silent(done: int, total: int) -> None:
+    """Show no progress."""
+
+
 def _pairs(*coordinates: ArrayLike) -> Positions:
     """Combine coordinates into pairs (2,) or (N, 2); pairs that are not finite become NaN."""
     pairs = np.stack([np.asarray(one, np.float64) for one in coordinates], axis=-1)
@@ -452,7 +456,6 @@ class GridMapAccessor:
     """
 
     def __init__(self, data: xarray.Dataset | xarray.DataArray) -> None:
-        """Wrap a dataset or data array; methods check the data when they are called."""
         self._data = data
 
     @cached_property

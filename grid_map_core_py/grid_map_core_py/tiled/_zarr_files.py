@@ -15,7 +15,6 @@ import errno
 import fcntl
 import json
 import os
-import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,13 +26,13 @@ from typing import IO, Any
 
 import numpy as np
 
-from .._arrays._checks import Size, is_name
+from .._arrays._checks import is_name
 from .._unfinished import notes
 from ..errors import GridMapError, required, short
-from ..files._shared import check_ending, new_folder
+from ..files._shared import check_ending, new_folder, replace_folder
 from ._datasets import CRS_VARIABLE, DIMENSIONS, attributes, coordinates, grid_mapping
 from ._engine import in_any_order
-from ._source import Progress, TiledData, data_errors, tile_name
+from ._source import Progress, TiledData, data_errors
 
 VERSION_KEY = "grid_map_version"
 VERSION = 1
@@ -63,7 +62,7 @@ def to_zarr(
     tiled_map: TiledData,
     path: str | PathLike[str],
     names: Sequence[str],
-    progress: Progress | None,
+    progress: Progress,
     *,
     resume: bool,
     overwrite: bool,
@@ -115,13 +114,7 @@ def to_zarr(
             # Killed workers leave partial files behind.
             for leftover in part.glob("*/*.partial"):
                 leftover.unlink()
-            if target.exists():
-                old = target.with_name(f"{target.name}.old")
-                target.rename(old)
-                part.rename(target)
-                shutil.rmtree(old)
-            else:
-                part.rename(target)
+            replace_folder(part, target)
         (target / _RUN).unlink()
 
 
@@ -136,9 +129,7 @@ def _locked(part: Path) -> Iterator[IO[str]]:
         yield stream
 
 
-def _compute(
-    tiled_map: TiledData, part: Path, names: Sequence[str], progress: Progress | None
-) -> None:
+def _compute(tiled_map: TiledData, part: Path, names: Sequence[str], progress: Progress) -> None:
     """Compute the tiles that are missing in an unfinished store, and write them."""
     tiles, columns = tiled_map.tiles, tiled_map.tiles.counts[1]
     chunks = [{file.name for file in (part / name).iterdir()} for name in names]
@@ -148,13 +139,11 @@ def _compute(
     ]
     # Neighboring tiles are computed one after the other, so that shared inputs stay in memory.
     missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
-    done = len(tiles) - len(missing)
-    if progress is not None:
+    finished = len(tiles) - len(missing)
+    progress(finished, len(tiles))
+    write = _Write(tiled_map, str(part.absolute()), names)
+    for done, _ in enumerate(in_any_order(write, missing), finished + 1):
         progress(done, len(tiles))
-    for _ in in_any_order(_Write(tiled_map, str(part.absolute()), names), missing):
-        done += 1
-        if progress is not None:
-            progress(done, len(tiles))
 
 
 @dataclass(frozen=True)
@@ -168,7 +157,8 @@ class _Write:
         try:
             layers = self.tiled_map.source.read(window, self.names)
         except GridMapError as error:
-            raise GridMapError(f"{tile_name(window)}: {error}") from error
+            place = ", ".join(f"{part.start}:{part.stop}" for part in window)
+            raise GridMapError(f"cells [{place}]: {error}") from error
         for name, layer in zip(self.names, layers, strict=True):
             with data_errors(Path(self.store, name), "written"):
                 self._arrays[name][window] = layer
@@ -210,19 +200,10 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
                 f"beginning with . or __, none of {', '.join(taken)}), got {short(name)}"
             )
     geometry, crs = tiled_map.geometry, tiled_map.crs
-    form = {} if _is_zarr_2(zarr) else {"zarr_format": 2}
-    group = zarr.open_group(str(path), mode="a", **form)
+    version = {} if _is_zarr_2(zarr) else {"zarr_format": 2}
+    group = zarr.open_group(str(path), mode="a", **version)
 
-    def create(
-        name: str,
-        dtype: str,
-        shape: Size | tuple[int, ...],
-        chunks: Size | tuple[int, ...],
-        dimensions: Sequence[str],
-        about: dict[str, Any],
-        **options: Any,
-    ) -> Any:
-        options |= {"shape": shape, "chunks": chunks, "dtype": dtype}
+    def create(name: str, dimensions: Sequence[str], about: dict[str, Any], **options: Any) -> Any:
         if hasattr(group, "create_array"):
             options["compressors"] = options.pop("compressor", None)
             array = group.create_array(name, **options)
@@ -234,15 +215,16 @@ def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> Non
 
     # Readers convert the variable to a coordinate, which rioxarray expects.
     about_crs = {"grid_mapping": CRS_VARIABLE, "coordinates": CRS_VARIABLE} if crs else {}
-    packing = {"compressor": blosc("lz4", 1, blosc.SHUFFLE), "fill_value": np.nan, "order": "F"}
+    form = {"dtype": "<f4", "shape": geometry.size, "chunks": tuple(tiled_map.tile), "order": "F"}
+    packing = {"compressor": blosc("lz4", 1, blosc.SHUFFLE), "fill_value": np.nan}
     for name in names:
-        create(name, "<f4", geometry.size, tuple(tiled_map.tile), DIMENSIONS, about_crs, **packing)
+        create(name, DIMENSIONS, about_crs, **form, **packing)
     for name, (_, values, about) in coordinates(geometry, tiled_map.origin).items():
         # xarray reads values that equal the fill value as NaN.
-        array = create(name, "<f8", values.shape, values.shape, [name], about, fill_value=np.nan)
-        array[:] = values
+        options = {"shape": values.shape, "chunks": values.shape, "fill_value": np.nan}
+        create(name, [name], about, dtype="<f8", **options)[:] = values
     if crs:
-        create(CRS_VARIABLE, "<i4", (), (), [], grid_mapping(crs))
+        create(CRS_VARIABLE, [], grid_mapping(crs), dtype="<i4", shape=(), chunks=())
     group.attrs.put(attributes(tiled_map, names) | {VERSION_KEY: VERSION})
     # Readers then need only one file for the metadata of all layers.
     zarr.consolidate_metadata(str(path))

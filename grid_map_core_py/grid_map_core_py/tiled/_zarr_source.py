@@ -41,9 +41,7 @@ _LARGEST_DIFFERENCE = 1e-6
 class StoreSource:
     """Source that reads layers from a Zarr store; each process opens the store on its first read.
 
-    Args:
-        path: folder or fsspec URL of the store.
-        size: number of rows and columns.
+    `path` is a folder or an fsspec URL.
     """
 
     path: str
@@ -153,11 +151,9 @@ def merge(
 
 
 def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArray[Any]]]:
-    """Return the store cells with centers inside a map, and the map cells that contain the centers.
+    """Return the window of store cells with centers inside a map, and the map cells under it.
 
-    Returns:
-        window: rectangle of store cells.
-        lines: index arrays: map row of each row of `window`, map column of each column.
+    The map cells are two index arrays: the map row of each row, and the map column of each column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution
