@@ -29,8 +29,8 @@ def outcome(case: ElementTree.Element) -> str:
 def main() -> int:
     files = sorted((ROOT / "build").glob("*/pytest.xml"))
     results = {path.parent.name: list(cases(path)) for path in files}
-    # Every Python package must report tests, and so must the workspace (`test/`).
-    suites = ["workspace", *(path.parent.name for path in sorted(ROOT.glob("*/setup.py")))]
+    # Every Python package must report tests, and so must both parts of the workspace (`test/`).
+    suites = ["workspace_1", "workspace_2", *(path.parent.name for path in sorted(ROOT.glob("*/setup.py")))]
     silent = [suite for suite in suites if not results.get(suite)]
     every = [case for suite in results.values() for case in suite]
     for result, name in every:
