@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Stairs, a ramp and stepping stones, and the poses of a depth camera above them."""
+"""Simulated course with stairs, a ramp and stepping stones, and the depth-camera poses along it."""
 
 import math
 

@@ -98,7 +98,7 @@ def field_name(name: str) -> str:
 
 
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:
-    """Return the parameters of a filter by field name.
+    """Flatten the parameters of a filter into a dict keyed by field name.
 
     `min: {value: 1}`, `min.value: 1` and the ROS 1 form `min/value: 1` become `min_value: 1`.
     """

@@ -43,10 +43,11 @@ _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 def _choose(
     options: argparse.Namespace, of_source: Iterable[str] | None = None
 ) -> "tuple[Format, dict[str, Any]]":
-    """Return the format of the source or destination, and the options given for this format.
+    """Return the format of the source or of the destination, and the options given for it.
 
-    `of_source` is None for the source. For the destination, it contains the options of the source,
-    which are accepted even if the destination does not use them.
+    If `of_source` is None, the source is handled. Otherwise, the destination is handled, and
+    `of_source` names the options that the source uses; these are accepted even if the destination
+    format does not have them.
     """
     from ..files._formats import find_format, formats, options_of
 

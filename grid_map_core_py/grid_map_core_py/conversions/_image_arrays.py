@@ -147,7 +147,10 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return a function that converts layer values to gray values for `pixel`, still as floats."""
+    """Return a function that scales layer values to the gray range of the dtype `pixel`.
+
+    The results are not cast to `pixel`. Float images without bounds are not scaled.
+    """
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _range(lower, upper, values)
@@ -170,7 +173,10 @@ def _encoder(
 def _range(
     lower: float | None, upper: float | None, values: Layer
 ) -> tuple[np.float32, np.float32]:
-    """Return the bounds; None becomes the smallest (lower) or largest (upper) finite value."""
+    """Return the bounds as float32.
+
+    If `lower` or `upper` is None, the smallest or largest finite value replaces it.
+    """
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
     # If only one bound is given, and all finite values lie beyond it, both bounds are equal.
@@ -302,7 +308,7 @@ def _read_gray(
 
 
 def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: float) -> Layer:
-    """Convert pixels to a layer in map order; transparent pixels become NaN."""
+    """Convert pixels to a layer in map order, with NaN for transparent pixels."""
     rows, columns, channels = pixels.shape
     values: Layer = np.empty((rows, columns), np.float32, order="F")
     share = as_number(alpha_threshold, "alpha_threshold")
@@ -361,7 +367,7 @@ def change_resolution(
 
 
 def _as_image(image: ArrayLike, size: Size | None = None) -> Image:
-    """Return an image as (rows, cols, channels)."""
+    """Validate an image, and return it with the shape (rows, cols, channels)."""
     if image is None:
         raise GeometryError("image: got None, which cv2.imread returns for a file it cannot read")
     try:

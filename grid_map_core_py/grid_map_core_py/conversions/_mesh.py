@@ -160,7 +160,7 @@ class _Triangles(NamedTuple):
 def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
 ) -> _Triangles:
-    """Return the triangles that are finite, not vertical and of nonzero area.
+    """Return the finite triangles that are not vertical and have a nonzero area.
 
     `rows`, `columns` (3, T) [cells] and `z` (3, T) [m] are the corners. Cell centers are at
     integers. A triangle also covers cell centers up to `tolerance` [cells] outside its edges.

@@ -91,7 +91,10 @@ def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
 
 
 def _pack(*channels: NDArray[Any]) -> NDArray[np.uint32]:
-    """Pack channels, as floats in [0, 1] or integers in [0, 255], into bits 0x00RRGGBB."""
+    """Pack channels into bits 0x00RRGGBB.
+
+    The channels are floats in [0, 1] or integers in [0, 255].
+    """
     bits: NDArray[np.uint32] = join_channels(*map(_byte, channels))
     for channel in channels:
         if channel.dtype.kind == "f":

@@ -60,7 +60,7 @@ class _OutlierRemoval:
 
 @dataclass(frozen=True, kw_only=True)
 class _Downsampling:
-    """Voxel filter parameters: voxel sides x, y, z [m]."""
+    """Parameters of the voxel filter; `voxel_size` contains the sides along x, y and z [m]."""
 
     is_downsample_cloud: bool = False
     voxel_size: _Triple = (0.05, 0.05, 0.05)
@@ -436,7 +436,7 @@ def _missing_links(
 
 
 def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
-    """Return points (n, 4) such that different groups are at least `2 * reach` apart."""
+    """Append a coordinate that keeps different groups of points at least `2 * reach` apart."""
     return np.column_stack([points, 2.0 * reach * groups])
 
 

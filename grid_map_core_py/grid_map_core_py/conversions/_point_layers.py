@@ -265,7 +265,10 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return flat cell indices (n,) of points on the map and within limits, and their mask (N,)."""
+    """Return the flat cell indices (n,) of the points on the map and within the limits.
+
+    Also return a mask (N,) of these points.
+    """
     find = ready(find_cells, len(points))
     # For comparisons, NumPy rounds the limits to the data type of the heights.
     rounded = points.dtype.type(limits).tolist()

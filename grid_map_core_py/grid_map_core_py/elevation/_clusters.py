@@ -71,7 +71,7 @@ def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: 
 
 
 def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
-    """Return `points.order`, with `values` (n,) as tie-breaker for equal heights and variances."""
+    """Return `points.order`, sorted by `values` (n,) where heights and variances are equal."""
     order = points.order
     same = np.zeros(len(order) + 1, np.bool_)
     same[1:-1] = (np.diff(points.heights) == 0) & (np.diff(points.variances) == 0)
@@ -189,7 +189,7 @@ class Clusters:
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the point indices of k clusters, concatenated, and the offset (k,) of each."""
+        """Return the concatenated point indices of k clusters, and the offset (k,) of each part."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -256,7 +256,7 @@ def _grow_arrays(
 
 @loop(("int64*", 2), "int64", ("float64*", 2), ("float64", 2), "int64*", ("float64*", 3))
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
-    """Compute the `counts` and `sums` of clusters, at the index of each cluster's first point.
+    """Write the `counts` and `sums` of each cluster at the index of its first point.
 
     The sums are those of w, w h and w h^2 over the points of the cluster, where w is the inverse
     variance of a point, and h is its height above the first point.

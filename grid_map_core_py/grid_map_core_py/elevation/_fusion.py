@@ -151,7 +151,7 @@ class Fusion:
         return used
 
     def _decide(self, surface: Integers, is_large: Mask) -> None:
-        """Set `outcomes` and `chosen`, ignoring candidates."""
+        """Set `outcomes` and `chosen`; `_merge` later changes them for accepted candidates."""
         clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
         agrees = clusters.agree(old, self.state.variances[self._cells])
         smaller = is_large & (self._numbers < surface[groups])
@@ -168,7 +168,10 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return a mask (k,) of the cells `lower` whose chosen cluster may replace the height."""
+        """Return a mask (k,) of the cells whose chosen cluster may replace the height.
+
+        `lower` (k,) contains the indices of the cells whose chosen cluster is below the height.
+        """
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
         # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
@@ -252,7 +255,7 @@ class Fusion:
     def _overhangs(self, is_large: Mask) -> Integers:
         """Return the lowest overhanging cluster (m,) of each cell, or `NONE`.
 
-        Updates the layer `overhang`. Heights in the map that belong to an overhang become NaN.
+        The layer `overhang` is updated, and map heights that belong to an overhang become NaN.
         """
         clusters, state, cells = self.clusters, self.state, self._cells
         groups, heights = clusters.groups, clusters.points.heights

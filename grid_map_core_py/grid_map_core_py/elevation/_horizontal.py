@@ -63,7 +63,10 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """For each offset, yield the weights, heights and variances (k,) of known cells' neighbors."""
+    """Yield the weights, heights and variances (k,) of neighbors of the k known cells.
+
+    Each item is for one offset from a cell to its neighbor. Unknown neighbors have weight 0.
+    """
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     # Probability that the position error along an axis rounds to each number of cells.
@@ -84,7 +87,7 @@ def _neighbors(
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the weighted quantile (k,) of each cell's values, at the level `1 - _TAIL`."""
+    """Return the weighted `1 - _TAIL` quantile (k,) of each cell's values."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.take_along_axis(order, np.argmax(above > _TAIL, axis=0)[None], axis=0)

@@ -54,7 +54,7 @@ class Covariance:
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
 
     def with_height(self, variance: float) -> Covariance:
-        """Return a copy with another variance of z [m^2]."""
+        """Return a copy in which z has the given variance [m^2]."""
         matrix = self.matrix.copy()
         matrix[0, 0] = variance
         return replace(self, matrix=matrix)
@@ -68,18 +68,19 @@ class Covariance:
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the horizontal variances [m^2] of cells due to pose uncertainty: mean of x and y.
+        """Return the horizontal variances [m^2] of cells due to pose uncertainty.
 
-        A yaw error moves a cell by `yaw * (-y, x)`.
+        Each variance is the mean of the variances along x and y. A yaw error moves a cell by
+        `yaw * (-y, x)`.
         """
         (along_x, _, x_yaw), (_, along_y, y_yaw), (_, _, yaw) = self.level.tolist()
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the horizontal variances [m^2] of points due to pose uncertainty: mean of x and y.
+        """Return the horizontal variances [m^2] of points due to pose uncertainty.
 
-        Unlike the result of `level_of_places`, it includes tilt errors. A tilt error moves a point
-        horizontally by the tilt angle times `z`, the height of the point above the sensor.
+        Unlike the results of `level_of_places`, these variances include tilt errors. A tilt error
+        moves a point horizontally by the tilt angle times `z`, its height above the sensor.
         """
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
         return self.level_of_places(x, y) + tilt * z * z
@@ -167,7 +168,10 @@ class Scan:
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
     def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return height variances (k,) [m^2] due to pose uncertainty at `x`, `y` [m], map frame."""
+        """Return the height variances (k,) [m^2] due to pose uncertainty.
+
+        `x` and `y` (k,) [m] are positions in the map frame.
+        """
         if self.noise is None:
             return np.zeros(len(x))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -207,7 +211,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 
 
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
-    """Return validated additional point values as arrays (count,) by layer name."""
+    """Validate point values, and return them as arrays (count,) by layer name."""
     columns = {}
     check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():
@@ -280,7 +284,7 @@ def _located_part(
     given: Parameters,
     dropped: dict[str, int],
 ) -> tuple[Integers, NDArray[np.float64], Numbers, Integers]:
-    """Return indices, positions (3, n), variances and cells of the points within all limits."""
+    """Return the indices, positions (3, n), variances and cells of points within all limits."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)

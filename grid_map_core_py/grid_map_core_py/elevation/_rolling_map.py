@@ -176,7 +176,7 @@ def _newer(old: Layer, new: Layer) -> Layer:
 
 
 def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
-    """Return the mean, variance and count of old and new points together.
+    """Return the mean, variance and count of the old and new points combined.
 
     Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
     """

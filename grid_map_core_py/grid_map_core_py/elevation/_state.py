@@ -139,7 +139,7 @@ def flat(layer: NDArray[Any]) -> NDArray[Any]:
 
 
 def shaped(layers: Mapping[str, NDArray[np.float32]], size: tuple[int, int]) -> dict[str, Layer]:
-    """Return views of flat layers as (rows, cols)."""
+    """Return views of flat layers with the shape (rows, cols)."""
     return {name: data.reshape(size, order="F") for name, data in layers.items()}
 
 

@@ -38,11 +38,11 @@ FUSIONS = ("average", "latest", "exponential", "max", "color", "class_bayesian")
 
 @dataclass(frozen=True)
 class Chosen:
-    """Points of a scan, and which of them were fused into the heights of their cells.
+    """Scan points, with masks of the fused points and of the cells they initialized or reset.
 
     Attributes:
-        points: all points on the map.
-        used: (n,) mask of the points that were fused.
+        points: all scan points inside the map.
+        used: (n,) mask of the points that were fused into a cell height.
         fresh: (cells,) mask of the cells whose height was set or replaced.
     """
 
@@ -160,7 +160,10 @@ class ValueFusion:
 def _forgotten(
     layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
 ) -> NDArray[np.float32]:
-    """Return a copy of a layer, with `nothing` in cells that are NaN or in the mask `fresh`."""
+    """Return a copy of `layer` in which NaN cells and the cells in `fresh` are set to `nothing`.
+
+    If `layer` is None, all cells are `nothing`.
+    """
     if layer is None:
         return np.full(len(fresh), nothing, np.float32)
     copy = layer.copy()

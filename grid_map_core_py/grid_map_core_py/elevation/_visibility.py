@@ -47,7 +47,8 @@ from ._state import State, highest_around
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
     """Return the heights (k,) [m] at which beams entered the cells of their points.
 
-    `order` (n,) contains the scan indices of the points on the map. `chosen` (k,) indexes `order`.
+    `order` (n,) contains the scan indices of the points on the map, and `chosen` (k,) contains
+    indices into `order`.
     """
     chosen = order[chosen]
     rows = geometry.size[0]

@@ -56,7 +56,7 @@ def load_map_server(
     occupancy_layer: str = LAYER,
     frame_id: str = "map",
 ) -> GridMap:
-    """Load an occupancy map of nav2's `map_server`.
+    """Load an occupancy map in the format of nav2's `map_server`.
 
     Args:
         path: the YAML file, or a folder that contains `map.yaml`.
@@ -103,7 +103,7 @@ def save_map_server(
     data_min: float | None = None,
     data_max: float | None = None,
 ) -> None:
-    """Write a layer as an occupancy map of nav2's `map_server`.
+    """Write a layer as an occupancy map in the format of nav2's `map_server`.
 
     The image is written to the folder of the YAML file. The image format is PNG with alpha in
     `scale` mode, and PGM in the other modes. The YAML file is replaced last, so an existing map

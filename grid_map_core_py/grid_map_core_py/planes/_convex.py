@@ -62,9 +62,9 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
 
 
 def _grown(edges: Positions, x: float, y: float) -> Positions:
-    """Return a convex polygon (K, 2), clear of edges, around the segment from (0, 0) to (x, y).
+    """Return a convex polygon (K, 2) that contains the segment from (0, 0) to (x, y).
 
-    `edges` (4, E) enclose the origin and do not cross the segment.
+    No edge crosses the polygon. `edges` (4, E) enclose the origin and do not cross the segment.
     """
     # The nearest points of a segment and an edge include an end of one of them.
     ways = [to_edges(edges, *end) for end in ((0.0, 0.0), (x, y))]

@@ -132,7 +132,7 @@ def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
 def _fitted(
     cells: Cells, labels: NDArray[np.int32], count: int, variances: Layer | None
 ) -> tuple[dict[str, NDArray[Any]], Mask]:
-    """Return plane attributes of N labels, and a mask (N,) of those with a fitted plane."""
+    """Return the plane attributes of N labels, and a mask (N,) of labels with a fitted plane."""
     groups = labels.reshape(-1)[cells.places].astype(np.int64) - 1
     chosen = np.flatnonzero(cells.is_exact & (groups >= 0))
     points, groups = cells.points.take(chosen, axis=1), groups[chosen]

@@ -184,7 +184,7 @@ class Splitter:
         self.cosine = math.cos(math.radians(limits.global_plane_fit_angle_error_threshold_degrees))
 
     def split(self, cells: Cells) -> Image:
-        """Return an image of the round in which each cell is assigned to a plane; 0 for none.
+        """Return an image with the round that assigned each cell to a plane, or 0 if none did.
 
         Connected cells with the same round are on the same plane; corners do not connect cells.
         """
@@ -207,7 +207,7 @@ class Splitter:
         return rounds
 
     def _largest_planes(self, cells: Cells, groups: Groups) -> Mask:
-        """Return the mask of the cells on the largest plane of each component."""
+        """Return a mask of the cells on the largest plane of each component."""
         planes = self._best_hypotheses(cells, groups)
         for _ in range(_REFITS):
             planes = self._fit(cells, groups, self._judged(cells, groups, planes)[1])
@@ -237,7 +237,7 @@ class Splitter:
         return fit_planes(groups.take(chosen), count, cells.points.take(chosen, axis=1))[0]
 
     def _judged(self, cells: Cells, groups: Groups, planes: Numbers) -> tuple[Mask, Mask]:
-        """Return two masks: cells near the plane of their group, and inliers.
+        """Return a mask of the cells near the plane of their group, and a mask of the inliers.
 
         Inliers are near the plane and similarly inclined.
         """
@@ -258,7 +258,10 @@ class Splitter:
         return is_close & cv2.dilate(image, _CROSS).reshape(-1)[cells.places].view(np.bool_)
 
     def _components(self, places: NDArray[np.int64]) -> tuple[Groups, NDArray[np.int64]]:
-        """Return the component numbers (N,) of the cells `places` (N,), and the component sizes."""
+        """Return the component number (N,) of each cell, and the component sizes.
+
+        `places` (N,) contains the flat indices of the cells.
+        """
         image = np.zeros(self.shape, np.uint8)
         image.reshape(-1)[places] = 1
         _, labels = cv2.connectedComponents(image, connectivity=4, ltype=cv2.CV_32S)

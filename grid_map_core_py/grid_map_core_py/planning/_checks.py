@@ -223,9 +223,10 @@ class _Rules:
 def _check(
     grid_map: GridMap, footprint: Footprint, poses: Positions, indices: Integers, rules: _Rules
 ) -> tuple[PathCheck, list[float]]:
-    """Return a `PathCheck`, and height, roll, pitch and clearance at the last of `poses` (P, 3).
+    """Check the footprint at each of `poses` (P, 3).
 
-    `indices` (P,) are the indices of the last path pose at or before each pose.
+    Return the `PathCheck`, and the height, roll, pitch and clearance at the last pose. `indices`
+    (P,) holds, for each pose, the index of the preceding (or same) pose in the original path.
     """
     is_blocked, union = np.zeros(len(poses), np.bool_), []
     rests = np.full((4, len(poses)), np.nan)
@@ -277,13 +278,16 @@ def _distinct(cells: Integers) -> Integers:
 
 
 def _on_map(grid_map: GridMap, cells: Integers) -> tuple[Integers, Mask]:
-    """Convert cells from map order to buffer indices (2, N), with a mask of cells on the map."""
+    """Return the buffer indices (2, N) of cells in map order, and a mask of cells on the map."""
     size, start = np.array([grid_map.size, grid_map.start_index])[..., np.newaxis]
     return (cells + start) % size, ((cells >= 0) & (cells < size)).all(axis=0)
 
 
 def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, Layer, Mask]:
-    """Return the values and heights (N,) of cells (NaN if unknown), and a mask of blocked cells."""
+    """Return the values and heights (N,) of cells, and a mask of the blocked cells.
+
+    Unknown values and heights are NaN.
+    """
     (row, column), known = _on_map(grid_map, cells)
     heights = np.full(len(row), np.nan, np.float32)
     if rules.surface is not None:
@@ -297,7 +301,7 @@ def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, 
 
 
 def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
-    """Return height [m], roll and pitch [rad] of a sole that lies on points (N, 3) [m].
+    """Return the height [m], roll and pitch [rad] of a sole that lies on points (N, 3) [m].
 
     The x and y of the points are relative to the robot. A convex hull is an intersection of half
     spaces. At each position, the upper facet is therefore the facet with the lowest plane among all

@@ -103,8 +103,8 @@ def touched_cells(
 ) -> Iterator[tuple[slice, Integers, Integers]]:
     """Yield the cells that a footprint touches at poses (P, 3), in batches of poses.
 
-    A footprint touches a cell if an edge crosses the cell, or if the center of the cell is inside.
-    Cells that share only their border with the footprint (up to 1e-9 m) are omitted.
+    A footprint touches a cell if one of its edges crosses the cell, or if it contains the center of
+    the cell. Cells that share only their border with the footprint (up to 1e-9 m) are omitted.
 
     Yields:
         batch: slice of the poses.
@@ -141,7 +141,7 @@ def touched_cells(
 
 
 def kernel_of(footprint: Footprint, resolution: float, yaw: float) -> NDArray[np.uint8]:
-    """Return an odd-sized mask of the cells under a footprint at the center of the mask."""
+    """Return an odd-sized mask of the cells that a footprint at the center of the mask touches."""
     one_cell, pose = GridGeometry((resolution, resolution), resolution), np.array([[0.0, 0.0, yaw]])
     ((_, _, cells),) = touched_cells(footprint, one_cell, pose)
     reach = np.abs(cells).max(axis=1, keepdims=True, initial=0)

@@ -240,18 +240,25 @@ class TravelGraph:
         return self.cost_to([*nearest, *pose[2:]]).path(start)
 
     def _free_in(self, pose: Floats) -> Mask:
-        """Return a mask of the free cells; for a pose with a yaw, of the cells free at this yaw."""
+        """Return a mask of the free cells.
+
+        If the pose has a yaw, the footprint must also be free in this direction.
+        """
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
-        """Return the center (2,) and distance [m] of the cell nearest to a pose; inf if none."""
+        """Return the center (2,) and distance [m] of the cell nearest to a pose.
+
+        `cells` contains the flat indices of the candidates. If it is empty, the results are
+        infinite.
+        """
         centers = self._ground.to_positions(self._ground.cells(cells))
         centers = np.append(centers, [[np.inf, np.inf]], axis=0)
         distances = np.hypot(*(centers - pose[:2]).T)
         return centers[distances.argmin()], float(distances.min())
 
     def _cell(self, values: ArrayLike, name: str) -> int:
-        """Return the flat index of the start or goal cell; raise `NoPathError` if not free."""
+        """Return the flat index of a start or goal cell; raise `NoPathError` if it is not free."""
         pose, ground = _as_pose(values, name), self._ground
         place, cell = as_text(pose[:2]), ground.geometry.cell_at((pose[0], pose[1]))
         if cell is None:

@@ -49,7 +49,10 @@ class SlopeLimits:
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
     def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
-        """Return a mask (L,) of lines with allowed slopes; `across` (N, L) contains tangents."""
+        """Return a mask (L,) of the lines with allowed slopes.
+
+        `across` (N, L) contains the tangents of the slopes across each line.
+        """
         up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
         is_level = np.abs(across).max(axis=0) <= cross
         return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
@@ -117,7 +120,10 @@ class Ground:
         return self.passable & free.view(np.bool_).ravel()
 
     def blocked_at(self, poses: Positions) -> Mask:
-        """Return whether the footprint, if any, touches a blocked cell at poses (P, 3)."""
+        """Return, for each pose (P, 3), whether the footprint touches a blocked cell.
+
+        Without a footprint, all results are False.
+        """
         blocked, size = np.zeros(len(poses), np.bool_), np.array(self.geometry.size)
         if self.footprint is not None:
             for batch, pose, cells in touched_cells(self.footprint, self.geometry, poses):
@@ -126,7 +132,7 @@ class Ground:
         return blocked
 
     def heights_at(self, points: Floats) -> Floats:
-        """Interpolate the heights (P,) [m] at points (2, P) between the passable cells."""
+        """Return the heights (P,) [m] at points (2, P), interpolated from the passable cells."""
         if self.is_flat:
             return np.zeros(points.shape[1])
         base = np.floor(points)
@@ -150,9 +156,9 @@ class Ground:
         return np.stack(gradient) / self.geometry.resolution
 
     def move_costs(self, move: tuple[int, int], free: Mask) -> Floats:
-        """Return the costs (S,) of a move by (rows, columns) from each cell; 0 if not allowed.
+        """Return the cost (S,) of a move by (rows, columns) from each cell.
 
-        A move is allowed only between two cells of the mask `free` (S,).
+        The cost is 0 if the move is not allowed. Both ends must be in the mask `free` (S,).
         """
         (i, j), margin = move, self.flat(0, 0)
 
@@ -182,7 +188,7 @@ class Ground:
     def straight(
         self, begin: Floats, end: Floats, most: Floats | float = math.inf
     ) -> tuple[Floats, Floats]:
-        """Return the costs of straight lines, and the numbers of equal pieces of the lines.
+        """Return the cost of each straight line, and the number of equal pieces it is divided into.
 
         The cost is infinite if a line is not allowed, costs more than `most`, or has no length.
 
@@ -211,7 +217,7 @@ class Ground:
         return total, pieces
 
     def _over_pieces(self, begin: Floats, extent: Floats) -> tuple[Floats, Mask]:
-        """Return the costs (T,) of pieces up to one cell long, and a mask of allowed pieces."""
+        """Return the costs (T,) of pieces up to one cell long, and a mask of the allowed pieces."""
         end = begin + extent
         before, after = np.floor(begin + 0.5), np.floor(end + 0.5)
         crossing = (np.maximum(before, after) - 0.5 - begin) / extent
@@ -219,7 +225,10 @@ class Ground:
         early, late = np.sort(np.where(before == after, 1.0, crossing), axis=0)
 
         def cells(fractions: list[Floats], offsets: Any = 0.0) -> Any:
-            """Return the flat indices of the cells at the given fractions of each piece."""
+            """Return the flat indices of the cells at the given fractions along each piece.
+
+            `offsets` [cells] shift the points before their cells are determined.
+            """
             points = begin[:, np.newaxis] + extent[:, np.newaxis] * np.stack(fractions)
             return self.flat(*np.floor(points[:, np.newaxis] + (0.5 + offsets)).astype(np.int64))
 
@@ -240,7 +249,7 @@ class Ground:
         return np.hypot(run, rise) * mean, allowed
 
     def shortened(self, points: Floats, lines: Floats, tested: Mask) -> tuple[Floats, Floats]:
-        """Drop each waypoint if a straight line between its neighbors does not cost more.
+        """Drop waypoints if a straight line between their neighbors does not cost more.
 
         Args:
             points: (2, K) waypoints [cells].

@@ -245,7 +245,11 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
 
 
 def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
-    """Return the (4, 4) matrix of a pose or transform, which may be nested in fields `inner`."""
+    """Return the (4, 4) matrix of a pose or transform.
+
+    The pose or transform may be nested, at any depth, in fields named by `inner`, such as
+    `pose.pose`.
+    """
     from scipy.spatial.transform import Rotation  # slow to import
 
     path = ""

@@ -65,11 +65,12 @@ __all__ = sorted(["quiet_start", *_LAZY])
 
 
 def quiet_start() -> None:
-    """Let Ctrl-C end an executable at once and without a traceback, until `run` handles signals.
+    """Make Ctrl-C exit an executable immediately, without a traceback, during startup.
 
-    Importing rclpy takes most of the startup time. Therefore, call this function before rclpy is
-    imported, in the `__init__.py` of a package of executables. The call has no effect if another
-    program imports the package. If ROS 2 is not sourced, a one-line error replaces the traceback.
+    `run` later installs its own signal handling. Importing rclpy takes most of the startup time, so
+    call this function before that import, in the `__init__.py` of the package that contains the
+    executables. The call has no effect if another program imports the package. If ROS 2 is not
+    sourced, a one-line error replaces the traceback.
     """
     # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
