@@ -206,6 +206,10 @@ def test_rotated_frame_gets_costs_once_its_transform_arrives() -> None:
             replay.peer.publish("/grid_map", message)
             return any(text in line for line in node.lines)
 
+        def has_sent_costs() -> bool:
+            replay.peer.publish("/grid_map", message)
+            return any(replay.counts.values())
+
         def publish_transform(other: Peer, roll: float) -> None:
             transform.transform = to_transform(from_xyz_rpy((1.0, -2.0, 0.3), (roll, 0.0, 0.5)))
             other.publish("/tf_static", TFMessage(transforms=[transform]))
@@ -230,7 +234,9 @@ def test_rotated_frame_gets_costs_once_its_transform_arrives() -> None:
             assert all("[WARN]" in line for line in node.lines if tilt in line)
             assert not any(replay.counts.values())
             publish_transform(other, 0.0)
-            replay.send(costs(), resampled(costs(), "cost", (1.0, -2.0, 0.5), "map", 0.1, 0))
+            # Maps that arrive before the transform are dropped.
+            replay.peer.wait_until(has_sent_costs, "costs")
+            replay.wait_for(resampled(costs(), "cost", (1.0, -2.0, 0.5), "map", 0.1, 0))
         # No publisher could repeat the transform.
         set_parameter(replay.peer, "layer", "other")
         grid_map = costs().with_layers({"other": np.zeros(costs().size)})
