@@ -5,7 +5,7 @@ The exit code is 1 if a test failed, or if a Python package or the workspace rep
 """
 
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -27,11 +27,12 @@ def outcome(case: ElementTree.Element) -> str:
 
 
 def main() -> int:
-    files = sorted((ROOT / "build").glob("*/pytest.xml"))
-    results = {path.parent.name: list(cases(path)) for path in files}
-    # Every Python package must report tests, and so must both parts of the workspace (`test/`).
-    suites = ["workspace_1", "workspace_2", *(path.parent.name for path in sorted(ROOT.glob("*/setup.py")))]
-    silent = [suite for suite in suites if not results.get(suite)]
+    results = defaultdict[str, list[tuple[str, str]]](list)
+    for path in sorted((ROOT / "build").glob("*/pytest*.xml")):
+        results[path.parent.name] += cases(path)
+    # Every Python package must report tests, and so must the workspace (`test/`).
+    suites = ["workspace", *(path.parent.name for path in sorted(ROOT.glob("*/setup.py")))]
+    silent = [suite for suite in suites if not results[suite]]
     every = [case for suite in results.values() for case in suite]
     for result, name in every:
         if result != "passed":

@@ -149,11 +149,11 @@ def test_walking_person_is_in_the_map_and_leaves_no_trail():
     assert np.mean(shown) >= 0.8
 
 
-OUTLIERS = [(share, count) for share in (0.001, 0.01, 0.05) for count in (6_000, 60_000, 300_000)]
+OUTLIERS = [(share, count) for share in (0.001, 0.01, 0.05) for count in (6_000, 60_000)]
 
 
 @pytest.mark.parametrize("low", [0.0, -1.0], ids=["above", "around"])
-@pytest.mark.parametrize(("share", "count"), OUTLIERS)
+@pytest.mark.parametrize(("share", "count"), [*OUTLIERS, (0.05, 300_000)])
 def test_outliers_leave_the_ground(share, count, low):
     random, scene = np.random.default_rng(5), Scene()
     for _ in range(20):
