@@ -67,8 +67,15 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))
 FLAGS = (
     *("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
     *("--disable-background-networking", "--disable-component-update", "--disable-quic"),
-    *("--disable-sync", "--no-first-run"),
+    *("--disable-sync", "--no-first-run", "--disable-gpu-compositing"),
 )
+
+FEW_FRAMES = """
+const request = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (draw) => setTimeout(() => request(draw), 50);
+window.cancelAnimationFrame = clearTimeout;
+"""
+"""Script that limits a page to 20 frames per second, because drawing without a GPU is slow."""
 
 VIRIDIS, COOLWARM = (
     tuple(map(tuple, on_screen(np.array(ends, np.uint8)).tolist()))
@@ -104,6 +111,7 @@ class Browser:
     def __init__(self, tab: object) -> None:
         self.tab = tab
         self.errors: list[str] = []
+        tab.add_init_script(FEW_FRAMES)
         tab.set_default_timeout(1e3 * PATIENCE)
         tab.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
         tab.on("pageerror", lambda error: self.errors.append(str(error)))
