@@ -55,7 +55,7 @@ def register_profiles() -> None:
     """
     from hypothesis import settings
 
-    settings.register_profile("grid_map", deadline=None, derandomize=True, max_examples=60)
+    settings.register_profile("grid_map", deadline=None, derandomize=True, max_examples=40)
     settings.register_profile("explore", deadline=None, max_examples=1000)
     settings.load_profile("grid_map")
 
