@@ -43,14 +43,11 @@ sys.exit(module.RerunViewerNode.main())
 PATIENCE = 200.0
 """Seconds that a slow machine may need to draw."""
 
-VIRIDIS = [(0x44, 0x01, 0x54), (0xFD, 0xE7, 0x25)]
-"""Colors at the ends of this color map."""
 
-
-def slope(height: float = 0.0, seconds: int = 5) -> GridMap:
+def slope(seconds: int = 5) -> GridMap:
     """Return 6 x 4 cells of 0.1 m, moved, with a hole; each height differs."""
     grid_map = GridMap((0.6, 0.4), 0.1, (1.0, 2.0), frame_id="odom", timestamp=seconds * 10**9)
-    values = np.arange(24, dtype=np.float32).reshape(6, 4) + height
+    values = np.arange(24, dtype=np.float32).reshape(6, 4)
     values[2, 1] = np.nan
     grid_map["elevation"] = values
     grid_map.move((1.1, 2.0))
