@@ -11,11 +11,12 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cache
+from tempfile import TemporaryFile
 from typing import Any
 from unittest.mock import patch
 
@@ -116,34 +117,40 @@ def wait_until(
         step()
 
 
-class Process(subprocess.Popen[str]):
-    """Process in its own process group; the output is collected while the process runs.
+class Process(subprocess.Popen[bytes]):
+    """Process in its own process group that writes its output to a file.
+
+    Unlike output in a pipe, what the process has written is in `lines` without delay.
 
     Args:
         command: the program and its arguments.
         overrides: environment variables that override `environment`.
-
-    Attributes:
-        lines: lines of stdout and stderr so far, except the harmless error `OTHER_WAS_FASTER`.
     """
 
     def __init__(self, command: Sequence[str], overrides: Mapping[str, str] | None = None) -> None:
-        self.lines: list[str] = []
+        self._output = TemporaryFile(buffering=0)  # noqa: SIM115 (closed by the next line)
+        weakref.finalize(self, self._output.close)
         super().__init__(
             list(command),
-            stdout=subprocess.PIPE,
+            stdout=self._output,
             stderr=subprocess.STDOUT,
-            text=True,
             # Ctrl-C in the terminal must interrupt only the tests.
             start_new_session=True,
             env={**environment(), **(overrides or {})},
         )
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
+
+    @property
+    def lines(self) -> list[str]:
+        """Complete lines of stdout and stderr so far, except the harmless `OTHER_WAS_FASTER`."""
+        file = self._output.fileno()
+        text = os.pread(file, os.fstat(file).st_size, 0).decode(errors="replace")
+        if self.returncode is None:
+            text = text[: text.rfind("\n") + 1]
+        return [line for line in text.splitlines(keepends=True) if OTHER_WAS_FASTER not in line]
 
     @property
     def text(self) -> str:
-        """Output of the process so far."""
+        """Text of `lines`."""
         return "".join(self.lines)
 
     @property
@@ -153,9 +160,7 @@ class Process(subprocess.Popen[str]):
 
     def wait(self, timeout: float | None = TIMEOUT) -> int:
         """Wait until the process ends and return its exit code."""
-        code = super().wait(timeout)
-        self._reader.join(timeout)
-        return code
+        return super().wait(timeout)
 
     def stop(self) -> None:
         """End the process group with SIGTERM, or with SIGKILL if it is still running after 10 s.
@@ -167,15 +172,8 @@ class Process(subprocess.Popen[str]):
             if self.is_running:
                 os.killpg(self.pid, number)
                 with suppress(subprocess.TimeoutExpired):
-                    super().wait(10.0)
+                    self.wait(10.0)
         self.wait()
-
-    def _read(self) -> None:
-        assert self.stdout is not None
-        with self.stdout as output:
-            for line in output:
-                if OTHER_WAS_FASTER not in line:
-                    self.lines.append(line)
 
 
 def start_node(module: str, *arguments: str) -> Process:

@@ -414,7 +414,7 @@ def test_path_is_drawn_on_the_surface_of_its_frame(page, node, peer):
     text = (
         "dropped a message of /plan: header.frame_id: expected 'odom', that of the map, got 'map'"
     )
-    assert text in node.text
+    peer.wait_until(lambda: text in node.text, text)
 
 
 def triangle(x: float, *colors: tuple[float, float, float], number: int = 1) -> Marker:
