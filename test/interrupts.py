@@ -216,8 +216,10 @@ def fault(trial: Trial, process: Process, phase: str, folder: Path) -> str:
     # Python prints a second signal that it cannot raise, as in a finalizer.
     if code not in right or (len(trial.times) == 1 and BAD.search(process.text)):
         return f"exit code {code}, expected one of {sorted(right)}\n{process.text}"
-    if left := listed(process):
-        return f"leaves a process\n{left}"
+    try:
+        wait_until(lambda: not listed(process), "the end of children", timeout=PATIENCE)
+    except AssertionError:
+        return f"leaves a process\n{listed(process)}"
     return damage(folder)
 
 

@@ -52,7 +52,7 @@ def ends(demo: Process, mark: str, code: int) -> None:
     """Interrupt a demo, and check that it leaves no process and no traceback."""
     demo.send_signal(signal.SIGINT)
     assert demo.wait() == code, demo.text
-    assert living(mark) == []
+    wait_until(lambda: not living(mark), "the end of the processes")
     assert "Traceback" not in demo.text, demo.text
 
 
@@ -79,7 +79,7 @@ def test_terrain_publisher_follows_its_parameters(terrain):
 def test_filters_demo_delivers_topics_pictures_and_a_table(tmp_path):
     demo, mark = start_marked("--report", str(tmp_path))
     assert demo.wait(90) == 0, demo.text
-    assert living(mark) == []
+    wait_until(lambda: not living(mark), "the end of the processes")
     assert {path.name for path in tmp_path.iterdir()} == {"elevation.png", "traversability.png"}
     for path in tmp_path.iterdir():
         assert path.read_bytes().startswith(PNG)
