@@ -28,7 +28,7 @@ class GridMapSaverNode(ConfiguredNode):
         about = "file format: `auto`, `mcap` or `sqlite3`; C++ `loadFromBag` reads only `sqlite3`"
         storage = self.read("storage", "auto", about)
         self._storage = chosen_storage(storage, self.get_logger().warning)
-        about = "compression of the bag: `none`, or `lz4` or `zstd` for `mcap`"
+        about = "compression of the bag: `none`, `lz4` or `zstd`; the last two require `mcap`"
         self._compression = self.read("compression", "none", about)
         # Fail now rather than when the first map arrives.
         self._bag().check(self._topic)

@@ -87,7 +87,7 @@ class RerunViewerNode(ConfiguredNode):
         memory_limit = self.read("memory_limit", "512MB", about)
         about = (
             "additional host names under which browsers may open the page. IP addresses, "
-            "`localhost`, `host` and the machine name, with or without `.local`, always work"
+            "`localhost`, `host` and the machine name (also with `.local`) always work"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         required("rerun_cli", "rerun_viewer", f"{remedy_for('rerun')}, or use web_viewer")

@@ -66,7 +66,7 @@ class WebViewerNode(ConfiguredNode):
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, "initial Matplotlib color map")
         about = (
             "additional host names under which browsers may open the page. IP addresses, "
-            "`localhost`, `host` and the machine name, with or without `.local`, always work"
+            "`localhost`, `host` and the machine name (also with `.local`) always work"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         self._page = Page(host, port, height_layer, color_layer, color_map, names, topic)
