@@ -36,8 +36,7 @@ class PlannerSettings:
         unknown: treatment of cells whose cost is NaN; `free` means cost 0.
         tolerance: maximum distance from a blocked goal to the end of the plan [m].
         base_frame: tf2 frame of the robot. If empty, or without tf2, plans start at `initial_pose`.
-        stale_after: time without a usable map after which the last map is discarded and planning
-            fails [s]; 0 means never.
+        stale_after: time without a usable map after which planning fails [s]; 0 means no limit.
     """
 
     cost_layer: str = "cost"

@@ -30,16 +30,15 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: largest difference between a point and a height that
-            agree [standard deviations].
+        mahalanobis_distance_threshold: difference up to which a point and the cell height agree
+            [standard deviations].
         multi_height_noise: variance added to a cell whose height a scan contradicts [m^2].
         time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
             [s].
         conflict_points: number of points in one scan that must agree to replace a height.
-        min_support: smallest number of points in a cluster that becomes the surface at once,
-            relative to the largest cluster in the cell. Smaller clusters must appear in three
-            scans.
+        min_support: smallest number of points in a surface cluster, relative to the largest cluster
+            in the cell. A smaller cluster becomes the surface only after three scans.
         overhang_clearance: vertical gap [m] above which a cluster counts as an overhang. The cell
             then keeps the ground height, and the layer `overhang` holds the underside of the
             overhang. With 0, the cell gets the highest surface.

@@ -23,12 +23,12 @@ class GridMapSaverNode(ConfiguredNode):
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         bag_topic = self.read("bag_topic", "", "topic in the bag; empty means `grid_map_topic`")
         self._topic = bag_topic or self.resolve_topic_name(topic)
-        about = "keep running and save every map, each replacing the previous one"
+        about = "keep running; each new map replaces the saved map"
         self._continuous = self.read("continuous", False, about)
         about = "file format: `auto`, `mcap` or `sqlite3`; C++ `loadFromBag` reads only `sqlite3`"
         storage = self.read("storage", "auto", about)
         self._storage = chosen_storage(storage, self.get_logger().warning)
-        about = "compression of the bag: `none`; for `mcap` also `lz4` or `zstd`"
+        about = "compression of the bag: `none`, `lz4` or `zstd`; the last two require `mcap`"
         self._compression = self.read("compression", "none", about)
         # Fail now rather than when the first map arrives.
         self._bag().check(self._topic)

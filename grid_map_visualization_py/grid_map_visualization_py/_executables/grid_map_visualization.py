@@ -36,8 +36,8 @@ class GridMapVisualizationNode(ConfiguredNode):
         super().__init__("grid_map_visualization")
         self._topic = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         about = (
-            "also receive the last map published before the node subscribed; must be false to "
-            "receive maps from volatile publishers"
+            "receive the last map even if it was published before the node subscribed; set to "
+            "false for volatile publishers"
         )
         latched = self.read("transient_local", False, about)
         self._qos = map_qos(transient_local=latched)

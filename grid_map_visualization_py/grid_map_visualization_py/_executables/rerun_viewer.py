@@ -86,8 +86,8 @@ class RerunViewerNode(ConfiguredNode):
         about = "maximum memory for the messages on the timeline, such as `512MB` or `10%`"
         memory_limit = self.read("memory_limit", "512MB", about)
         about = (
-            "additional host names under which browsers may open the page, besides IP addresses, "
-            "`localhost`, `host`, and the machine name (also with `.local`)"
+            "additional host names under which browsers may open the page. IP addresses, "
+            "`localhost`, `host` and the machine name (also with `.local`) always work"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         required("rerun_cli", "rerun_viewer", f"{remedy_for('rerun')}, or use web_viewer")

@@ -65,8 +65,8 @@ class WebViewerNode(ConfiguredNode):
         color_layer = self.read("color_layer", "", about)
         color_map = self.read("color_map", DEFAULT_COLOR_MAP, "initial Matplotlib color map")
         about = (
-            "additional host names under which browsers may open the page, besides IP addresses, "
-            "`localhost`, `host`, and the machine name (also with `.local`)"
+            "additional host names under which browsers may open the page. IP addresses, "
+            "`localhost`, `host` and the machine name (also with `.local`) always work"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
         self._page = Page(host, port, height_layer, color_layer, color_map, names, topic)
