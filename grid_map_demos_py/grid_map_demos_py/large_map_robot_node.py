@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `large_map_robot`: a simulated robot that drives back and forth along a path.
+"""Node `large_map_robot`: publishes the odometry of a robot that drives back and forth.
 
-The node publishes the odometry on `odom`. `large_site` defines the path.
+`large_site` defines the path.
 """
 
 import math

@@ -160,7 +160,6 @@ def fit_planes(
 
 
 def above_planes(points: Numbers, planes: Numbers, groups: Groups) -> Numbers:
-    """Return the heights (N,) of points (3, N) above the planes of their groups."""
     a, b, c = planes
     return np.asarray(points[2] - a[groups] * points[0] - b[groups] * points[1] - c[groups])
 

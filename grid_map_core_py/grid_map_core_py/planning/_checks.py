@@ -195,8 +195,6 @@ def check_path(
 
 @dataclass(frozen=True)
 class _Rules:
-    """Arguments of `check_pose` and `check_path`."""
-
     layer: str
     limit: float
     mean_limit: float | None
@@ -273,7 +271,6 @@ def _check(
 
 
 def _distinct(cells: Integers) -> Integers:
-    """Return the sorted cells (2, N) without duplicates."""
     _, first = np.unique(cells[0] * 2**32 + cells[1], return_index=True)
     return cells[:, first]
 

@@ -141,7 +141,7 @@ def touched_cells(
 
 
 def kernel_of(footprint: Footprint, resolution: float, yaw: float) -> NDArray[np.uint8]:
-    """Return an odd-sized mask of the cells that a footprint at its center touches."""
+    """Return an odd-sized mask of the touched cells, centered on the origin of the footprint."""
     one_cell, pose = GridGeometry((resolution, resolution), resolution), np.array([[0.0, 0.0, yaw]])
     ((_, _, cells),) = touched_cells(footprint, one_cell, pose)
     reach = np.abs(cells).max(axis=1, keepdims=True, initial=0)
@@ -199,7 +199,6 @@ def footprint_layer(
 
 
 def _means(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return the mean of the values under a kernel at each cell."""
     # cv2.filter2D rounds depending on distant values, so tiles would differ from the whole map.
     padded = np.pad(image.astype(np.float64), [(size // 2, size // 2) for size in kernel.shape])
     edges = np.argwhere(np.diff(kernel, axis=1, prepend=0, append=0))

@@ -344,7 +344,6 @@ class CostField:
 
 
 def _as_pose(values: ArrayLike, name: str) -> Floats:
-    """Return a start or goal position (2,) or pose (3,) as an array."""
     pose: Floats = as_array(values, np.float64, name)
     if pose.shape not in ((2,), (3,)):
         expected = "x, y of shape (2,) or x, y, yaw of shape (3,)"

@@ -343,7 +343,6 @@ def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -
 
 
 def empty_cells(count: int) -> Cells:
-    """Return uninitialized arrays for the rows and columns of `count` cells."""
     rows, columns = np.empty((2, count), dtype=np.int64)
     return rows, columns
 
