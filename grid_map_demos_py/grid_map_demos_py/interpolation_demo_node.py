@@ -2,13 +2,8 @@
 """Node `grid_map_interpolation_demo`: measures the errors of four interpolation methods.
 
 A world is a surface given by a formula. The demo samples a world on a coarse grid and interpolates
-the samples on a fine grid. It publishes three latched maps with the heights in the layer `demo`:
-
-    ground_truth: the true surface on a fine grid.
-    data_sparse: the samples.
-    interpolated: the interpolated heights; its layer `error` is the absolute error [m].
-
-Then the demo prints an error table for all methods and worlds.
+the samples on a fine grid. It publishes the true surface, the samples and the result, and prints an
+error table for all methods and worlds.
 """
 
 import time

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_iterators_demo`: fills regions of a map cell by cell, in iteration order.
 
-The node publishes the map on `grid_map`. The layer `type` is 1 in the cells filled so far. On
-`polygon`, the node publishes the outline of the polygon region or of the sliding window.
+The layer `type` of the published map is 1 in the cells filled so far.
 """
 
 import math
@@ -39,17 +38,11 @@ CELL_PAUSE, REGION_PAUSE = 0.02, 1.0  # pauses after every cell and after every 
 
 
 class Step(NamedTuple):
-    """Step of the demo; the map is published after each step.
+    """Step of the demo; the map is published after each step."""
 
-    Attributes:
-        pause: pause after the step [s].
-        title: title of the region that begins; otherwise empty.
-        polygon: polygon to publish; None for no polygon.
-    """
-
-    pause: float
-    title: str = ""
-    polygon: gm.Polygon | None = None
+    pause: float  # after the step [s]
+    title: str = ""  # of the region that begins
+    polygon: gm.Polygon | None = None  # to publish
 
 
 def make_map() -> gm.GridMap:

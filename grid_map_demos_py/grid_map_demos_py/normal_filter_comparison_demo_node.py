@@ -1,14 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `normal_filter_comparison_demo`: compares two algorithms that compute normals.
 
-The surface is given by a formula, so its true normals are known. The demo adds noise and outliers
-to the heights and smooths the result. A filter chain then computes the normals with the algorithms
-`area` and `raster`. At startup, the node prints a table of angular errors for all shapes. It then
-publishes `grid_map` with these layers, and logs the running mean of the sum of each error layer:
-
-- heights: `elevation`, `noise`, `elevation_noisy`, `elevation_filtered`
-- normals: `normal_analytic_*` (true), `normal_area_*`, `normal_raster_*`
-- errors: `directionalErrorArea`, `directionalErrorRaster`
+A formula defines the surface, so its true normals are known. The demo adds noise and outliers to
+the heights and smooths the result. A filter chain then computes the normals with the algorithms
+`area` and `raster`. The node prints a table of their errors, and publishes the maps.
 """
 
 from collections.abc import Callable, Iterator

@@ -2,9 +2,8 @@
 """Node `path_planner_robot`: a simulated robot that walks along the plans of `path_planner`.
 
 The robot has the sensors of `elevation_mapping_robot`, with a shorter range, and odometry without
-drift. Until the robot starts to walk, the node publishes the goal after each map. After each map,
-the robot walks only a limited distance. It therefore never walks onto unchecked ground if a map is
-late.
+drift. After each map, the robot walks only a limited distance. It therefore never walks onto
+unchecked ground if a map is late.
 """
 
 import numpy as np

@@ -406,12 +406,7 @@ class LargeMapReportNode(ReportNode):
 
 
 class CourseReportNode(ReportNode):
-    """Base class of reports on a robot that walks over the true terrain.
-
-    Attributes:
-        walk: list of the robot positions (2,) so far [m].
-        truth: the true terrain; None until it is received.
-    """
+    """Base class of reports on a robot that walks over the true terrain."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)

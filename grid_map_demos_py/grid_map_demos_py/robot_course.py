@@ -79,15 +79,10 @@ def load_cliff(path: Path) -> GridMap:
 
 @dataclass
 class RobotCourse:
-    """Positions of the robot and of a person, as functions of the time since the start.
-
-    Attributes:
-        ground: terrain in the world frame, with the layer `elevation` [m].
-        speed: speed of the robot [m/s].
-    """
+    """Positions of the robot and of a person, as functions of the time since the start."""
 
     ground: GridMap
-    speed: float
+    speed: float  # [m/s]
 
     def terrain_at(self, seconds: float) -> GridMap:
         """Return the terrain and the layer `person`: the person's height [m], NaN elsewhere."""

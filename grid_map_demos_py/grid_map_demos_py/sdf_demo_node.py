@@ -2,13 +2,7 @@
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
 The field extends from just below the lowest cell of the map to just above the highest cell. Cells
-without a height get the lowest height of the map. The `intensity` of each point is the signed
-distance to the surface [m]. The node publishes three clouds, below the topic prefix
-`pointcloud_topic`:
-
-    full_sdf: all points.
-    free_space: the points above the surface.
-    occupied_space: all other points.
+without a height get the lowest height of the map.
 """
 
 import array

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_tutorial_demo`: adds noise to a map, filters it and measures the error.
 
-The surface is a moving wave with noise and outliers. The demo smooths a part of the map with
-weighted means. It publishes all layers on `grid_map`, and logs the error of the smoothed heights.
+The surface is a moving wave with noise and outliers. The demo smooths a part of the map, and logs
+the error of the smoothed heights.
 """
 
 import numpy as np

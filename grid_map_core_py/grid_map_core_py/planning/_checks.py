@@ -296,10 +296,7 @@ def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, 
 
 
 def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
-    """Return the height [m], roll and pitch [rad] of a sole that lies on points (N, 3) [m].
-
-    The points are relative to the robot in x and y.
-    """
+    """Return height [m], roll and pitch [rad] of a sole on points (N, 3) around the robot."""
     from scipy.spatial import ConvexHull  # slow to import
 
     middle, top = points[:, :2].mean(axis=0), points[:, 2].max()

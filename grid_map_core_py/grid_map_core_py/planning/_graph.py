@@ -21,7 +21,8 @@ from ._ground import BORDER, EQUAL, Floats, Ground, SlopeLimits, divided
 
 
 class PathFailure(IntEnum):
-    """Reasons why there is no path; the error codes of Nav2's action `ComputePathToPose`."""
+    """Reasons why there is no path; the values are the error codes of Nav2's `ComputePathToPose`.
+    """
 
     TF_ERROR = 202
     START_OUTSIDE_MAP = 203

@@ -49,10 +49,7 @@ class SlopeLimits:
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
     def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
-        """Return a mask (L,) of the lines with allowed slopes.
-
-        `across` (N, L) contains the tangents of the slopes across each line.
-        """
+        """Return a mask (L,) of the lines with allowed slopes; `across` (N, L) are tangents."""
         up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
         is_level = np.abs(across).max(axis=0) <= cross
         return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
@@ -154,10 +151,7 @@ class Ground:
         return np.stack(gradient) / self.geometry.resolution
 
     def move_costs(self, move: tuple[int, int], free: Mask) -> Floats:
-        """Return the cost (S,) of a move by (rows, columns) from each cell; 0 if not allowed.
-
-        Both ends must be in the mask `free` (S,).
-        """
+        """Return the cost (S,) of a move by (rows, columns) from each cell; 0 if not allowed."""
         (i, j), margin = move, self.flat(0, 0)
 
         def at(values: Any, cell: tuple[int, int]) -> Any:

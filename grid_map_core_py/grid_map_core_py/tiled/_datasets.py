@@ -104,10 +104,7 @@ def dataset_of(described: GridMap | TiledData, layers: Mapping[str, Any]) -> "xa
 
 
 def grid_mapping(crs: str) -> dict[str, Any]:
-    """Return the attributes of a CF grid mapping variable for a reference system.
-
-    WKT does not require pyproj.
-    """
+    """Return the CF grid mapping attributes of a reference system; WKT requires no pyproj."""
     is_wkt = bool(_WKT.match(crs))
     wkt, about = crs, {}
     try:
@@ -253,10 +250,7 @@ def crs_of(dataset: "xarray.Dataset") -> str:
 
 @dataclass(frozen=True, eq=False)
 class DatasetSource:
-    """Source that reads layers from a dataset in memory, in a file or in Dask arrays.
-
-    Error messages contain `name`. `ascends` tells whether x and y ascend in the dataset.
-    """
+    """Source that reads layers from a dataset in memory, in a file or in Dask arrays."""
 
     dataset: "xarray.Dataset"
     layers: tuple[str, ...]
@@ -297,8 +291,7 @@ def open_dataset(
 ) -> TiledData:
     """Open a dataset as a tiled map; see `GridMap.from_xarray`.
 
-    The default tile has the size of the first Dask chunk, or 1024 x 1024 cells. Error messages
-    contain `name`.
+    The default tile has the size of the first Dask chunk, or 1024 x 1024 cells.
     """
     dataset = as_dataset(data)
     geometry, ascends = geometry_of(dataset)
@@ -408,8 +401,7 @@ def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
     """Return the tiled map from which a dataset was created; None if layers have changed.
 
-    Reading windows from the tiled map is faster than computing whole tiles. Computed layers count
-    as changed.
+    Computed layers count as changed.
     """
     arrays = {name: dataset[name].data for name in layers if dataset[name].chunks}
     found = {_ORIGINS.get((name, array.name)) for name, array in arrays.items()}

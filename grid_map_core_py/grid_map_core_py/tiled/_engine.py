@@ -43,10 +43,6 @@ def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tup
     Parts are taken from `parts` on demand, so they are never all stored. Closing the iterator
     cancels queued calls, but not running calls in threads of this process.
 
-    Args:
-        function: function to call. If other processes call it, it is pickled with the parts.
-        parts: arguments of the calls.
-
     Raises:
         GridMapError: the cluster is lost, or several workers died while computing the same part.
         Exception: any exception that a call raises; no further call is started.

@@ -40,7 +40,8 @@ def open_map(
         crs: coordinate reference system of the map, such as "EPSG:25832". GeoTIFF files are
             reprojected to this system on read, with bilinear interpolation and square pixels.
         origin: latitude and longitude of the map frame origin [deg, WGS 84]. None means the stored
-            origin; without one, the origin of the reference system. See `TiledMap.with_origin`.
+            origin or, if none is stored, the origin of the reference system. See
+            `TiledMap.with_origin`.
 
     Raises:
         ConfigError: `crs` is malformed, or is given for a map that is not a GeoTIFF file.

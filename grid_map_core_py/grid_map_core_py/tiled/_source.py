@@ -167,10 +167,7 @@ def shape(window: Window) -> Size:
 
 @contextmanager
 def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
-    """Convert exceptions from reading or writing to a `GridMapError` that names `path`.
-
-    `doing` is "read" or "written", for the error message.
-    """
+    """Convert exceptions to a `GridMapError` that names `path`; `doing` is "read" or "written"."""
     try:
         yield
     except (LayerNotFoundError, MissingPackageError):

@@ -38,10 +38,7 @@ _LARGEST_DIFFERENCE = 1e-6  # maximum relative difference between resolutions th
 
 @dataclass(frozen=True)
 class StoreSource:
-    """Source that reads layers from a Zarr store; `path` is a folder or an fsspec URL.
-
-    Each process opens the store on its first read.
-    """
+    """Source that reads layers from a Zarr store; `path` is a folder or an fsspec URL."""
 
     path: str
     layers: tuple[str, ...]

@@ -26,9 +26,9 @@ class ColorBlending(CellFilter):
         background_layer: layer with the background colors.
         foreground_layer: layer with the foreground colors.
         blend_mode: "normal" shows the foreground. "hard_light" darkens the background where the
-            foreground is dark, and brightens it elsewhere. "soft_light" is a weaker version of
-            "hard_light" (Pegtop formula).
-        opacity: weight of the blended color, from 0 to 1; 0 shows only the background.
+            foreground is dark, and brightens it elsewhere. "soft_light" has a weaker effect
+            (Pegtop).
+        opacity: weight of the blended color relative to the background, from 0 to 1.
         output_layer: layer for the result.
     """
 
