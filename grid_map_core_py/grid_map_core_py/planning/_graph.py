@@ -21,8 +21,7 @@ from ._ground import BORDER, EQUAL, Floats, Ground, SlopeLimits, divided
 
 
 class PathFailure(IntEnum):
-    """Reasons why there is no path; the values are the error codes of Nav2's `ComputePathToPose`.
-    """
+    """Reasons why there is no path; the values are error codes of Nav2's `ComputePathToPose`."""
 
     TF_ERROR = 202
     START_OUTSIDE_MAP = 203
