@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Helpers for plug-ins: class registries and parameter checks.
 
-Filters and visualizations are dataclasses whose fields are their parameters. A `Registry` finds
-such classes by their YAML type names in all installed packages. `check` rejects invalid values.
+Filters and visualizations are plug-ins. Each plug-in is a dataclass whose fields are its
+parameters. A `Registry` finds a class by its YAML type name in all installed packages. `check`
+rejects invalid parameter values.
 """
 
 from collections.abc import Mapping
@@ -21,23 +22,19 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Registry(Generic[T]):
-    """Mapping from type names to classes, which are built in or loaded through entry points.
+    """Mapping from type names to classes, either built in or loaded through entry points.
 
     Attributes:
         built_in: built-in classes by type name.
-        group: entry-point group, which is searched on first use. The name of an entry point is the
-            type name, and its value refers to the class.
+        group: entry-point group, searched on first use. Each entry point has the type name as its
+            name, and its value refers to the class.
     """
 
     built_in: Mapping[str, type[T]]
     group: str
 
     def __getitem__(self, type_name: str) -> type[T]:
-        """Return the class registered as `type_name`.
-
-        Raises:
-            ConfigError: the name is unknown, or the class cannot be loaded.
-        """
+        """Return the class named `type_name`; raise `ConfigError` if it cannot be loaded."""
         plugins = self._plugins
         if type_name in plugins:
             entry = plugins[type_name]

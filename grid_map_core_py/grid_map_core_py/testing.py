@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Assertions and hypothesis strategies for tests with maps.
+"""Assertions and `hypothesis` strategies for tests with maps.
 
 Only the strategies need the package `hypothesis`.
 """
@@ -50,8 +50,8 @@ def assert_maps_equal(
 def register_profiles() -> None:
     """Register the hypothesis profiles `grid_map` and `explore`, and activate `grid_map`.
 
-    The profile `grid_map` runs the same examples every time, so that results are reproducible. The
-    profile `explore`, which `make explore` selects, runs more examples, and new ones every time.
+    The profile `grid_map` runs the same examples every time. The profile `explore`, selected by
+    `make explore`, runs more examples, and new ones every time.
     """
     from hypothesis import settings
 
@@ -78,7 +78,7 @@ def grid_maps(
     allow_infinity: bool = True,
     allow_moved: bool = True,
 ) -> "SearchStrategy[GridMap]":
-    """Return a strategy that generates maps; some have a single cell, NaN or infinities.
+    """Return a `hypothesis` strategy that generates maps, also with one cell, NaN or infinities.
 
     Args:
         layers: names of the layers; the first one is sometimes a basic layer.

@@ -17,10 +17,7 @@ class Demo(ConfiguredNode):
     """Node with helper methods for file paths and for publishing maps."""
 
     def read_path(self, name: str, default: str, description: str, *, data: str = "") -> Path:
-        """Return a path parameter, or the demo data file `data` if the parameter is empty.
-
-        A leading `~` is expanded.
-        """
+        """Return a path parameter with `~` expanded; if empty, the demo data file `data`."""
         given = self.read(name, default, description)
         if data and not given:
             return Path(get_package_share_directory("grid_map_demos_py"), "data", data)

@@ -2,15 +2,14 @@
 """Node `elevation_mapping_robot`: a simulated robot with a lidar and a depth camera.
 
 The robot drives on real terrain with boxes, a ramp and stairs. A person crosses its path. The robot
-starts when another node subscribes to the lidar. The node publishes the clouds of both sensors,
-drifting odometry with covariance, and the true terrain around the robot in the odometry frame.
+starts when another node subscribes to the lidar. The node publishes the point clouds of both
+sensors, drifting odometry, and the true terrain around the robot.
 """
 
 from .robot_course import RobotCourse, covariance_at, drifted, load_course, truth_at
 from .sensing_robot import SensingRobot
 
-TRUTH_LENGTH = 12.0
-"""Side length of the published section of the true terrain [m]."""
+TRUTH_LENGTH = 12.0  # side length of the published section of the true terrain [m]
 
 
 class ElevationMappingRobotNode(SensingRobot):

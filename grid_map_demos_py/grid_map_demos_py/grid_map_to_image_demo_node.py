@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_to_image_demo`: saves a layer of the next map as an image file and exits.
 
-Pixel (row, column) is cell (row, column) in map order: +x is up and +y is to the left. Other
-programs never see a partly written file.
+Pixel (row, column) is cell (row, column) in map order: +x is up and +y is to the left.
 """
 
 import math

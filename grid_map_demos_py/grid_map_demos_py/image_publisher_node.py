@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
-The node reads the file for each message, so edits are published, too. The image may be gray or in
-color, with or without an alpha channel. Pixel values are 8-bit or 16-bit integers or floats.
+The node reads the file again for each message. The image may be gray or in color, with or without
+an alpha channel. Pixel values are 8-bit or 16-bit integers or floats.
 """
 
 from pathlib import Path
@@ -28,7 +28,7 @@ ENCODING_OF = {(ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name 
 
 
 def read_message(path: Path) -> Image:
-    """Read an image file into a message with an empty header, without converting the pixels."""
+    """Read an image file into a message with an empty header."""
     with storage_errors(path, "read"):
         pixels = np.atleast_3d(read_image(path))
         if (pixels.dtype, pixels.shape[2]) not in ENCODING_OF:

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_to_gridmap_demo`: converts images to elevation maps; bright pixels are high.
 
-The node subscribes to images and publishes `grid_map` with the layers `elevation` (the gray values)
-and `color`. The first image sets the size of the map; later images must have the same size.
-Transparent pixels become cells without a value.
+The node publishes `grid_map` with the layers `elevation` (the gray values) and `color`. All images
+must have the size of the first image. Transparent pixels become cells without a value.
 """
 
 import math

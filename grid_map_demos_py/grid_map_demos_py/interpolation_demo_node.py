@@ -1,15 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_interpolation_demo`: measures the errors of four interpolation methods.
 
-A world is a surface given by a formula. The demo samples a world on a fine grid (the truth) and on
-a coarse grid (the data). It then interpolates the data at the cell centers of another fine grid. At
-startup, the demo publishes three latched maps with the heights in the layer `demo`:
-
-    ground_truth: the fine samples.
-    data_sparse: the coarse samples.
-    interpolated: the interpolated data; its layer `error` is the absolute error [m].
-
-Then the demo prints an error table for all methods and worlds.
+A world is a surface given by a formula. The demo samples a world on a coarse grid and interpolates
+the samples on a fine grid. It publishes the true surface, the samples and the result, and prints an
+error table for all methods and worlds.
 """
 
 import time
@@ -119,7 +113,7 @@ def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
 
 
 class InterpolationDemoNode(Demo):
-    """Node that publishes a true surface, samples of it, and the interpolated samples."""
+    """Node that publishes a true surface, its samples and the interpolated samples."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_interpolation_demo")

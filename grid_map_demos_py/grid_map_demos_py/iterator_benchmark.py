@@ -3,10 +3,10 @@
 
     iterator_benchmark [SIDE ...]
 
-The program prints the times of two tasks on square maps with SIDE cells per side. The first task
-computes the larger of two layer values in every cell. The second task computes the mean of the
-3 x 3 cells around every cell. The program solves each task in several ways, from a Python loop to a
-single NumPy or OpenCV call. ROS is not required.
+The program prints the times of two tasks on square maps with SIDE cells per side. One task computes
+the larger of two layer values in every cell. The other task computes the mean of the 3 x 3 cells
+around every cell. The program solves each task in several ways, from a Python loop to a single
+NumPy or OpenCV call.
 """
 
 import argparse
@@ -23,14 +23,13 @@ from grid_map_core_py import GridMap, map_cells, sliding_windows, window_array
 SIDES = (100, 400)
 LARGEST_SIDE = 2_000
 RESOLUTION = 0.004
-SECONDS = 0.05
-"""Each function is repeated for at least this time [s]; the shortest run counts."""
+SECONDS = 0.05  # each function is repeated for at least this time [s]; the shortest run counts
 
 Way = Callable[[GridMap], None]
 
 
 def by_index_and_name(grid_map: GridMap) -> None:
-    """Look up the layer for each cell; readable, but suitable only for a few cells."""
+    """Look up the layer for each cell; suitable only for a few cells."""
     for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 
@@ -116,7 +115,7 @@ def shortest_time(way: Way, grid_map: GridMap) -> float:
 
 
 def table(sides: Sequence[int]) -> Iterator[str]:
-    """Yield each line of the table as soon as its times are measured."""
+    """Yield the lines of the table, each as soon as it is measured."""
     maps = [make_map(side) for side in sides]
     heads = (f"{side} x {side} [ms]" for side in sides)
     yield " ".join([f"{'':22}", *(f"{head:>18}" for head in heads), f"{'a cell [ns]':>12}"])

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_iterators_demo`: fills regions of a map cell by cell, in iteration order.
 
-The node publishes the map on `grid_map`. The layer `type` is 1 in the cells filled so far. On
-`polygon`, the node publishes the outline of the polygon region or of the sliding window. After the
-last region, the demo starts again only if the parameter `repeat` is true.
+The layer `type` of the published map is 1 in the cells filled so far.
 """
 
 import math
@@ -35,25 +33,16 @@ REGIONS: dict[str, Callable[[gm.GridMap], Cells]] = {
 }
 """Functions that return the cells (rows, cols) of a region, in the order of the demo."""
 
-WINDOW = 3
-"""Side length of the sliding window [cells]."""
-
-CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
-"""Pauses after every cell and after every region [s]."""
+WINDOW = 3  # side length of the sliding window [cells]
+CELL_PAUSE, REGION_PAUSE = 0.02, 1.0  # pauses after every cell and after every region [s]
 
 
 class Step(NamedTuple):
-    """Step of the demo; the map is published after each step.
+    """Step of the demo; the map is published after each step."""
 
-    Attributes:
-        pause: pause after the step [s].
-        title: title of the region that begins; otherwise empty.
-        polygon: polygon to publish; None for no polygon.
-    """
-
-    pause: float
-    title: str = ""
-    polygon: gm.Polygon | None = None
+    pause: float  # after the step [s]
+    title: str = ""  # of the region that begins
+    polygon: gm.Polygon | None = None  # to publish
 
 
 def make_map() -> gm.GridMap:
@@ -62,7 +51,7 @@ def make_map() -> gm.GridMap:
 
 
 def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Yield the steps that fill the regions of a map one by one and show the sliding window."""
+    """Yield the steps that fill the regions one by one and show the sliding window."""
     yield Step(2.0)
     for title, find_cells in REGIONS.items():
         grid_map.clear_all()
@@ -76,7 +65,7 @@ def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
 
 
 def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
-    """Yield the steps that blur a filled polygon: each sets a cell to the mean of its window."""
+    """Yield the steps that blur a filled polygon; each step sets one cell to its window's mean."""
     grid_map["type"] = 0.0
     grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)

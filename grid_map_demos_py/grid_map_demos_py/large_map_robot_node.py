@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `large_map_robot`: a simulated robot that drives back and forth along a path.
-
-The node publishes the odometry on `odom`. `large_site` defines the path.
-"""
+"""Node `large_map_robot`: odometry of a robot that drives along the path of `large_site`."""
 
 import math
 

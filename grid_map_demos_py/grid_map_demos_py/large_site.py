@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Path of a robot, and a tiled map of 10^9 cells whose heights are known only near the path."""
+"""Path of a robot, and a tiled map of 10^9 cells with heights only near the path."""
 
 import math
 from collections.abc import Iterator
@@ -16,20 +16,11 @@ GEOMETRY = GridGeometry.from_size((32768, 32768), 0.1)
 
 LAYER = "elevation"
 
-CORRIDOR = 30.0
-"""Heights are known up to this distance from the path, measured along y [m]."""
-
-BEND, WAVE = 300.0, 2000.0
-"""Amplitude and wavelength of the path [m]."""
-
-END = 1500.0
-"""The path leads from x = END to x = -END [m]."""
-
-_TILE = 1024
-"""Side length of a chunk [cells]."""
-
-_LENGTHS = np.geomspace(1.5, 400.0, 24)
-"""Wavelengths of the waves that form the ground [m]."""
+CORRIDOR = 30.0  # heights are known up to this distance from the path, measured along y [m]
+BEND, WAVE = 300.0, 2000.0  # amplitude and wavelength of the path [m]
+END = 1500.0  # the path leads from x = END to x = -END [m]
+_TILE = 1024  # side length of a chunk [cells]
+_LENGTHS = np.geomspace(1.5, 400.0, 24)  # wavelengths of the waves that form the ground [m]
 
 
 def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -40,9 +31,9 @@ def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
     """Return the ground heights (rows, cols) [m] at the cells of a grid.
 
-    The ground is a sum of waves in random directions. Longer waves are higher. Each wave is a
-    sum of two products f(x) g(y), so that a single matrix product yields the heights of all cells.
+    The ground is a sum of waves in random directions. Longer waves are higher.
     """
+    # A wave is a sum of two products f(x) g(y), so one matrix product yields all heights.
     random = np.random.default_rng(5)
     angles = random.uniform(0, 2 * math.pi, _LENGTHS.size)
     phases = random.uniform(0, 2 * math.pi, _LENGTHS.size)
@@ -57,7 +48,7 @@ def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
 
 
 def make_site(path: Path) -> Iterator[None]:
-    """Write the chunks of the map near the path to a Zarr store, and yield after each chunk."""
+    """Write the chunks near the path to a Zarr store, and yield after each chunk."""
     site = TiledMap.create(path, GEOMETRY, [LAYER], chunks=_TILE)
     for rows, columns in site.tiles:
         geometry = site.geometry.cropped(rows, columns)

@@ -6,8 +6,8 @@
 
 Each node runs in its own process. If the demo is interrupted or a node ends, all nodes are stopped.
 
-- `--report`: a further process collects the messages of the nodes, writes pictures, prints a table
-  and ends the demo. The exit code is 0 only if messages arrive on all topics.
+- `--report`: a further process writes pictures, prints a table and ends the demo. The exit code is
+  0 only if messages arrive on all topics.
 - `--view`: a further process shows the demo in the browser and logs the address.
 """
 
@@ -33,8 +33,7 @@ VIEWERS = {
 }
 """Viewer modules by required library, in order of preference."""
 
-PATIENCE = 5.0
-"""Time after which processes that have not stopped are killed [s]."""
+PATIENCE = 5.0  # time after which processes that have not stopped are killed [s]
 
 WINDOW = "grid_map_ros_py._executables.grid_map_window"
 
@@ -43,8 +42,8 @@ WINDOW = "grid_map_ros_py._executables.grid_map_window"
 class NodesDemo:
     """Demo that starts nodes and, on request, a report or a browser viewer.
 
-    In the folder `config`, `NAME.yaml` contains the parameters of the report, and
-    `NAME_viewer.yaml` the parameters of the viewers.
+    The folder `config` contains the parameters of the report in `NAME.yaml`, and those of the
+    viewers in `NAME_viewer.yaml`.
 
     Attributes:
         name: name of the executable.
@@ -180,15 +179,14 @@ def large_map_demo(arguments: Sequence[str] | None = None) -> int:
 
 
 def viewer() -> str:
-    """Return the first viewer module whose library is installed, or else the last viewer module."""
+    """Return the first viewer module whose library is installed; the last one if none is."""
     return next((VIEWERS[name] for name in VIEWERS if find_spec(name)), [*VIEWERS.values()][-1])
 
 
 class ProcessGroup:
-    """Starts Python modules as processes and stops all processes on exit.
+    """Starts Python modules as processes, and stops all processes on exit.
 
-    SIGINT (Ctrl-C), SIGTERM and SIGHUP set `stopped`, which ends `wait`. Each process runs in its
-    own session, so that Ctrl-C in the terminal does not reach it directly.
+    SIGINT (Ctrl-C), SIGTERM and SIGHUP set `stopped`, which ends `wait`.
     """
 
     def __init__(self) -> None:
@@ -217,11 +215,7 @@ class ProcessGroup:
         on_end(signal.SIG_IGN)
 
     def start(self, module: Sequence[str], parameter_file: str, *parameters: str) -> None:
-        """Start a node, unless `stopped` is set.
-
-        `module` is the module name followed by command-line arguments. `parameter_file` is the name
-        of a file in the folder `config`. `parameters` are written as `name:=value`.
-        """
+        """Start a node with a parameter file in `config` and parameters `name:=value`."""
         from ament_index_python.packages import get_package_share_directory
 
         if not self.stopped:
@@ -232,7 +226,7 @@ class ProcessGroup:
             self._processes[module[0]] = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
-                start_new_session=True,
+                start_new_session=True,  # so that Ctrl-C in the terminal does not reach it
                 preexec_fn=die_with_parent(signal.SIGTERM),
             )
 

@@ -2,7 +2,7 @@
 """Node `move_demo`: moves a map along a spiral, alternating between `move` and `position`.
 
 `move` keeps the data in place in the world, and discards data outside the new map borders. Setting
-`position` moves the data with the map. The node publishes the map on `grid_map` at 10 Hz.
+`position` moves the data with the map. The node publishes the map on `grid_map`.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ def make_map() -> GridMap:
 
 
 def place(seconds: float) -> Positions:
-    """Return the map position (2,) [m] after `seconds` on a spiral that starts at the origin."""
+    """Return the map position (2,) [m] after `seconds` on a spiral from the origin."""
     return 0.03 * seconds * np.array([np.cos(seconds), np.sin(seconds)])
 
 

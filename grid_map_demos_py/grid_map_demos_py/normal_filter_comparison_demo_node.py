@@ -1,18 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `normal_filter_comparison_demo`: compares two algorithms that compute normals.
 
-The surface is given by a formula, so its true normals are known. The demo adds noise and outliers
-to the heights, and smooths the result. A filter chain then computes the normals with the algorithms
-`area` and `raster`. The error of a normal is 1 minus the cosine of its angle to the true normal.
-
-At startup, the node prints a table of angular errors for all shapes. It then publishes `grid_map`
-10 times a second, with these layers:
-
-- heights: `elevation`, `noise`, `elevation_noisy`, `elevation_filtered`
-- normals: `normal_analytic_*` (true), `normal_area_*`, `normal_raster_*`
-- errors: `directionalErrorArea`, `directionalErrorRaster`
-
-The node logs the sum of each error layer as a running mean over about 20 maps.
+A formula defines the surface, so its true normals are known. The demo adds noise and outliers to
+the heights and smooths the result. A filter chain then computes the normals with the algorithms
+`area` and `raster`. The node prints a table of their errors, and publishes the maps.
 """
 
 from collections.abc import Callable, Iterator
@@ -52,7 +43,7 @@ def plane(x: Numbers, y: Numbers, _seconds: float) -> Surface:
 
 
 def hill(x: Numbers, y: Numbers, _seconds: float) -> Surface:
-    """Return the heights and slopes (dz/dx, dz/dy) of a round hill, 0.5 m high."""
+    """Return the heights and slopes of a round hill, 0.5 m high."""
     height = 0.5 * np.exp(-2.0 * (x**2 + y**2))
     return height, -4.0 * x * height, -4.0 * y * height
 
@@ -69,7 +60,7 @@ SHAPES: dict[str, Shape] = {"wave": wave, "plane": plane, "hill": hill, "cone": 
 
 
 def surface_map(shape: str, seconds: float) -> GridMap:
-    """Return a map of a surface at a time [s], with its true normals in `normal_analytic_*`."""
+    """Return a map of a surface at a time [s], with its true normals."""
     grid_map = GridMap((2.5, 4.0), 0.02, frame_id="map")
     x, y = grid_map.axes()
     height, *slopes = SHAPES[shape](x[:, None], y[None, :], seconds)
@@ -82,11 +73,7 @@ def surface_map(shape: str, seconds: float) -> GridMap:
 
 
 def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.Generator) -> None:
-    """Set the layers `noise`, `elevation_noisy` and the smoothed `elevation_filtered`.
-
-    `noise` is the amplitude of the uniform noise [m]. The fraction `outliers` of the cells becomes
-    infinite.
-    """
+    """Add uniform noise [m] and a share of infinite outliers, and smooth the heights."""
     grid_map["noise"] = random.uniform(-noise, noise, grid_map.size)
     noisy = grid_map["elevation"].astype(np.float64) + grid_map["noise"]
     count = int(outliers * noisy.size)
@@ -98,15 +85,13 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
 
 
 def add_errors(grid_map: GridMap) -> None:
-    """Add the error layers: 1 minus the cosine of the angle to the true normal.
-
-    Errors are NaN in border cells, because the raster algorithm computes no normals there.
-    """
+    """Add the error layers: 1 minus the cosine of the angle to the true normal."""
     for algorithm, layer in ALGORITHMS.items():
         pairs = [
             (grid_map[f"normal_analytic_{axis}"], grid_map[f"normal_{algorithm}_{axis}"])
             for axis in "xyz"
         ]
+        # The raster algorithm computes no normals in border cells.
         cosines = np.full(grid_map.size, np.nan)
         inner = np.s_[1:-1, 1:-1]
         cosines[inner] = np.abs(sum(truth * found for truth, found in pairs))[inner]
@@ -135,7 +120,7 @@ def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
 
 
 class NormalFilterComparisonDemoNode(Demo):
-    """Node that publishes a surface, its true normals, and normals computed by two algorithms."""
+    """Node that publishes a surface, its true normals and its normals from two algorithms."""
 
     def __init__(self) -> None:
         super().__init__("normal_filter_comparison_demo")

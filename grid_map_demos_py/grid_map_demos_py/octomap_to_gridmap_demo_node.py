@@ -2,10 +2,8 @@
 """Node `octomap_to_gridmap_demo`: converts an octomap to an elevation map.
 
 The demo requests an octomap every 10 s from a node such as octomap_server, or reads an octomap from
-a file. It publishes `grid_map` with the layer `elevation`: the height of the highest occupied voxel
-in each cell. It republishes a requested octomap on `octomap` for the OctoMap display of RViz.
-
-On robots, use `octomap_to_grid_map` in `grid_map_ros_py`, which also subscribes to a topic.
+a file. It publishes `grid_map` with the height of the highest occupied voxel in each cell. It
+republishes a requested octomap on `octomap` for RViz.
 """
 
 import math
@@ -22,11 +20,8 @@ from grid_map_ros_py.nodes._spin import steady_timer
 
 from .demo import Demo
 
-PERIOD = 10.0
-"""Time between two requests [s]."""
-
-PATIENCE = 1.0
-"""Time between two checks while the service is not available [s]."""
+PERIOD = 10.0  # time between two requests [s]
+PATIENCE = 1.0  # time between two checks while the service is not available [s]
 
 REMEDY = f"{remedy_for('octomap_msgs.msg')}, or name a file by 'octomap_path'"
 

@@ -17,8 +17,7 @@ from grid_map_core_py.conversions._image_arrays import Image
 from .demo import Demo
 from .parts import HEIGHT, star_map
 
-LARGEST_WIDTH = 200
-"""Side of the largest kernel, minus 1 [pixels]."""
+LARGEST_WIDTH = 200  # side of the largest kernel, minus 1 [pixels]
 
 
 def kernel_size(seconds: float) -> int:

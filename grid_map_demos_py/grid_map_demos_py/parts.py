@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Helpers shared by demos: a star with sharp edges, weighted means, and tables as text."""
+"""Helpers of the demos: a star with sharp edges, weighted means, and tables as text."""
 
 import math
 from collections.abc import Mapping
@@ -28,10 +28,7 @@ VERTICES = [
 
 
 def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridMap:
-    """Return a 1.2 m x 2 m map of a star that is 0.3 m high, in the frame `map`.
-
-    If `has_ground` is false, the cells around the star are NaN instead of 0.
-    """
+    """Return a 1.2 m x 2 m map of a star, 0.3 m high, on the ground or surrounded by NaN."""
     ground = 0.0 if has_ground else math.nan
     geometry = GridGeometry((1.2, 2.0), resolution)
     grid_map = GridMap.from_geometry(geometry, {layer: ground}, frame_id="map")

@@ -2,8 +2,8 @@
 """Node `path_planner_robot`: a simulated robot that walks along the plans of `path_planner`.
 
 The robot has the sensors of `elevation_mapping_robot`, with a shorter range, and odometry without
-drift. Until the robot starts to walk, it publishes the goal after each map. After each map, the
-robot walks only a limited distance, so that late maps never lead it onto unchecked ground.
+drift. After each map, the robot walks only a limited distance. It therefore never walks onto
+unchecked ground if a map is late.
 """
 
 import numpy as np
@@ -16,8 +16,7 @@ from grid_map_ros_py.nodes import MapSubscription, map_qos
 from .robot_course import GOAL, MAX_RANGE, START, STRIDE, Walker, load_cliff, standing_pose
 from .sensing_robot import SensingRobot
 
-MAP = "/elevation_mapping/elevation_map"
-"""Topic of the maps for the planner."""
+MAP = "/elevation_mapping/elevation_map"  # topic of the maps for the planner
 
 
 class PathPlannerRobotNode(SensingRobot):

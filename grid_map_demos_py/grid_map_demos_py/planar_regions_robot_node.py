@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `planar_regions_robot`: a depth camera that moves over stairs, a ramp and stepping stones.
 
-The node publishes the clouds of the camera, the odometry and the true terrain. The camera starts to
-move when another node subscribes to the clouds, and stops at the stepping stones.
+The node publishes the point clouds of the camera, the odometry and the true terrain. The camera
+starts to move when another node subscribes to the clouds. It stops at the stepping stones.
 """
 
 import numpy as np

@@ -42,8 +42,7 @@ from .steps_course import END, PLANES
 
 DIAGNOSTICS = "/diagnostics"
 
-Tables = Mapping[str, Mapping[Any, object]]
-"""Tables by title; each row is a name and a value."""
+Tables = Mapping[str, Mapping[Any, object]]  # tables by title; each row is a name and a value
 
 Pictures = Mapping[str, Figure | tuple[GridMap, str, Mapping[str, Any]]]
 """Pictures by name: a figure, or a map, a layer, and options of `save_picture`."""
@@ -65,8 +64,6 @@ class ReportNode(Demo):
         raise NotImplementedError
 
     def give_up_after(self, seconds: float) -> None:
-        """End the node with an error if it has not reported after `seconds`."""
-
         def give_up() -> None:
             silent = ", ".join(self.silent_topics())
             raise NodeFailedError(f"after {seconds:g} s too few messages on {silent}")
@@ -98,8 +95,7 @@ def size_of(size: tuple[int, int]) -> str:
 # --- filters demo ---------------------------------------------------------------------------------
 
 FILTERED = "/filtered_map"
-FILTER_CHAIN = "grid_map_filters"
-"""Name of the diagnostic status of the filter chain."""
+FILTER_CHAIN = "grid_map_filters"  # name of the diagnostic status of the filter chain
 
 COUNTED = {
     "/grid_map": GridMapMessage,
@@ -112,7 +108,7 @@ COUNTED = {
 
 
 class DemoReportNode(ReportNode):
-    """Node that collects messages of the filters demo until enough have arrived on all topics."""
+    """Node that collects messages of the filters demo until enough have arrived."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
@@ -194,7 +190,7 @@ WRONG = 0.1
 
 
 class ElevationMappingReportNode(ReportNode):
-    """Node that collects maps for some time, then compares the last map with the true terrain."""
+    """Node that collects maps for some time and compares the last map with the true terrain."""
 
     def __init__(self) -> None:
         super().__init__("elevation_mapping_report")
@@ -260,10 +256,9 @@ class ElevationMappingReportNode(ReportNode):
 
 
 def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Tables]:
-    """Return a map of the layers `truth`, `estimate`, `error` and `deviation`, and accuracy tables.
+    """Return the layers `truth`, `estimate`, `error` and `deviation` as a map, and accuracy tables.
 
-    `estimate` has the layers `elevation` and `variance`. `truth` has the true `elevation`. Both
-    maps are in the same frame.
+    `estimate` has the layers `elevation` and `variance`. Both maps are in the same frame.
     """
     positions = estimate.get_positions()
     inside = truth.is_inside(positions)
@@ -338,12 +333,11 @@ WINDOW_NODE = "grid_map_window"
 
 MEMORY = "resident memory [MB]"
 
-THINNED = 64
-"""Side of a cell of the overview map [cells of the full map]."""
+THINNED = 64  # side of a cell of the overview map [cells of the full map]
 
 
 class LargeMapReportNode(ReportNode):
-    """Node that collects windows of a large map, then reports rate, delays and memory use."""
+    """Node that collects windows of a large map and reports rate, delays and memory use."""
 
     def __init__(self) -> None:
         super().__init__("large_map_report")
@@ -412,12 +406,7 @@ class LargeMapReportNode(ReportNode):
 
 
 class CourseReportNode(ReportNode):
-    """Base class of reports on a robot that walks over the true terrain.
-
-    Attributes:
-        walk: list of the robot positions (2,) so far [m].
-        truth: the true terrain; None until it is received.
-    """
+    """Base class of reports on a robot that walks over the true terrain."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -474,7 +463,7 @@ class PathPlannerReportNode(CourseReportNode):
 
 
 def draw_walk(truth: GridMap, costs: GridMap, plans: Sequence[Matrix], walk: Matrix) -> Figure:
-    """Draw `elevation` and `inflated_cost`, each with the plans (N, 2) and the path walked."""
+    """Draw `elevation` and `inflated_cost`, each with the plans (N, 2) and the walked path."""
     figure = Figure((6.4, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     plot(truth, "elevation", left, color_map="gist_earth", hillshade="elevation", scale_bar=False)
@@ -497,7 +486,7 @@ PLANAR = "/planar_map"
 
 
 class PlanarRegionsReportNode(CourseReportNode):
-    """Node that waits until the camera has seen the course, then checks the planar regions."""
+    """Node that checks the planar regions once the camera has seen the course."""
 
     def __init__(self) -> None:
         super().__init__("planar_regions_report")
@@ -535,7 +524,7 @@ def found_planes(regions: GridMap, truth: GridMap) -> dict[str, str]:
 
 
 def draw_regions(regions: GridMap) -> Figure:
-    """Draw the heights of a map, and the planar regions in up to twenty colors."""
+    """Draw the heights of a map, and its planar regions in up to twenty colors."""
     ids = regions["plane_id"]
     # Ranks of the ids, so that fewer than twenty regions have a color each.
     ranks = np.searchsorted(np.unique(ids[ids > 0]), ids)

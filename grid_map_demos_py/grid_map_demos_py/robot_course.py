@@ -14,21 +14,13 @@ from grid_map_core_py.simulation import DepthCamera, SpinningLidar, with_box, wi
 
 from .terrain import load_terrain
 
-Matrix = npt.NDArray[np.float64]
-"""(4, 4) homogeneous transform: rotation and translation [m]."""
+Matrix = npt.NDArray[np.float64]  # (4, 4) homogeneous transform: rotation and translation [m]
 
 RESOLUTION = 0.05
-RADII = (6.0, 4.5)
-"""Semi-axes of the ellipse that the robot follows [m]."""
-
-HEIGHT = 0.35
-"""Height of the robot frame above the ground [m]."""
-
-DRIFT = np.array([0.003, -0.002, 0.01])
-"""Drift of the odometry along x, y, z [m/s]."""
-
-WALK = 0.003
-"""Standard deviation that the odometry reports along each axis after one second [m]."""
+RADII = (6.0, 4.5)  # semi-axes of the ellipse that the robot follows [m]
+HEIGHT = 0.35  # height of the robot frame above the ground [m]
+DRIFT = np.array([0.003, -0.002, 0.01])  # drift of the odometry along x, y, z [m/s]
+WALK = 0.003  # standard deviation that the odometry reports along each axis after one second [m]
 
 LIDAR = np.eye(4)
 LIDAR[2, 3] = 0.45
@@ -36,7 +28,7 @@ LIDAR[2, 3] = 0.45
 
 
 def camera_pose(tilt: float, *position: float) -> Matrix:
-    """Return the pose (4, 4) of a camera that looks along +x and is tilted down by `tilt` [rad]."""
+    """Return the pose (4, 4) of a camera that looks along +x, tilted down by `tilt` [rad]."""
     pose = np.eye(4)
     pose[:3, 0] = 0.0, -1.0, 0.0
     pose[:3, 1] = -math.sin(tilt), 0.0, -math.cos(tilt)
@@ -60,15 +52,14 @@ START, GOAL = (7.5, -2.5), (3.5, 6.0)
 MAX_RANGE = 5.0
 """Range of the sensors on the way to the goal [m]: less than from the start to the cliff."""
 
-STRIDE = 0.4
-"""Maximum distance that the robot walks after each map [m]."""
+STRIDE = 0.4  # maximum distance that the robot walks after each map [m]
 
 ARRIVED = 0.35
 """Distance from the goal at which the robot has arrived [m]; above the planner's tolerance."""
 
 
 def load_course(path: Path) -> GridMap:
-    """Return the demo terrain, scaled up, without holes, and with obstacles on the robot's path."""
+    """Return the enlarged demo terrain without holes, with obstacles on the robot's path."""
     ground = load_terrain(path, RESOLUTION, holes=False).without_layers(["color"])
     ground = with_stairs(ground, (4.0, 1.5), (1.6, 1.2), 0.6, 4, yaw=0.5 * math.pi)
     ground = with_ramp(ground, (7.7, 1.5), (2.4, 1.2), 0.5, yaw=0.5 * math.pi)
@@ -78,10 +69,7 @@ def load_course(path: Path) -> GridMap:
 
 
 def load_cliff(path: Path) -> GridMap:
-    """Return the demo terrain without holes, with a cliff of 1 m between `START` and `GOAL`.
-
-    Walls at the borders keep the robot on the terrain.
-    """
+    """Return the demo terrain with walls at the borders and a cliff between `START` and `GOAL`."""
     ground = load_terrain(path, RESOLUTION, holes=False).without_layers(["color"])
     ground = with_box(ground, (4.6, 3.7), (5.4, 0.6), 1.0, yaw=0.54)
     heights = ground["elevation"]
@@ -91,21 +79,13 @@ def load_cliff(path: Path) -> GridMap:
 
 @dataclass
 class RobotCourse:
-    """Positions of the robot and of moving objects, as functions of the time since the start.
-
-    Attributes:
-        ground: terrain in the world frame, with the layer `elevation` [m].
-        speed: speed of the robot [m/s].
-    """
+    """Positions of the robot and of a person, as functions of the time since the start."""
 
     ground: GridMap
-    speed: float
+    speed: float  # [m/s]
 
     def terrain_at(self, seconds: float) -> GridMap:
-        """Return the terrain, including the person if present.
-
-        The layer `person` contains the height of the person [m], NaN in all other cells.
-        """
+        """Return the terrain and the layer `person`: the person's height [m], NaN elsewhere."""
         # The person appears once per lap (54.4 s at 0.6 m/s).
         walk, terrain = seconds % 54.4 - 4.5, self.ground
         if 0.0 <= walk <= 2.5:
@@ -114,7 +94,6 @@ class RobotCourse:
         return terrain.with_layers({"person": np.where(height > 0.0, height, np.nan)})
 
     def pose_at(self, seconds: float) -> Matrix:
-        """Return the pose of the robot in the world; its z axis is perpendicular to the ground."""
         angle = self.speed * seconds / math.sqrt(RADII[0] * RADII[1])
         x, y = RADII[0] * math.cos(angle), RADII[1] * math.sin(angle)
         way = np.array([-RADII[0] * math.sin(angle), RADII[1] * math.cos(angle)])
@@ -122,10 +101,7 @@ class RobotCourse:
 
 
 def standing_pose(ground: GridMap, position: Matrix, way: Matrix) -> Matrix:
-    """Return the pose (4, 4) of a robot whose z axis is perpendicular to the ground.
-
-    `position` (2,) is in meters. `way` (2,) is the unit vector of the robot's heading.
-    """
+    """Return the pose (4, 4) of a robot that stands perpendicular to the ground."""
     side = np.array([-way[1], way[0]])
     feet = position + 0.3 * np.array([way, -way, side, -side])
     heights = np.asarray(ground.at_position("elevation", feet, Interpolation.LINEAR))
@@ -149,16 +125,12 @@ def drifted(pose: Matrix, seconds: float) -> Matrix:
 
 
 def covariance_at(seconds: float) -> Matrix:
-    """Return the covariance (6, 6) of the odometry, which grows with the time since the start."""
+    """Return the covariance (6, 6) of the odometry, which grows with time."""
     return np.diag([WALK**2 * seconds] * 3 + [1e-6] * 3)
 
 
 def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -> GridMap:
-    """Return a square of the true terrain, shifted into the drifting odometry frame.
-
-    The square has the center `position` (2,) in the world frame and the side `length` [m]. The
-    drift is proportional to the time since the start, `seconds` [s].
-    """
+    """Return a square of the true terrain around `position`, shifted into the odometry frame."""
     block = ground.get_submap(position, (length, length))
     block.position = block.position + DRIFT[:2] * seconds
     block["elevation"] += np.float32(DRIFT[2] * seconds)
@@ -166,11 +138,11 @@ def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -
 
 
 class Walker:
-    """Position and direction of a robot that starts at `START` and follows the latest plan.
+    """Robot that starts at `START` and follows the latest plan.
 
     Attributes:
         position: (2,) position [m].
-        way: (2,) unit vector in the direction of the robot's heading.
+        way: (2,) unit vector of the heading.
         plan: (N, 2) positions of the plan that the robot has not reached yet [m].
     """
 
@@ -180,12 +152,11 @@ class Walker:
         self.plan: Matrix = np.empty((0, 2))
 
     def follow(self, plan: Matrix) -> None:
-        """Follow a new plan (N, 2), starting at the plan's point nearest to the robot."""
+        """Follow a new plan (N, 2) from its point nearest to the robot."""
         distances = np.hypot(*(plan - self.position).T)
         self.plan = plan[distances.argmin() :] if len(plan) else plan
 
     def walk(self, distance: float) -> None:
-        """Walk along the plan, at most `distance` [m]."""
         while len(self.plan) and distance > 0.0:
             ahead = self.plan[0] - self.position
             length = float(np.hypot(*ahead))

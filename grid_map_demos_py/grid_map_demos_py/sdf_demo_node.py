@@ -2,13 +2,7 @@
 """Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
 The field extends from just below the lowest cell of the map to just above the highest cell. Cells
-without a height get the lowest height of the map. The `intensity` of each point is the signed
-distance to the surface [m]. The node publishes three clouds. The parameter `pointcloud_topic` is
-the prefix of their topics:
-
-    full_sdf: all points.
-    free_space: the points above the surface.
-    occupied_space: all other points.
+without a height get the lowest height of the map.
 """
 
 import array
@@ -27,8 +21,7 @@ from grid_map_ros_py.nodes import MapSubscription, map_qos
 from .demo import Demo
 
 FIELDS = ("x", "y", "z", "intensity")
-MARGIN = 0.1
-"""Distance by which the field extends below the lowest and above the highest cell [m]."""
+MARGIN = 0.1  # distance by which the field extends below the lowest and above the highest cell [m]
 
 MOST_LEVELS = 10_000
 MOST_NODES = 20_000_000
@@ -55,7 +48,7 @@ def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
 
 
 def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
-    """Convert (N, 4) points with the columns `FIELDS` to a message with the map's header."""
+    """Convert points (N, 4) with the columns `FIELDS` to a message with the map's header."""
     data = array.array("B", points.astype("<f4", copy=False).tobytes())
     message = write_points(FIELDS, data, to_header(grid_map))
     message.is_dense = True

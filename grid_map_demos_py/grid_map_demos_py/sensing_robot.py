@@ -51,18 +51,13 @@ class SensingRobot(Demo):
         return self._clouds["lidar"].get_subscription_count() > 0
 
     def publish_truth(self, terrain: GridMap, stamp: int) -> None:
-        """Publish the true terrain at the time `stamp` [ns] in the frame `odom`."""
         terrain.frame_id, terrain.timestamp = "odom", stamp
         self._truth.publish(to_serialized_message(terrain))
 
     def publish_measurements(
         self, terrain: GridMap, pose: Matrix, stamp: int, reported: Matrix, covariance: Matrix
     ) -> Odometry:
-        """Publish the odometry and a scan of each sensor; return the odometry message.
-
-        The sensors measure `terrain` from the true `pose` (4, 4) at the time `stamp` [ns]. The
-        odometry contains the pose `reported` (4, 4) and its `covariance` (6, 6).
-        """
+        """Publish `reported` and `covariance` as odometry, and scan the terrain from `pose`."""
         odometry = Odometry(header=Header(stamp=to_stamp(stamp), frame_id="odom"))
         odometry.child_frame_id = "base_link"
         odometry.pose.pose = to_pose(reported)
@@ -86,7 +81,7 @@ class SensingRobot(Demo):
 
 
 def to_cloud(points: Positions, stamp: int, frame_id: str) -> PointCloud2:
-    """Convert points (N, 3) to a cloud message with the time `stamp` [ns], without NaN points."""
+    """Convert points (N, 3) to a cloud message without NaN points; `stamp` is in ns."""
     returned = points[np.isfinite(points[:, 0])].astype("<f4")
     header = Header(stamp=to_stamp(stamp), frame_id=frame_id)
     return write_points("xyz", array.array("B", returned.tobytes()), header)

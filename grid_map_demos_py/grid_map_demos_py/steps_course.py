@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Simulated course with stairs, a ramp and stepping stones, and the depth-camera poses along it."""
+"""Simulated course with stairs, a ramp and stepping stones, and the camera poses along it."""
 
 import math
 
@@ -12,8 +12,7 @@ from .robot_course import Matrix, camera_pose
 RISER, TREAD, STEPS, WIDTH = 0.17, 0.3, 5, 1.6
 """Height and depth of a step [m], number of steps, and width of stairs and ramp [m]."""
 
-LANDING, RAMP = 0.8, 2.2
-"""Lengths of the landing above the stairs, and of the ramp behind it [m]."""
+LANDING, RAMP = 0.8, 2.2  # lengths of the landing above the stairs, and of the ramp behind it [m]
 
 FIRST, END = 1.0, 6.5
 """x of the first riser and of the last pose of the camera [m]; the first pose is at x = 0."""

@@ -12,8 +12,7 @@ from grid_map_core_py.files._shared import storage_errors
 METRES_PER_POST = 84.0
 """Post spacing of the model [m]: 3 arc seconds at 36.6 degrees latitude, averaged over x and y."""
 
-EXAGGERATION = 2.0
-"""Factor applied to the heights; it makes some slopes too steep for a robot."""
+EXAGGERATION = 2.0  # factor applied to the heights; it makes some slopes too steep for a robot
 
 
 def load_terrain(
@@ -22,11 +21,10 @@ def load_terrain(
     """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution` [m].
 
     The map has 403 x 344 cells and the layers `elevation` (height above the lowest point [m]) and
-    `color`. Both are NaN in the round holes. x points east, y north. Heights are scaled down like
-    lengths along x and y, and then multiplied by `EXAGGERATION`.
+    `color`. Both are NaN in the round holes. x points east and y points north. Heights are scaled
+    down like lengths along x and y, and then multiplied by `EXAGGERATION`.
 
-    `path` is an .npz file with the array `elevation` [m]. Its row indices increase southward, and
-    its column indices eastward.
+    `path` is an .npz file with the array `elevation` [m]. Rows run southward, and columns eastward.
     """
     with storage_errors(path, "read"), np.load(path) as model:
         posts: npt.NDArray[np.float32] = model["elevation"].astype(np.float32)

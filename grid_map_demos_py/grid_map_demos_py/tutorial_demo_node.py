@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_tutorial_demo`: adds noise to a map, filters it and measures the error.
 
-The surface is a moving wave with noise and outliers. The demo filters a part of the map with
-weighted means. It publishes all layers on `grid_map`, 30 times a second, and logs the error of the
-filtered heights once a second.
+The surface is a moving wave with noise and outliers. The demo smooths a part of the map, and logs
+the error of the smoothed heights.
 """
 
 import numpy as np
@@ -29,7 +28,7 @@ def make_map() -> GridMap:
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
-    """Set the heights and normals of a sine wave along y with amplitude 0.2 |x| at a time [s]."""
+    """Set the heights and normals of a sine wave along y at a time [s]."""
     x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
     # A column of x and a row of y broadcast to all cells.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Divides the cells with planar surroundings into groups, each of which lies on one plane.
+"""Groups the cells of a height map into planes.
 
 Images in this module are transposed layers (cols, rows) in C order.
 """
@@ -51,7 +51,7 @@ class Cells(NamedTuple):
 def planar_cells(
     heights: Image, resolution: float, parameters: PlaneParameters
 ) -> tuple[Cells, Mask]:
-    """Return the cells with planar surroundings in an image of heights [m], and their mask."""
+    """Return the cells whose surroundings are planar, and a mask of these cells."""
     limits, median = parameters.sliding_window_plane_extractor, parameters.preprocessing
     distance = limits.global_plane_fit_distance_error_threshold
     steepest = math.tan(math.radians(limits.local_plane_inclination_threshold_degrees))
@@ -92,11 +92,11 @@ def planar_cells(
 
 
 def _continuation(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return two images of flat indices for extrapolating values to unknown cells.
+    """Return flat indices of the two known cells from which each value is extrapolated.
 
-    The first image refers to the nearest known cell. The second image refers to the cell twice as
-    far away in the same direction or, if that cell is unknown, also to the nearest known cell. The
-    extrapolated value is 2 * first value - second value. A known cell refers to itself.
+    The extrapolated value is 2 * first value - second value. The first cell is the nearest known
+    cell. The second cell is twice as far away in the same direction; if it is unknown, the first
+    cell is used twice.
     """
     places, unknown = np.arange(known.size).reshape(known.shape), (~known).view(np.uint8)
     kind: Any = {"distanceType": cv2.DIST_L2, "maskSize": 5, "labelType": cv2.DIST_LABEL_PIXEL}
@@ -108,14 +108,11 @@ def _continuation(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _window_fits(heights: Image, size: int, resolution: float) -> tuple[list[Image], Image]:
-    """Return images of dz/dx, dz/dy and the mean squared deviation [m^2] of planes in all windows.
-
-    In a symmetric window, x, y and the constant are orthogonal, so each coefficient of the
-    least-squares plane is a single sum.
-    """
+    """Return dz/dx, dz/dy and mean squared deviation [m^2] of the plane in each window."""
     data, mean = heights.astype(np.float64), np.full(size, 1 / size)
     steps = resolution * (size // 2 - np.arange(size))  # rows and columns run to -x and -y
     spread = (steps**2).mean()
+    # In a symmetric window, x, y and 1 are orthogonal, so each coefficient is a single sum.
     gradient = steps / (size * spread)
     kernels = (gradient, mean), (mean, gradient), (mean, mean)
     *slopes, means = (cv2.sepFilter2D(data, cv2.CV_64F, *pair) for pair in kernels)
@@ -163,7 +160,6 @@ def fit_planes(
 
 
 def above_planes(points: Numbers, planes: Numbers, groups: Groups) -> Numbers:
-    """Return the heights (N,) of points (3, N) above the planes of their groups."""
     a, b, c = planes
     return np.asarray(points[2] - a[groups] * points[0] - b[groups] * points[1] - c[groups])
 
@@ -171,10 +167,9 @@ def above_planes(points: Numbers, planes: Numbers, groups: Groups) -> Numbers:
 class Splitter:
     """Assigns planar cells to planes, in several rounds.
 
-    Each round fits a plane to each connected component of the remaining cells. If nearly all cells
-    of a component are close to its plane and similarly inclined, the component is done. Otherwise,
-    RANSAC finds the largest plane in the component, with planes of single windows as hypotheses.
-    The cells on this plane are done; the other cells remain for the next round.
+    Each round fits a plane to each connected component of the remaining cells. A component is done
+    if nearly all of its cells fit this plane. Otherwise, RANSAC finds the largest plane in the
+    component. The cells on this plane are done, and the other cells remain for the next round.
     """
 
     def __init__(self, shape: tuple[int, int], limits: SlidingWindow) -> None:
@@ -184,7 +179,7 @@ class Splitter:
         self.cosine = math.cos(math.radians(limits.global_plane_fit_angle_error_threshold_degrees))
 
     def split(self, cells: Cells) -> Image:
-        """Return an image with the round that assigned each cell to a plane, or 0 if none did.
+        """Return an image with the round that assigned each cell to a plane; 0 for no plane.
 
         Connected cells with the same round are on the same plane; corners do not connect cells.
         """
@@ -207,7 +202,6 @@ class Splitter:
         return rounds
 
     def _largest_planes(self, cells: Cells, groups: Groups) -> Mask:
-        """Return a mask of the cells on the largest plane of each component."""
         planes = self._best_hypotheses(cells, groups)
         for _ in range(_REFITS):
             planes = self._fit(cells, groups, self._judged(cells, groups, planes)[1])
@@ -217,7 +211,7 @@ class Splitter:
         return near
 
     def _best_hypotheses(self, cells: Cells, groups: Groups) -> Numbers:
-        """Return the window planes (3, C) with the most inliers in each of C components."""
+        """Return the window plane with the most inliers in each of C components, (3, C)."""
         # A random sample of each component, of which the first cells offer their local planes.
         random = np.random.default_rng(0).random(groups.size)
         sample = np.flatnonzero(random * np.bincount(groups)[groups] < _SCORED)
@@ -237,9 +231,9 @@ class Splitter:
         return fit_planes(groups.take(chosen), count, cells.points.take(chosen, axis=1))[0]
 
     def _judged(self, cells: Cells, groups: Groups, planes: Numbers) -> tuple[Mask, Mask]:
-        """Return a mask of the cells near the plane of their group, and a mask of the inliers.
+        """Return two masks: cells near the plane of their group, and inliers.
 
-        Inliers are near the plane and similarly inclined.
+        An inlier is near the plane and has a similar slope.
         """
         (a, b), (c, d, _) = cells.slopes, planes
         norms = self.cosine * np.sqrt(1 + c**2 + d**2)
@@ -248,20 +242,14 @@ class Splitter:
         return is_close, is_close & is_parallel
 
     def _near(self, cells: Cells, groups: Groups, planes: Numbers) -> Mask:
-        """Return a mask of the cells near the plane of their group that have an inlier neighbor.
-
-        A cell counts as its own neighbor. Windows at the edge of a surface contain cells beyond the
-        edge, which tilts the fitted planes, so cells at the edge are rarely inliers themselves.
-        """
+        """Return a mask of the cells near their plane that are inliers or beside an inlier."""
+        # Windows at the edge of a surface reach beyond it, so their planes are tilted.
         image = np.zeros(self.shape, np.uint8)
         is_close, image.reshape(-1)[cells.places] = self._judged(cells, groups, planes)
         return is_close & cv2.dilate(image, _CROSS).reshape(-1)[cells.places].view(np.bool_)
 
     def _components(self, places: NDArray[np.int64]) -> tuple[Groups, NDArray[np.int64]]:
-        """Return the component number (N,) of each cell, and the component sizes.
-
-        `places` (N,) contains the flat indices of the cells.
-        """
+        """Return the component number (N,) of each cell, and the component sizes."""
         image = np.zeros(self.shape, np.uint8)
         image.reshape(-1)[places] = 1
         _, labels = cv2.connectedComponents(image, connectivity=4, ltype=cv2.CV_32S)

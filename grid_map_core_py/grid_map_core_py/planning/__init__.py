@@ -3,16 +3,15 @@
 
 - `Footprint`: the outline of a robot.
 - `footprint_cells`: the cells that a footprint touches at a pose.
-- `check_pose`, `check_path`: whether the robot may stand at a pose or move along a path. The
-  results are a `PoseCheck` and a `PathCheck`.
-- `footprint_layer`: lowest, mean or highest value under the footprint at every cell, for several
+- `check_pose`, `check_path`: whether the robot may stand at a pose or move along a path. They
+  return a `PoseCheck` and a `PathCheck`.
+- `footprint_layer`: a statistic of the values under the footprint, at every cell and in several
   directions.
-- `TravelGraph`: the moves of a robot between the cells of a map. `TravelGraph.path` returns the
-  least-cost `Path` between two positions.
+- `TravelGraph`: the moves of a robot between cells. `TravelGraph.path` returns a least-cost `Path`.
 - `CostField`: the cost from every cell to the nearest goal, as returned by `TravelGraph.cost_to`.
 - `SlopeLimits`: the steepest slopes up, down and across.
-- `NoPathError`: raised if a start or a goal is not free, or if no path exists. Its `reason` is a
-  `PathFailure`, an error code of Nav2.
+- `NoPathError`: raised if a start or goal is not free, or if no path exists. Its `reason` is a
+  `PathFailure`, which is an error code of Nav2.
 """
 
 from .. import _lazy

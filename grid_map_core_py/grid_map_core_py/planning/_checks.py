@@ -25,14 +25,15 @@ class PathCheck:
 
     Attributes:
         is_free: whether the robot may move along the whole path.
-        index: index of the first blocked pose, or of the pose before the first blocked intermediate
-            pose; None if the path is free.
+        index: index of the first blocked pose. If the path is blocked between two poses, the index
+            of the first of them. None if the path is free.
         pose: (3,) x, y, yaw where the path is first blocked; None if the path is free.
         blocked: (N, 2) buffer indices of the blocked cells under the footprint.
         worst: lowest known value under the footprint; NaN if no value is known.
         mean: mean of the known values under the footprint; NaN if no value is known. Each cell
             counts once, even if several poses touch it.
-        unknown: share of cells under the footprint that are unknown or outside the map, 0 to 1.
+        unknown: share of cells under the footprint that are unknown, 0 to 1. Cells outside the map
+            are unknown.
     """
 
     is_free: bool
@@ -48,15 +49,15 @@ class PathCheck:
 class PoseCheck(PathCheck):
     """Result of `check_pose`: the attributes of `PathCheck`, and the pose of the robot's sole.
 
-    The sole is a flat area with the outline of the footprint; see `check_pose`. The attributes
-    below are NaN if `surface` is not given or no height under the footprint is known.
+    The sole is a flat area with the outline of the footprint, as described for `check_pose`. The
+    attributes below are NaN if `surface` is not given or no height under the footprint is known.
 
     Attributes:
         height: height of the sole at the pose [m].
         roll, pitch: rotations of the sole about its x and y axes [rad], as in ROS. The roll is
             positive if the left side is higher. The pitch is positive if the front is lower.
-        clearance: height of the body above the highest cell under the footprint [m]; also NaN
-            without `body_height`.
+        clearance: height of the body above the highest cell under the footprint [m]. It is also NaN
+            if `body_height` is not given.
     """
 
     height: float
@@ -68,7 +69,7 @@ class PoseCheck(PathCheck):
 def footprint_cells(grid_map: GridMap, footprint: Footprint, pose: ArrayLike) -> NDArray[np.int64]:
     """Return the cells of a map that a footprint touches.
 
-    A cell that shares only its border with the footprint (up to 1e-9 m) is omitted.
+    A cell is omitted if it shares only its border with the footprint, up to 1e-9 m.
 
     Args:
         pose: (3,) x, y [m] and yaw [rad] of the footprint, map frame.
@@ -102,14 +103,14 @@ def check_pose(
 ) -> PoseCheck:
     """Check whether a robot may stand at a pose.
 
-    A pose is free if no cell that the footprint touches is blocked, and if all other given limits
-    hold. A cell is blocked if its value is below `limit`. A cell is unknown if it is outside the
-    map, or if its value (or its height in `surface`) is not finite.
+    A cell is blocked if its value is below `limit`. A cell is unknown if it is outside the map, or
+    if its value or its height is not finite. A pose is free if the footprint touches no blocked
+    cell and all other given limits hold.
 
     With `surface`, the robot stands on a flat sole with the outline of the footprint. The sole
-    rests on the convex hull of the known heights under the footprint, in the plane of the upper
-    facet at the mean position of the known cells. If these cells are on a line, the sole is level
-    across the line. The underside of the body is level, `body_height` above the sole at the pose.
+    rests on the convex hull of the known heights under the footprint. It lies in the plane of the
+    upper facet at the mean position of the known cells. If these cells are on a line, the sole is
+    level across the line. The underside of the body is level.
 
     Args:
         pose: (3,) x, y [m] and yaw [rad] of the footprint, map frame.
@@ -124,7 +125,7 @@ def check_pose(
 
     Raises:
         LayerNotFoundError: a layer does not exist.
-        ConfigError: an argument is invalid or requires another argument, which is not given.
+        ConfigError: an argument is invalid, or it requires another argument that is not given.
         GeometryError: the pose is not finite.
         LimitError: the footprint is larger than the largest permitted map.
 
@@ -163,10 +164,11 @@ def check_path(
 ) -> PathCheck:
     """Check whether a robot may move along a path.
 
-    Between two poses, the robot moves along a straight line and turns at a constant rate in the
-    shorter direction; half a turn is counter-clockwise. Intermediate poses are checked in steps in
-    which each corner of the footprint moves by at most half a cell. The check therefore finds every
-    obstacle that reaches at least a quarter of a cell into the footprint.
+    Between two poses, the robot moves along a straight line and turns at a constant rate. It turns
+    in the shorter direction; half a turn is counter-clockwise. Intermediate poses are checked too.
+    From one checked pose to the next, each corner of the footprint moves by at most half a cell.
+    The check therefore finds every obstacle that reaches at least a quarter of a cell into the
+    footprint.
 
     Args:
         poses: (N, 3) x, y [m] and yaw [rad] of the footprint along the path, map frame.
@@ -193,8 +195,6 @@ def check_path(
 
 @dataclass(frozen=True)
 class _Rules:
-    """Arguments of `check_pose` and `check_path`."""
-
     layer: str
     limit: float
     mean_limit: float | None
@@ -223,10 +223,9 @@ class _Rules:
 def _check(
     grid_map: GridMap, footprint: Footprint, poses: Positions, indices: Integers, rules: _Rules
 ) -> tuple[PathCheck, list[float]]:
-    """Check the footprint at each of `poses` (P, 3).
+    """Return the `PathCheck`, and height, roll, pitch and clearance at the last pose.
 
-    Return the `PathCheck`, and the height, roll, pitch and clearance at the last pose. `indices`
-    (P,) holds, for each pose, the index of the preceding (or same) pose in the original path.
+    `indices` (P,) holds the index of each pose or its predecessor in the original path.
     """
     is_blocked, union = np.zeros(len(poses), np.bool_), []
     rests = np.full((4, len(poses)), np.nan)
@@ -272,22 +271,18 @@ def _check(
 
 
 def _distinct(cells: Integers) -> Integers:
-    """Return the sorted cells (2, N) without duplicates."""
     _, first = np.unique(cells[0] * 2**32 + cells[1], return_index=True)
     return cells[:, first]
 
 
 def _on_map(grid_map: GridMap, cells: Integers) -> tuple[Integers, Mask]:
-    """Return the buffer indices (2, N) of cells in map order, and a mask of cells on the map."""
+    """Return buffer indices (2, N) of cells in map order, and a mask of cells on the map."""
     size, start = np.array([grid_map.size, grid_map.start_index])[..., np.newaxis]
     return (cells + start) % size, ((cells >= 0) & (cells < size)).all(axis=0)
 
 
 def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, Layer, Mask]:
-    """Return the values and heights (N,) of cells, and a mask of the blocked cells.
-
-    Unknown values and heights are NaN.
-    """
+    """Return values and heights (N,) of cells, NaN if unknown, and a mask of blocked cells."""
     (row, column), known = _on_map(grid_map, cells)
     heights = np.full(len(row), np.nan, np.float32)
     if rules.surface is not None:
@@ -301,12 +296,7 @@ def _look_up(grid_map: GridMap, rules: _Rules, cells: Integers) -> tuple[Layer, 
 
 
 def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, float, float]:
-    """Return the height [m], roll and pitch [rad] of a sole that lies on points (N, 3) [m].
-
-    The x and y of the points are relative to the robot. A convex hull is an intersection of half
-    spaces. At each position, the upper facet is therefore the facet with the lowest plane among all
-    upper facets.
-    """
+    """Return height [m], roll and pitch [rad] of a sole on points (N, 3) around the robot."""
     from scipy.spatial import ConvexHull  # slow to import
 
     middle, top = points[:, :2].mean(axis=0), points[:, 2].max()
@@ -320,6 +310,7 @@ def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, f
     below = 0.0, 0.0, local[:, 2].min() - 1.0
     equations = ConvexHull(np.concatenate((local, [below]))).equations
     upper = equations[equations[:, 2] > 0.0]
+    # The hull is convex, so the upper facet at a position has the lowest of all upper planes.
     x, y, z, offset = upper[np.argmin(-upper[:, 3] / upper[:, 2])]
     slope = -np.array([x, y]) / z
     height = float(top - resolution * offset / z - slope @ middle)
@@ -331,7 +322,7 @@ def _resting(points: Positions, yaw: float, resolution: float) -> tuple[float, f
 
 
 def _as_poses(values: ArrayLike, name: str, axes: int) -> Positions:
-    """Validate a pose (3,) or, if `axes` is 2, poses (N, 3), and return an array (P, 3)."""
+    """Validate a pose (3,) or poses (N, 3), and return poses (P, 3)."""
     poses: Positions = as_array(values, np.float64, name)
     is_finite = poses.size and np.isfinite(poses).all()
     if poses.ndim != axes or poses.shape[-1] != 3 or not is_finite:

@@ -30,11 +30,11 @@ _BATCH = 2**17  # edges times cells that are compared at once; they fit into the
 class Footprint:
     """Outline of a robot on the ground; immutable.
 
-    The origin of the robot's frame may be outside the outline.
+    The outline may be concave. The origin of the robot's frame may be outside the outline.
 
     Args:
         points: (N, 2) corners x, y [m] in the robot's frame (x forward, y to the left), in order
-            along the outline, which need not be convex.
+            along the outline.
 
     Raises:
         GeometryError: there are fewer than three corners, edges cross, the outline is narrower than
@@ -103,8 +103,8 @@ def touched_cells(
 ) -> Iterator[tuple[slice, Integers, Integers]]:
     """Yield the cells that a footprint touches at poses (P, 3), in batches of poses.
 
-    A footprint touches a cell if one of its edges crosses the cell, or if it contains the center of
-    the cell. Cells that share only their border with the footprint (up to 1e-9 m) are omitted.
+    A footprint touches a cell if an edge crosses the cell or if it contains the cell center.
+    Contact at the border, up to 1e-9 m, does not count.
 
     Yields:
         batch: slice of the poses.
@@ -141,7 +141,7 @@ def touched_cells(
 
 
 def kernel_of(footprint: Footprint, resolution: float, yaw: float) -> NDArray[np.uint8]:
-    """Return an odd-sized mask of the cells that a footprint at the center of the mask touches."""
+    """Return an odd-sized mask of the touched cells, centered on the origin of the footprint."""
     one_cell, pose = GridGeometry((resolution, resolution), resolution), np.array([[0.0, 0.0, yaw]])
     ((_, _, cells),) = touched_cells(footprint, one_cell, pose)
     reach = np.abs(cells).max(axis=1, keepdims=True, initial=0)
@@ -159,15 +159,16 @@ def footprint_layer(
 ) -> NDArray[np.float32]:
     """Return a statistic of the values under the footprint, for every cell and several directions.
 
+    A cell is unknown if it is outside the map or if its value is not finite.
+
     Args:
-        layer: layer with the values. Cells outside the map, and cells whose value is not finite,
-            are unknown.
+        layer: layer with the values.
         yaws: number of directions; the yaw of direction k is 2 pi k / `yaws`.
         statistic: lowest value, mean or highest value of the cells that the footprint touches.
 
     Returns:
-        (rows, cols, yaws) float32: the statistic for a footprint at the center of each cell, in
-        buffer order. NaN if a cell under the footprint is unknown.
+        (rows, cols, yaws) float32 in buffer order: the statistic for a footprint at the center of
+        each cell. NaN if a cell under the footprint is unknown.
 
     Raises:
         LayerNotFoundError: the layer does not exist.
@@ -198,11 +199,7 @@ def footprint_layer(
 
 
 def _means(image: NDArray[np.float32], kernel: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return the mean of the values under a kernel at each cell.
-
-    `cv2.filter2D` is unsuitable: its rounding errors depend on distant values, so the results for
-    tiles would differ from the results for the whole map.
-    """
+    # cv2.filter2D rounds depending on distant values, so tiles would differ from the whole map.
     padded = np.pad(image.astype(np.float64), [(size // 2, size // 2) for size in kernel.shape])
     edges = np.argwhere(np.diff(kernel, axis=1, prepend=0, append=0))
     begins, lengths = edges[::2], np.diff(edges[:, 1])[::2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A graph of the moves between the cells of a map, and least-cost paths in it."""
+"""Graph of the moves between the cells of a map, and least-cost paths."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ._ground import BORDER, EQUAL, Floats, Ground, SlopeLimits, divided
 
 
 class PathFailure(IntEnum):
-    """Reasons why there is no path, with the error codes of Nav2's action `ComputePathToPose`."""
+    """Reasons why there is no path; the values are error codes of Nav2's `ComputePathToPose`."""
 
     TF_ERROR = 202
     START_OUTSIDE_MAP = 203
@@ -54,8 +54,8 @@ class Path:
     Attributes:
         positions: (N, 2) x, y [m], map frame; at most 2.3 cells apart.
         heights: (N,) height [m]; 0 if the graph has no elevation.
-        yaws: (N,) direction of travel [rad]; at the ends, the yaws of the start and the goal if
-            they are given.
+        yaws: (N,) direction of travel [rad]. The first and the last are the yaws of the start and
+            the goal if these are given.
         length: length of the path in 3-D [m].
         cost: cost of the path from the center of its first cell to the center of its last cell.
     """
@@ -79,7 +79,7 @@ class TravelGraph:
     the highest cost in Nav2 without a collision. Without a `cost` layer, only the length counts.
 
     The graph is a snapshot: later changes of the map have no effect. With 16 neighbors, the graph
-    needs about 250 bytes of memory per cell, and about 400 during its creation.
+    needs about 250 bytes of memory per cell. Its creation needs about 400 bytes per cell.
 
     Args:
         grid_map: the map.
@@ -90,11 +90,11 @@ class TravelGraph:
         elevation: layer of heights [m]; None for flat ground.
         limits: steepest slopes; needs `elevation`. The slope along a move is measured between its
             ends. The slope across a move is measured at each end, with central differences of
-            height, or with one-sided differences beside an unknown cell.
-        max_step: largest height difference between two cells that share a side [m], among the
-            cells that a move passes; needs `elevation`.
-        footprint: outline of the robot, None if the robot fits into a cell. A move is allowed only
-            if the footprint is free at both of its ends, with the robot facing along the move.
+            height. Beside an unknown cell, the differences are one-sided.
+        max_step: largest step in height between two cells that share a side [m]. It applies to all
+            cells that a move passes. Needs `elevation`.
+        footprint: outline of the robot; None if the robot fits into a cell. At both ends of a move,
+            the footprint must be free when the robot faces along the move.
         neighbors: number of moves from each cell, 8 or 16. On open, flat ground, costs exceed the
             straight distance by at most 8.3 % with 8 moves, and by at most 2.8 % with 16.
         unknown: whether cells whose cost is NaN are `"blocked"`, or `"free"` at a cost of 0. Cells
@@ -138,7 +138,6 @@ class TravelGraph:
         check(elevation is not None or not needs_heights, "elevation", expected, elevation)
 
         def padded(layer: str | None) -> Floats:
-            """Return a layer in map order (zeros if None), padded with NaN and flattened."""
             values = np.zeros(grid_map.size) if layer is None else grid_map.unwrapped(layer)
             return np.pad(values.astype(np.float64), BORDER, constant_values=np.nan).ravel()
 
@@ -183,7 +182,7 @@ class TravelGraph:
 
         Args:
             goals: (M, 2) x, y [m], or (M, 3) with yaws [rad]; (2,) or (3,) for one goal. If a goal
-                has a yaw, the footprint must be free there in this direction.
+                has a yaw, the footprint must be free at the goal with this yaw.
 
         Raises:
             NoPathError: a goal is outside the map, blocked or unknown.
@@ -211,10 +210,10 @@ class TravelGraph:
 
         Args:
             start, goal: (2,) x, y [m], or (3,) with the yaw [rad]. If the goal has a yaw, the
-                footprint must be free there in this direction.
-            tolerance: largest distance from the goal to the end of the path [m]. If the goal is
-                not free or cannot be reached, the path ends at the center of the nearest cell that
-                can be reached.
+                footprint must be free at the goal with this yaw.
+            tolerance: largest distance from the goal to the end of the path [m]. It is used if the
+                goal is not free or cannot be reached. The path then ends at the center of the
+                nearest cell that can be reached.
 
         Raises:
             NoPathError: the start or goal is outside the map, blocked or unknown, or no path
@@ -240,18 +239,11 @@ class TravelGraph:
         return self.cost_to([*nearest, *pose[2:]]).path(start)
 
     def _free_in(self, pose: Floats) -> Mask:
-        """Return a mask of the free cells.
-
-        If the pose has a yaw, the footprint must also be free in this direction.
-        """
+        """Return a mask of the free cells; if the pose has a yaw, free for this yaw."""
         return self._free & self._ground.free_at(pose[2]) if len(pose) == 3 else self._free
 
     def _nearest(self, pose: Floats, cells: Integers) -> tuple[Floats, float]:
-        """Return the center (2,) and distance [m] of the cell nearest to a pose.
-
-        `cells` contains the flat indices of the candidates. If it is empty, the results are
-        infinite.
-        """
+        """Return the center (2,) and distance [m] of the nearest candidate; infinite if none."""
         centers = self._ground.to_positions(self._ground.cells(cells))
         centers = np.append(centers, [[np.inf, np.inf]], axis=0)
         distances = np.hypot(*(centers - pose[:2]).T)
@@ -283,8 +275,8 @@ class CostField:
     """Least cost from every cell to the nearest goal, as returned by `TravelGraph.cost_to`.
 
     Attributes:
-        costs: (rows, cols) float64, inf where no path leads to a goal. The cells are in buffer
-            order, so `grid_map["cost_to_go"] = field.costs` adds them as a layer.
+        costs: (rows, cols) float64 in buffer order; inf where no path leads to a goal. To add a
+            layer, write `grid_map["cost_to_go"] = field.costs`.
     """
 
     costs: Floats
@@ -296,8 +288,8 @@ class CostField:
     def path(self, start: ArrayLike) -> Path:
         """Return the path from a start to the nearest goal.
 
-        The path follows the least-cost moves between cells. Parts of the path are then replaced
-        with straight lines that are allowed and cost no more.
+        The path follows the least-cost moves between cells. Straight lines then replace parts of
+        the path wherever a line is allowed and costs no more.
 
         Args:
             start: (2,) x, y [m], or (3,) with the yaw [rad].
@@ -352,7 +344,6 @@ class CostField:
 
 
 def _as_pose(values: ArrayLike, name: str) -> Floats:
-    """Return a start or goal position (2,) or pose (3,) as an array."""
     pose: Floats = as_array(values, np.float64, name)
     if pose.shape not in ((2,), (3,)):
         expected = "x, y of shape (2,) or x, y, yaw of shape (3,)"

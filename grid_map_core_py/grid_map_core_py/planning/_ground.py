@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The ground under paths: free cells, costs and heights of a map, and straight lines across it."""
+"""Free cells, costs and heights of the ground, and straight lines across it."""
 
 from __future__ import annotations
 
@@ -49,10 +49,7 @@ class SlopeLimits:
                 raise GeometryError(f"{text}. Convert degrees with math.radians")
 
     def _allow(self, rise: Floats, run: Floats | float, across: Floats) -> Mask:
-        """Return a mask (L,) of the lines with allowed slopes.
-
-        `across` (N, L) contains the tangents of the slopes across each line.
-        """
+        """Return a mask (L,) of the lines with allowed slopes; `across` (N, L) are tangents."""
         up, down, cross = (math.tan(angle) + ROUNDING for angle in (self.up, self.down, self.cross))
         is_level = np.abs(across).max(axis=0) <= cross
         return np.asarray((rise <= up * run) & (-rise <= down * run) & is_level)
@@ -60,19 +57,20 @@ class SlopeLimits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """The cells of a map and of a border around it, as flat arrays (S,) in map order.
+    """Cells of a map and its border, as flat arrays (S,) in map order.
 
     Points are given in cells: (2.0, 3.0) is the center of row 2, column 3 of the map.
 
     Attributes:
         geometry: geometry of the map, without the border.
         passable: mask of the cells with a finite height and a cost below the lethal cost.
-        open: mask of the cells that the footprint may touch. These are the passable cells, and also
-            the border if the robot may leave the map.
+        open: mask of the cells that the footprint may touch: the passable cells, and the border if
+            the robot may leave the map.
         factor: cost per meter, at least 1.
         is_flat: whether all heights are 0.
         heights: heights [m]; NaN where unknown.
-        limits, max_step: steepest slopes (None for no limit), and largest step [m].
+        limits: steepest slopes; None for no limit.
+        max_step: largest step [m].
         footprint: outline of the robot; None if the robot fits into a cell.
     """
 
@@ -108,7 +106,7 @@ class Ground:
         return self.geometry.corner - (points.T + 0.5) * self.geometry.resolution
 
     def free_at(self, yaw: float) -> Mask:
-        """Return a mask (S,) of the passable cells at which a footprint with `yaw` is free."""
+        """Return a mask (S,) of the cells at which a footprint with `yaw` is free."""
         if self.footprint is None:
             return self.passable
         free = cv2.erode(
@@ -120,10 +118,7 @@ class Ground:
         return self.passable & free.view(np.bool_).ravel()
 
     def blocked_at(self, poses: Positions) -> Mask:
-        """Return, for each pose (P, 3), whether the footprint touches a blocked cell.
-
-        Without a footprint, all results are False.
-        """
+        """Return a mask (P,) of the poses at which the footprint touches a blocked cell."""
         blocked, size = np.zeros(len(poses), np.bool_), np.array(self.geometry.size)
         if self.footprint is not None:
             for batch, pose, cells in touched_cells(self.footprint, self.geometry, poses):
@@ -132,7 +127,7 @@ class Ground:
         return blocked
 
     def heights_at(self, points: Floats) -> Floats:
-        """Return the heights (P,) [m] at points (2, P), interpolated from the passable cells."""
+        """Return the heights (P,) [m] at points (2, P), interpolated between passable cells."""
         if self.is_flat:
             return np.zeros(points.shape[1])
         base = np.floor(points)
@@ -156,10 +151,7 @@ class Ground:
         return np.stack(gradient) / self.geometry.resolution
 
     def move_costs(self, move: tuple[int, int], free: Mask) -> Floats:
-        """Return the cost (S,) of a move by (rows, columns) from each cell.
-
-        The cost is 0 if the move is not allowed. Both ends must be in the mask `free` (S,).
-        """
+        """Return the cost (S,) of a move by (rows, columns) from each cell; 0 if not allowed."""
         (i, j), margin = move, self.flat(0, 0)
 
         def at(values: Any, cell: tuple[int, int]) -> Any:
@@ -225,10 +217,7 @@ class Ground:
         early, late = np.sort(np.where(before == after, 1.0, crossing), axis=0)
 
         def cells(fractions: list[Floats], offsets: Any = 0.0) -> Any:
-            """Return the flat indices of the cells at the given fractions along each piece.
-
-            `offsets` [cells] shift the points before their cells are determined.
-            """
+            """Return flat indices of cells at fractions along each piece, shifted by `offsets`."""
             points = begin[:, np.newaxis] + extent[:, np.newaxis] * np.stack(fractions)
             return self.flat(*np.floor(points[:, np.newaxis] + (0.5 + offsets)).astype(np.int64))
 
@@ -249,7 +238,7 @@ class Ground:
         return np.hypot(run, rise) * mean, allowed
 
     def shortened(self, points: Floats, lines: Floats, tested: Mask) -> tuple[Floats, Floats]:
-        """Drop waypoints if a straight line between their neighbors does not cost more.
+        """Drop each waypoint if a straight line between its neighbors does not cost more.
 
         Args:
             points: (2, K) waypoints [cells].
@@ -280,7 +269,7 @@ def divided(begin: Floats, end: Floats, pieces: Floats) -> tuple[Floats, Floats,
 
     Returns:
         begin, extent: (D, N) start and extent of each piece, line by line.
-        line: (N,) index of the line that each piece belongs to.
+        line: (N,) index of the line that contains each piece.
     """
     line = np.arange(len(pieces)).repeat(pieces.astype(np.int64))
     number = np.arange(line.size) - (np.cumsum(pieces) - pieces)[line]

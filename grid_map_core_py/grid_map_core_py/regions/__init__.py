@@ -9,8 +9,8 @@
 - `Polygon`: a polygon in the plane of the map.
 
 The functions for shapes and lines return a tuple (rows, cols) that can index a layer. Cells outside
-the map are omitted. `GeometryError` is raised for negative sizes and for numbers that are not
-finite, and `OutOfMapError` for indices outside the map.
+the map are omitted. The functions raise `GeometryError` for negative sizes and for numbers that are
+not finite. They raise `OutOfMapError` for indices outside the map.
 """
 
 from .. import _lazy

@@ -86,12 +86,13 @@ class Polygon:
     def convex_hull_of_two_circles(
         cls, center1: ArrayLike, center2: ArrayLike, radius: float, n: int = 20
     ) -> Polygon:
-        """Create the convex hull of two circles with the same radius.
+        """Return the convex hull of two circles with the same radius, as a polygon.
 
         Args:
             center1, center2: (2,) centers [m].
             radius: radius of both circles [m].
-            n: number of vertices, at least 3; rounded up to an even number if the centers differ.
+            n: number of vertices, at least 3. It is rounded up to an even number if the centers
+                differ.
         """
         first, second = np.array((as_pair(center1, "center1"), as_pair(center2, "center2")))
         radius, n = as_finite(radius, "radius", least=0.0), _number(n, 3)
@@ -106,10 +107,10 @@ class Polygon:
 
     @classmethod
     def convex_hull(cls, *polygons: Polygon | ArrayLike) -> Polygon:
-        """Return the counter-clockwise convex hull of polygons.
+        """Return the counter-clockwise convex hull of polygons (Andrew's monotone chain algorithm).
 
         The first vertex has the smallest x, and the smallest y of all vertices with this x.
-        Vertices in the middle of an edge are omitted. The algorithm is Andrew's monotone chain.
+        Vertices in the middle of an edge are omitted.
 
         Args:
             polygons: polygons, or (V, 2) vertices of polygons [m].
@@ -127,7 +128,7 @@ class Polygon:
 
     @property
     def area(self) -> float:
-        """Enclosed area [m^2], never negative. If edges cross, areas may cancel each other out."""
+        """Enclosed area [m^2], never negative. If edges cross, parts of the area may cancel out."""
         self._need_vertices(3, "area")
         return abs(0.5 * float(_doubled_areas(self._vertices).sum()))
 
@@ -149,7 +150,7 @@ class Polygon:
         return BoundingBox(0.5 * (lower + upper), upper - lower)
 
     def is_inside(self, points: ArrayLike) -> bool | Mask:
-        """Return a mask of the points inside the polygon, by the even-odd rule.
+        """Return a mask of the points inside the polygon, according to the even-odd rule.
 
         A point on an edge is inside if the outward normal of the edge points towards -x, or exactly
         along -y. Points on other edges are outside.
@@ -182,11 +183,11 @@ class Polygon:
         return Polygon([start + across, start - across, end - across, end + across])
 
     def offset_inward(self, margin: float) -> Polygon:
-        """Return the polygon with all edges moved inwards by `margin` [m]; outwards if negative.
+        """Return the polygon with all edges moved inwards by `margin` [m].
 
-        The polygon must be convex, because edges at a reflex vertex move in the wrong direction.
-        Vertices less than 1e-9 m apart move together. If the margin is too large for the polygon,
-        the result is turned inside out.
+        A negative margin moves the edges outwards. The polygon must be convex, because edges at a
+        reflex vertex move in the wrong direction. Vertices less than 1e-9 m apart move together. If
+        the margin is too large for the polygon, the result is turned inside out.
 
         Raises:
             GeometryError: the polygon has vertices but no area, or the margin is not finite.
@@ -207,10 +208,10 @@ class Polygon:
         return Polygon(moved[of_vertex])
 
     def to_inequality_constraints(self) -> tuple[Positions, Positions]:
-        """Return (A, b) such that `A @ x <= b` holds for the points x of a convex polygon.
+        """Return A and b such that `A @ x <= b` holds for the points x of a convex polygon.
 
-        Each edge results in one row `a` of A. The row is scaled such that `a @ (x - m)` is 1 on the
-        edge, where m is the mean of the vertices.
+        Each edge results in one row `a` of A. On the edge, `a @ (x - m)` is 1, where m is the mean
+        of the vertices.
 
         Returns:
             A: (E, 2).
@@ -255,7 +256,7 @@ class Polygon:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
-        """Merge repeated vertices into corners (C, 2); also return each vertex's corner index."""
+        """Merge repeated vertices into corners (C, 2); also return the corner of each vertex."""
         steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
@@ -280,12 +281,11 @@ def _following(points: Positions) -> Positions:
 
 
 def cross(a: Positions, b: Positions) -> Positions:
-    """Return the z components (...) of the cross products of vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _doubled_areas(vertices: Positions) -> Positions:
-    """Return twice the signed area of the triangle between the first vertex and each edge (V,)."""
+    """Return twice the signed area (V,) of the triangle between the first vertex and each edge."""
     # Far from the origin, products of large coordinates would lose precision.
     points = vertices - vertices[0]
     return cross(points, _following(points))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Selects cells in rectangles, discs, ellipses and polygons and on lines, and creates masks."""
+"""Cells in rectangles, discs, ellipses and polygons and on lines, and masks of cells."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ def map_cells(grid_map: GridMap) -> Cells:
 
 
 def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> Cells:
-    """Return the cells (rows, cols) of a block that are on the map, row by row in map order.
+    """Return the cells (rows, cols) of a rectangular block, row by row in map order.
+
+    Cells of the block beyond the map are omitted.
 
     Args:
         start_index: buffer index of the block's cell with the largest x and y.
@@ -73,7 +75,7 @@ def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
         grid_map["elevation"][ring] = np.nan
 
     Args:
-        cells: buffer indices, as (rows, cols) like those from `circle_cells`, or as (N, 2).
+        cells: buffer indices, as a tuple (rows, cols) such as from `circle_cells`, or as (N, 2).
     """
     chosen = grid_map.geometry.check_indices(cells, "cells")
     mask: Mask = np.zeros(grid_map.size, dtype=np.bool_, order="F")
@@ -108,8 +110,7 @@ def half_chords(radius: float, distances: Positions) -> Positions:
     """Return half the length of each line's chord in a disc; negative if the line misses the disc.
 
     Args:
-        radius: radius of the disc, positive. To include cell centers on the edge, as `circle_cells`
-            does, add `BORDER_TOLERANCE` [m].
+        radius: positive radius. To count cell centers on the edge, add `BORDER_TOLERANCE` [m].
         distances: (...) distances from the center to the lines, in the unit of the radius.
     """
     # Dividing by the radius first keeps the squares from overflowing.
@@ -128,8 +129,8 @@ def ellipse_cells(
 
     Args:
         center: (2,) center of the ellipse [m]; it may be outside the map.
-        length: (2,) lengths of the full axes [m], along x and y before the rotation. If one of them
-            is 0, the function returns no cells.
+        length: (2,) lengths of the full axes [m], along x and y before the rotation. If a length is
+            0, the function returns no cells.
         rotation: counter-clockwise rotation [rad]; the function warns if abs(rotation) > 2 pi.
     """
     center = np.array(as_pair(center, "center"))
@@ -174,9 +175,9 @@ def polygon_cells(
     Args:
         polygon: a `Polygon`, or (V, 2) vertices [m]. `Polygon.is_inside` defines which centers are
             inside. For fewer than three vertices, the function warns and returns no cells.
-        count_outside: whether to also count the cells in the polygon beyond the map, as if the grid
-            continued there. A footprint check needs this number, because cells beyond the map are
-            unknown, not free.
+        count_outside: whether to also count the cells of the polygon beyond the map, on a grid that
+            continues there. Footprint checks need this number, because such cells are unknown, not
+            free.
 
     Returns:
         The cells. If `count_outside` is True, a tuple of the cells and the number of cells beyond
@@ -210,8 +211,7 @@ def polygon_cells(
 def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, Integers]:
     """Return where the edges of a polygon cross the columns of a grid.
 
-    As in `Polygon.is_inside`, an edge crosses a column if exactly one end of the edge has a greater
-    y, before negation, than the column. Each column is crossed an even number of times.
+    As in `Polygon.is_inside`, an edge crosses a column if exactly one end has a greater y.
 
     Args:
         x, y: (rows,) and (columns,) negated coordinates of the cells [m], ascending.
@@ -229,7 +229,7 @@ def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, 
 
 
 def _count_cells(geometry: GridGeometry, polygon: Polygon) -> int:
-    """Count the cells inside a polygon on a grid that continues beyond the map."""
+    """Count the cells inside a polygon, on a grid that continues beyond the map."""
     spans = []
     for axis, low, high in zip((geometry._x, geometry._y), *polygon._ends, strict=True):
         spans.append((axis, axis.steps(high) - 1.0, axis.steps(low) + 2.0))
@@ -245,8 +245,8 @@ def _count_cells(geometry: GridGeometry, polygon: Polygon) -> int:
 def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
     """Return the cells (rows, cols) along a line, from start to end.
 
-    The line is clipped to the map and drawn with Bresenham's algorithm from the cell of the clipped
-    start to the cell of the clipped end, both included.
+    The line is clipped to the map. Bresenham's algorithm then connects the cells at both ends of
+    the clipped line. Both of these cells are included.
 
     Args:
         start, end: (2,) ends of the line [m]; they may be outside the map.
@@ -272,11 +272,7 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
 
 
 def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
-    """Return the buffer cells of Bresenham's line between two cells of the map.
-
-    The longer axis has n steps, and the other axis has m steps. After k steps along the longer
-    axis, the line has advanced by (n // 2 + k * m) // n steps along the other axis.
-    """
+    """Return the buffer cells of Bresenham's line between two cells of the map."""
     steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))
     rows, columns = _taken(steps[0], longer), _taken(steps[1], longer)
@@ -288,6 +284,7 @@ def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
 
 
 def _taken(steps: int, longer: int) -> Integers:
+    # After k of n steps on the longer axis, (n // 2 + k * m) // n of m steps are taken.
     direction = -1 if steps < 0 else 1
     if abs(steps) == longer:
         return np.arange(0, steps + direction, direction)
@@ -329,7 +326,7 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
 
 
 def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
-    """Return the lengths (R,) and the concatenated numbers of ranges from `first` to `stop` - 1."""
+    """Return lengths (R,) and concatenated numbers of ranges from `first` to `stop` - 1."""
     counts = stop - first
     ends = np.add.accumulate(counts)
     numbers = np.arange(ends.item(-1) if ends.size else 0)
@@ -346,7 +343,6 @@ def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -
 
 
 def empty_cells(count: int) -> Cells:
-    """Return uninitialized arrays for the rows and columns of `count` cells."""
     rows, columns = np.empty((2, count), dtype=np.int64)
     return rows, columns
 

@@ -28,8 +28,8 @@ def sliding_windows(
 ) -> Iterator[tuple[Size, Layer]]:
     """Return an iterator over the windows around all cells, in the order of `map_cells`.
 
-    Each item is the buffer index (row, column) of a cell and the window around it: a read-only
-    float32 array in map order. Later changes to the layer have no effect.
+    Each item is the buffer index (row, column) of a cell and the window around this cell. The
+    window is a read-only float32 array in map order. Later changes to the layer have no effect.
 
     Args:
         layer: name of the layer.
@@ -60,8 +60,7 @@ def window_array(
     """Return the windows around all cells as one array in map order.
 
     `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a median filter.
-    The arguments are those of `sliding_windows`. "crop" is invalid, because cropped windows differ
-    in size.
+    The arguments are those of `sliding_windows`, except that "crop" is invalid.
 
     Returns:
         (rows, cols, size, size) float32, read-only. With "inside", the shape is (rows - size + 1,
@@ -107,7 +106,7 @@ def _window_cells(resolution: float, size: int | None, length: float | None) -> 
 def _windows(
     padded: Layer, start: Size, shape: Size, edge_handling: EdgeHandling, size: int
 ) -> Iterator[tuple[Size, Layer]]:
-    """Yield the buffer index and window of each cell; `padded` is the layer with a NaN margin."""
+    """Yield the buffer index and window of each cell; `padded` has a margin of NaN."""
     margin = size // 2
     for column, row in product(range(shape[1]), range(shape[0])):
         first = (row - start[0]) % shape[0], (column - start[1]) % shape[1]

@@ -27,9 +27,9 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) of a disc from the inside out, ring by ring.
 
     The ring number of a cell is its distance from the center cell [cells], rounded down. A ring
-    runs clockwise as seen from above and ends on the -x side of the center cell. The cell that
-    contains the center comes first if it is on the map, even if its own center is outside the disc.
-    All other cells are those of `circle_cells`.
+    runs clockwise as seen from above and ends on the -x side of the center cell. The center cell is
+    the cell that contains the center of the disc. If it is on the map, it comes first, even if its
+    own center is outside the disc. The other cells are the same as those from `circle_cells`.
 
     Args:
         center: (2,) center of the disc [m]; it may be outside the map.
@@ -68,7 +68,7 @@ def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
 
 
 def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cells:
-    """Select the cells of a disc from the cached spiral; only outer rings are distance-tested."""
+    """Select the cells of a disc from the cached spiral."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
@@ -102,7 +102,7 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return spiral cells (2, N) around (0, 0), and the start index of each ring, followed by N."""
+    """Return the cached spiral (2, N) around (0, 0), and the bounds of its rings."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]

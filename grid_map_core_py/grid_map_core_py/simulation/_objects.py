@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Places objects on a terrain, in a new map that shares all layers except the height layer."""
+"""Places boxes, ramps and stairs on a terrain."""
 
 from __future__ import annotations
 
@@ -29,13 +29,14 @@ def with_box(
     """Return a map with a box on the ground.
 
     The object covers all cells whose centers lie in its outline, even cells without a height.
+    Ground higher than the object stays unchanged.
 
     Args:
         grid_map: the terrain, which stays unchanged.
         center: (2,) center of the object [m], map frame; parts outside the map are cut off.
         length: (2,) side lengths along the object's x and y axes [m].
-        height: height of the object [m] above the mean height of the ground below the object, or
-            above 0 if the ground is unknown. Ground higher than the object stays unchanged.
+        height: height of the object [m] above the mean height of the ground below it, or above 0 if
+            the ground is unknown.
         yaw: rotation of the object relative to the map [rad].
         layer: name of the height layer.
 
@@ -55,7 +56,7 @@ def with_ramp(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with a ramp that rises to `height` along the ramp's x axis; see `with_box`."""
+    """Return a map with a ramp that rises to `height` along its own x axis; see `with_box`."""
     return _with_object(grid_map, center, length, height, yaw, layer, lambda share: share)
 
 
@@ -69,7 +70,7 @@ def with_stairs(
     yaw: float = 0.0,
     layer: str = "elevation",
 ) -> GridMap:
-    """Return a map with stairs that rise in equal steps along their x axis; see `with_box`."""
+    """Return a map with stairs that rise in equal steps along their own x axis; see `with_box`."""
     count = as_finite(steps, "steps", "a number of steps", least=1.0)
 
     def profile(share: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,11 +25,11 @@ def cast_rays(
 ) -> Positions:
     """Return the ranges at which beams hit the surface of a layer.
 
-    The surface is that of `GridMap.at_position` with `Interpolation.LINEAR`: bilinear between
-    cell centers, and level from the outermost centers to the border. A step between neighboring
-    cells is therefore a slope one cell wide. If one of four neighboring heights is not finite, the
-    patch between their cell centers is a hole. The ground below the surface is solid: a beam from
-    outside the map or through a hole can hit the ground from the side.
+    The surface is the same as for `GridMap.at_position` with `Interpolation.LINEAR`. It is bilinear
+    between cell centers, and level from the outermost centers to the border. A step between
+    neighboring cells is therefore a slope one cell wide. If one of four neighboring heights is not
+    finite, the patch between their cell centers is a hole. The ground below the surface is solid: a
+    beam from outside the map or through a hole can hit the ground from the side.
 
     Args:
         grid_map: the terrain.
@@ -88,8 +88,7 @@ def cast_rays(
 def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) -> Positions:
     """Return the nearest and farthest ranges (2, N) at which each beam can hit the surface.
 
-    Between these ranges, the x and y of the beam are on the map, and its z is at most `highest`. If
-    a beam cannot hit the surface, the nearest range is NaN or exceeds the farthest range.
+    The nearest range is NaN or exceeds the farthest range if a beam cannot hit the surface.
     """
     begin, end = np.zeros(rays.shape[1]), np.full(rays.shape[1], limit)
     valid: Mask = np.logical_and.reduce(np.isfinite(rays))
@@ -107,12 +106,11 @@ def _span(rays: Positions, size: tuple[int, int], highest: float, limit: float) 
 def march(
     heights: Any, rows: int, columns: int, rays: Any, span: Any, count: int, ranges: Any
 ) -> None:
-    """Write the range of each beam to `ranges`, NaN for beams that do not return.
+    """Write the range of each beam to `ranges`; NaN for beams that do not return.
 
-    Horizontal coordinates are in cells: the height `[i, k]` is at `(i, k)`, and the patch `[i, k]`
-    is between the heights `[i, k]` and `[i + 1, k + 1]`. Beams advance from patch to patch
-    (Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). Crossings are
-    computed from the start of the beam, so that rounding errors do not accumulate.
+    Height `[i, k]` is at `(i, k)`, with coordinates in cells. Patch `[i, k]` is between the heights
+    `[i, k]` and `[i + 1, k + 1]`. Beams advance from patch to patch (Amanatides and Woo, "A Fast
+    Voxel Traversal Algorithm for Ray Tracing", 1987).
 
     Args:
         heights: (rows, columns) heights [m]; a patch with a NaN is a hole.
@@ -163,10 +161,10 @@ def _crossing(start: float, step: float, patch: int) -> float:
 def _above(
     a: Any, b: Any, c: Any, d: Any, u: Any, v: Any, z: Any, d_row: Any, d_column: Any, d_z: Any
 ) -> Any:
-    """Return the height of a beam above a patch, as the coefficients of a polynomial in t.
+    """Return the height of a beam above a patch as coefficients of 1, t and t^2.
 
     After t meters, the beam is at (u, v, z) + t (d_row, d_column, d_z). The height of the patch is
-    a + b u + c v + d u v. The result holds the coefficients of 1, t and t^2.
+    a + b u + c v + d u v.
     """
     return (
         z - (a + b * u + c * v + d * (u * v)),

@@ -98,14 +98,15 @@ def scan(
         grid_map: the terrain; `cast_rays` defines the surface.
         directions: (N, 3) beam directions, sensor frame, such as `SpinningLidar().directions`.
         transform: (4, 4) homogeneous transform from the sensor frame to the map frame.
-        sensor: noise model; None for no noise. It predicts the covariance of the Gaussian noise at
-            the true point. Points that the sensor cannot measure become NaN.
+        sensor: noise model; None for no noise. The noise is Gaussian, with the covariance that the
+            model predicts at the true point. Points that the sensor cannot measure become NaN.
         random: random generator for the noise; None creates a new generator for each call.
         layer: name of the height layer [m].
         max_range: range beyond which beams do not return [m].
 
     Returns:
-        (N, 3) in the order of the beams, sensor frame; NaN for beams that do not return.
+        (N, 3) points [m], sensor frame, in the order of the beams. NaN for beams that do not
+        return.
 
     Raises:
         GeometryError: an array has the wrong shape, or `max_range` is not a number above 0.
@@ -126,12 +127,10 @@ def scan(
 
 
 def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
-    """Return the covariances (N, 3, 3) of points [m^2]; NaN for points that cannot be measured.
-
-    Each covariance S follows from the variances `axis @ S @ axis` of the model along six axes.
-    """
+    """Return the covariances (N, 3, 3) of points [m^2]; NaN for points that cannot be measured."""
     coordinates = np.ascontiguousarray(points.T)
     distances = np.linalg.norm(points, axis=1)
+    # The variance of covariance S along a unit vector is `axis @ S @ axis`.
     axes, found = np.eye(3), np.empty((len(points), 3, 3))
     for i in range(3):
         found[:, i, i] = sensor.vertical_variances(coordinates, distances, axes[i])

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps larger than memory, which Dask computes tile by tile from Zarr stores or GeoTIFF files.
+"""Maps larger than memory, which Dask computes tile by tile.
 
-This package requires the extra `tiled`. GeoTIFF files also require the extra `geo`.
-`grid_map_core_py.xarray` registers the accessor `grid_map` for xarray datasets.
+`open_map` opens Zarr stores, GeoTIFF files and xarray datasets. This package requires the extra
+`tiled`. GeoTIFF files also require the extra `geo`. `grid_map_core_py.xarray` registers the
+accessor `grid_map` for xarray datasets.
 """
 
 from .. import _lazy

@@ -39,14 +39,12 @@ DIMENSIONS = ("x", "y")
 CRS_VARIABLE = "spatial_ref"
 """Name of the variable with the coordinate reference system, as in rioxarray."""
 
-_BAND = "band"
-"""Name of the band dimension in rioxarray."""
+_BAND = "band"  # name of the band dimension in rioxarray
 
 _ENCODED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 """Attributes that xarray removes when it decodes the values of a variable."""
 
-_LARGEST_DIFFERENCE = 1e-3
-"""Maximum deviation of a coordinate from an evenly spaced grid [cells]."""
+_LARGEST_DIFFERENCE = 1e-3  # maximum deviation of a coordinate from an evenly spaced grid [cells]
 
 _WKT = re.compile(r"\s*[A-Z]\w*\s*\[", re.IGNORECASE)
 
@@ -60,7 +58,7 @@ _ORIGINS = WeakValueDictionary[tuple[str, str], TiledData]()
 
 
 def coordinates(geometry: GridGeometry, origin: Sequence[float] = (0.0, 0.0)) -> dict[str, Any]:
-    """Return the cell centers as xarray coordinates x and y in the reference system [m]."""
+    """Return the cell centers as coordinates x and y in the reference system [m]."""
     axes = zip(DIMENSIONS, geometry.axes_in_map_order(), origin, strict=True)
     return {
         name: (name, axis + start, {"units": "m", "standard_name": f"projection_{name}_coordinate"})
@@ -69,7 +67,6 @@ def coordinates(geometry: GridGeometry, origin: Sequence[float] = (0.0, 0.0)) ->
 
 
 def attributes(described: GridMap | TiledData, layers: Iterable[str]) -> dict[str, Any]:
-    """Return the attributes that describe a map in a dataset."""
     names, origin = [*layers], described.origin
     return {
         # Zarr stores do not preserve the order of variables.
@@ -84,7 +81,6 @@ def attributes(described: GridMap | TiledData, layers: Iterable[str]) -> dict[st
 
 
 def to_dataset(grid_map: GridMap) -> "xarray.Dataset":
-    """Convert a map to a dataset; see `GridMap.to_xarray`."""
     return dataset_of(grid_map, {name: grid_map.unwrapped(name) for name in grid_map})
 
 
@@ -108,10 +104,7 @@ def dataset_of(described: GridMap | TiledData, layers: Mapping[str, Any]) -> "xa
 
 
 def grid_mapping(crs: str) -> dict[str, Any]:
-    """Return the attributes of a CF grid mapping variable that describes a reference system.
-
-    Only codes such as "EPSG:25832" and PROJ strings require pyproj.
-    """
+    """Return the CF grid mapping attributes of a reference system; WKT requires no pyproj."""
     is_wkt = bool(_WKT.match(crs))
     wkt, about = crs, {}
     try:
@@ -165,7 +158,7 @@ def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
 
 
 def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bool]]:
-    """Return the geometry of a dataset in the map frame, and two flags: whether x and y ascend."""
+    """Return the geometry of a dataset in the map frame, and whether x and y ascend."""
     axes: list[Positions] = []
     for name in DIMENSIONS:
         if name not in dataset.coords or dataset[name].dims != (name,):
@@ -203,7 +196,7 @@ def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
-    """Return the attribute `resolution` if it matches the coordinate spacing, else the spacing."""
+    """Return the attribute `resolution`; the coordinate spacing if the attribute does not match."""
     steps = [abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes if axis.size > 1]
     if steps and max(steps) - min(steps) > _LARGEST_DIFFERENCE * min(steps):
         raise GeometryError(
@@ -220,7 +213,6 @@ def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
 
 
 def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
-    """Return the names of the layers, in the order of the attribute `layers`."""
     layers = []
     for key, variable in dataset.data_vars.items():
         name, dimensions = str(key), variable.dims
@@ -258,11 +250,7 @@ def crs_of(dataset: "xarray.Dataset") -> str:
 
 @dataclass(frozen=True, eq=False)
 class DatasetSource:
-    """Source that reads layers from a dataset in memory, in a file or in Dask arrays.
-
-    `name` identifies the dataset in error messages. `ascends` tells whether x and y ascend in the
-    dataset; in a map, both descend.
-    """
+    """Source that reads layers from a dataset in memory, in a file or in Dask arrays."""
 
     dataset: "xarray.Dataset"
     layers: tuple[str, ...]
@@ -301,10 +289,9 @@ class DatasetSource:
 def open_dataset(
     data: "xarray.Dataset | xarray.DataArray", tile: Size | None = None, name: str = "dataset"
 ) -> TiledData:
-    """Open a dataset, as in `GridMap.from_xarray`, as a tiled map.
+    """Open a dataset as a tiled map; see `GridMap.from_xarray`.
 
-    By default, a tile has the size of the first Dask chunk, or 1024 x 1024 cells without chunks.
-    `name` identifies the dataset in error messages.
+    The default tile has the size of the first Dask chunk, or 1024 x 1024 cells.
     """
     dataset = as_dataset(data)
     geometry, ascends = geometry_of(dataset)
@@ -347,7 +334,7 @@ def turned(ascends: Sequence[bool]) -> dict[str, slice]:
 
 
 def mirrored(window: Window, size: Size, ascends: Sequence[bool]) -> Window:
-    """Convert a window from map order to the order of a dataset, or back, by mirroring axes."""
+    """Mirror a window between map order and the order of a dataset."""
     rows, columns = (
         slice(length - part.stop, length - part.start) if each else part
         for part, length, each in zip(window, size, ascends, strict=True)
@@ -359,7 +346,6 @@ def mirrored(window: Window, size: Size, ascends: Sequence[bool]) -> Window:
 
 
 def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -> "xarray.Dataset":
-    """Convert a tiled map to a dataset of Dask arrays; see `TiledMap.to_xarray`."""
     required("dask.array", "a dataset that is computed later")
     from dask.array import map_blocks
     from dask.delayed import delayed
@@ -399,7 +385,7 @@ def to_lazy_dataset(tiled_map: TiledData, layers: Iterable[str] | None = None) -
 
 
 def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray[np.object_]:
-    """Read the layers of a tile into a one-element object array, because Dask requires an array."""
+    # Dask requires an array as the result.
     tiles, result = tiled_map.tiles, np.empty((1, 1), object)
     window = tiles[block_id[0] * tiles.counts[1] + block_id[1]]
     result[0, 0] = tiled_map.source.read(window, names)
@@ -407,16 +393,15 @@ def _read(names: Sequence[str], tiled_map: TiledData, block_id: Size) -> NDArray
 
 
 def remember(dataset: "xarray.Dataset", tiled_map: TiledData) -> None:
-    """Record that a dataset of Dask arrays was created from a tiled map, for `origin_of`."""
+    """Record that a dataset was created from a tiled map, for `origin_of`."""
     for name in {*tiled_map.layers} & {*dataset}:
         _ORIGINS[name, dataset[name].data.name] = tiled_map
 
 
 def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledData | None:
-    """Return the tiled map from which a dataset was created; None if the layers have changed.
+    """Return the tiled map from which a dataset was created; None if layers have changed.
 
-    Computed layers count as changed. Reading windows from the tiled map is faster than computing
-    whole tiles of Dask arrays.
+    Computed layers count as changed.
     """
     arrays = {name: dataset[name].data for name in layers if dataset[name].chunks}
     found = {_ORIGINS.get((name, array.name)) for name, array in arrays.items()}

@@ -2,8 +2,8 @@
 """Runs a function on many tiles with the program's Dask scheduler.
 
 The default scheduler is a thread pool in this process. If the program creates a
-`dask.distributed.Client`, the cluster of this client is used instead.
-`dask.config.set(scheduler=...)` selects another local scheduler.
+`dask.distributed.Client`, this module uses the client's cluster. `dask.config.set(scheduler=...)`
+selects another local scheduler.
 """
 
 import itertools
@@ -24,32 +24,24 @@ T = TypeVar("T")
 P = TypeVar("P")
 
 
-_AHEAD = 2
-"""Maximum number of running and queued calls per thread of this process."""
+_AHEAD = 2  # maximum number of running and queued calls per thread of this process
 
 _PER_BATCH = 16
 """Number of calls per worker in a batch, for local schedulers other than the thread pool."""
 
-_TASKS = 4
-"""Maximum number of running and queued tasks per thread of a cluster."""
+_TASKS = 4  # maximum number of running and queued tasks per thread of a cluster
 
 _PER_TASK = 8
 """Maximum number of calls per task. A cluster scheduler needs about 1 ms for each task."""
 
-_PERIOD = 1.0
-"""Interval at which the threads of a cluster are counted [s]; their number may change."""
+_PERIOD = 1.0  # interval at which the threads of a cluster are counted [s]; their number may change
 
 
 def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
     """Yield each part and `function(part)` as soon as the result is available.
 
-    Parts are taken from `parts` on demand, so neither this process nor the scheduler ever stores
-    all parts. Closing the iterator cancels queued calls, but not calls that already run in threads
-    of this process.
-
-    Args:
-        function: function to call. If other processes call it, it is pickled with the parts.
-        parts: arguments of the calls.
+    Parts are taken from `parts` on demand, so they are never all stored. Closing the iterator
+    cancels queued calls, but not running calls in threads of this process.
 
     Raises:
         GridMapError: the cluster is lost, or several workers died while computing the same part.
@@ -132,7 +124,7 @@ def _on_cluster(
 
 
 def _values(values: list[T], warned: list[Warning]) -> list[T]:
-    """Return the results of a finished task, after issuing its warnings in this process."""
+    """Return the results of a finished task, and issue its warnings in this process."""
     for warning in warned:
         warnings.warn(warning, stacklevel=3)
     return values
@@ -173,7 +165,7 @@ def _collect_warnings() -> None:
 
 
 def _call_each(pickled: bytes, group: list[Any]) -> list[list[Any]]:
-    """Call a pickled function with each part of a group; return the results and the warnings."""
+    """Call a pickled function with each part; return the results and the warnings."""
     keep_memory()
     _collect_warnings()
     token = _warned.set(warned := list[Warning]())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Opens stores, rasters and datasets as tiled maps, and defines the file format of Zarr stores."""
+"""Opens stores, rasters and datasets as tiled maps."""
 
 from collections.abc import Iterable, Sequence
 from os import PathLike, fspath
@@ -33,14 +33,15 @@ def open_map(
     NaN. If files overlap, a cell gets its value from the first file with data in this cell.
 
     Args:
-        path: a Zarr store (a folder or an fsspec URL), one or more GeoTIFF files (including GDAL
-            virtual files such as `/vsicurl/https://.../dem.tif`), or an xarray dataset.
+        path: a Zarr store (a folder or an fsspec URL), one or more GeoTIFF files, or an xarray
+            dataset. GeoTIFF files may be GDAL virtual files such as `/vsicurl/https://.../dem.tif`.
         chunks: side of the tiles in which the map is computed and written [cells]. None means the
             chunk size of the store or of the Dask arrays, or 1024 for data without chunks.
         crs: coordinate reference system of the map, such as "EPSG:25832". GeoTIFF files are
             reprojected to this system on read, with bilinear interpolation and square pixels.
         origin: latitude and longitude of the map frame origin [deg, WGS 84]. None means the stored
-            origin, or else the origin of the reference system. See `TiledMap.with_origin`.
+            origin or, if none is stored, the origin of the reference system. See
+            `TiledMap.with_origin`.
 
     Raises:
         ConfigError: `crs` is malformed, or is given for a map that is not a GeoTIFF file.

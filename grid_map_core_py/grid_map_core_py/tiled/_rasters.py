@@ -40,14 +40,9 @@ from ._source import Progress, TiledData, Tiles, Window, common, shape, within
 if TYPE_CHECKING:
     from ._tiled_map import TiledMap
 
-_LARGEST_SHIFT = 1e-3
-"""Maximum misalignment between a raster and the grid of the mosaic [cells]."""
-
-_LARGEST_DIFFERENCE = 1e-6
-"""Maximum relative difference between pixel sizes in a mosaic."""
-
-_MOST_OPEN = 64
-"""Maximum number of rasters that a process keeps open."""
+_LARGEST_SHIFT = 1e-3  # maximum misalignment between a raster and the grid of the mosaic [cells]
+_LARGEST_DIFFERENCE = 1e-6  # maximum relative difference between pixel sizes in a mosaic
+_MOST_OPEN = 64  # maximum number of rasters that a process keeps open
 
 _WIDEST_STRIP = 8192
 """Width of compressed strips above which opening a raster warns of slow windows [pixels]."""
@@ -72,8 +67,7 @@ depend on the window that is read.
 """
 
 
-_FILE_BLOCK = 512
-"""Side of the blocks in written files [cells]."""
+_FILE_BLOCK = 512  # side of the blocks in written files [cells]
 
 
 class _Part(NamedTuple):
@@ -92,8 +86,8 @@ class _Part(NamedTuple):
 class RasterSource:
     """Source that reads layers from the bands of rasters that share a grid.
 
-    If rasters overlap, a cell gets the first value that is not NaN. `crs` is the reference system
-    to which the rasters are reprojected, or empty for no reprojection.
+    If rasters overlap, a cell gets the first value that is not NaN. Rasters are reprojected to
+    `crs` unless it is empty.
     """
 
     parts: tuple[_Part, ...]
@@ -147,13 +141,13 @@ class RasterSource:
 
     @cached_property
     def _places(self) -> tuple[Any, Any]:
-        """Starts (N, 2) and stops (N, 2) of the rows and columns that each raster covers."""
+        """Starts (N, 2) and stops (N, 2) of the rows and columns of each raster."""
         places = np.array([[(side.start, side.stop) for side in p.place] for p in self.parts])
         return places[..., 0], places[..., 1]
 
 
 def _opened(part: _Part, crs: str) -> Any:
-    """Open the raster of a part for this thread, because GDAL datasets are not thread-safe."""
+    # GDAL datasets are not thread-safe, so each thread opens its own.
     size, owner = shape(part.place), (os.getpid(), threading.get_ident())
     return _open(part.path, part.stamp, part.overview, crs, part.transform, size, owner)
 
@@ -175,14 +169,13 @@ def _open(
 
 
 def _warped(raster: Any, crs: str, **cells: Any) -> Any:
-    """Return a virtual raster that GDAL reprojects to `crs` on read, interpolating bilinearly."""
+    """Return a virtual raster that is reprojected to `crs` on read, with bilinear interpolation."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
     return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)
 
 
 def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = "") -> TiledData:
-    """Open one raster, or several rasters on one grid, as a tiled map; see `open_map`."""
     headers = []
     for path in paths:  # In Python 3.11, a comprehension would add a stack frame.
         headers.append(_read_header(os.fspath(path), crs))
@@ -220,10 +213,10 @@ def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = ""
 
 
 def overview_of(tiled_map: "TiledMap", step: int) -> tuple["TiledMap", int]:
-    """Return the coarsest overview with cells at most `step` map cells wide, and their width.
+    """Return the coarsest overview with cells at most `step` cells wide, and their width.
 
-    Positions in the overview are accurate to half a cell. If the map is a mosaic, is reprojected or
-    has no such overview, the map itself and the width 1 are returned.
+    Without a suitable overview, the map itself and the width 1 are returned. Positions in the
+    overview are accurate to half a cell.
     """
     source = tiled_map.source
     if not isinstance(source, RasterSource) or len(source.parts) > 1 or source.parts[0].transform:
@@ -288,7 +281,7 @@ def _read_header(path: str, crs: str) -> _Header:
 
 
 def _warn(raster: Any, path: str) -> None:
-    """Warn if raster coordinates are not in meters, or if wide strips make reading slow."""
+    """Warn about coordinates that are not in meters, and about wide strips."""
     if unit := unit_of(raster):
         longitude, latitude = raster.lnglat()
         zone = min(max(int((longitude + 180.0) // 6.0), 0), 59) + 1
@@ -360,7 +353,6 @@ def to_geotiff(
     compress: bool,
     overwrite: bool,
 ) -> None:
-    """Write a tiled map into a GeoTIFF file; see `TiledMap.to_geotiff`."""
     target = Path(path)
     check_ending(target, ".tif", ".tiff")
     # With PAM, GDAL would leave auxiliary files in the folder.

@@ -29,8 +29,8 @@ class Source(Protocol):
     """Provider of layers that are read window by window.
 
     Sources are pickled and sent to other processes and machines, so they open files only in `read`.
-    A source may set `reads_layers_alone` to True if reading several layers together saves no time.
-    Dask datasets of the source then read only the layers that are used.
+    The optional attribute `reads_layers_alone` is True if reading several layers together saves no
+    time. Dask datasets then read only the layers that are used.
     """
 
     @property
@@ -57,7 +57,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TiledData:
-    """Source, grid and frame of a tiled map; `TiledMap` adds the methods."""
+    """Data of a tiled map; `TiledMap` adds the methods."""
 
     source: Source
     geometry: GridGeometry
@@ -94,7 +94,7 @@ class TiledData:
         return self.geometry.length
 
     def _in_frame_at(self: _Data, origin: Sequence[float]) -> _Data:
-        """Return the map in a frame whose origin is at `origin` (x, y) in the current frame [m]."""
+        """Return the map in a frame with its origin at (x, y) in the current frame [m]."""
         x, y = origin
         geometry = self.geometry.at(self.position - np.array([x, y]))
         return replace(self, geometry=geometry, origin=(self.origin[0] + x, self.origin[1] + y))
@@ -167,10 +167,7 @@ def shape(window: Window) -> Size:
 
 @contextmanager
 def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
-    """Replace exceptions from reading or writing with a `GridMapError` that names `path`.
-
-    `doing` is "read" or "written", for the error message.
-    """
+    """Convert exceptions to a `GridMapError` that names `path`; `doing` is "read" or "written"."""
     try:
         yield
     except (LayerNotFoundError, MissingPackageError):

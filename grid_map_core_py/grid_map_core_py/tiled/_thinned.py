@@ -21,15 +21,13 @@ from ._source import Source
 if TYPE_CHECKING:
     from ._tiled_map import TiledMap
 
-_MOST_TILES = 4096
-"""Maximum number of tiles to read; reading them takes about half a minute."""
+_MOST_TILES = 4096  # maximum number of tiles to read; reading them takes about half a minute
 
 _Run: TypeAlias = tuple[slice, slice]
 """Slices of the rows (or columns) to read from a tile, and of those to fill in the result."""
 
 
 def thinned_map(tiled_map: "TiledMap", step: int, names: Sequence[str]) -> GridMap:
-    """Read every `step`-th row and column of a map; see `TiledMap.thinned`."""
     check(step >= 1, "step", "a number of cells", step)
     tiled_map, factor = overview_of(tiled_map, step)
     step, sides = math.ceil(step / factor), [*zip(tiled_map.size, tiled_map.tile, strict=True)]

@@ -58,7 +58,8 @@ class Chain(Protocol):
 class TiledMap(TiledData):
     """Map of any size whose layers are read or computed window by window.
 
-    `open_map` returns a `TiledMap`. Tiled maps can be pickled. Only `write` changes their data.
+    `open_map` returns a `TiledMap`. Tiled maps can be pickled. Only the method `write` changes the
+    data.
 
     Args:
         source: provider of the layers.
@@ -128,7 +129,6 @@ class TiledMap(TiledData):
         return self._map(geometry, names, self.source.read(window, names))
 
     def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
-        """Return a map in memory with the frame and time of this map and the given layers."""
         empty = GridMap.from_geometry(geometry, frame_id=self.frame_id, timestamp=self.timestamp)
         empty._reference = self.crs, self.origin
         grid_map = empty.with_layers(dict(zip(names, layers, strict=True)))
@@ -138,9 +138,9 @@ class TiledMap(TiledData):
     def get_submap(
         self, position: ArrayLike, length: ArrayLike, layers: Iterable[str] | None = None
     ) -> GridMap:
-        """Return the cells that a rectangle overlaps; only chunks under the rectangle are read.
+        """Return the cells that a rectangle overlaps, as a map in memory.
 
-        `GridMap.get_submap` returns the same cells.
+        Only chunks under the rectangle are read. `GridMap.get_submap` returns the same cells.
 
         Args:
             position: (2,) center of the rectangle [m].
@@ -165,8 +165,8 @@ class TiledMap(TiledData):
     ) -> float | Positions:
         """Return the values of a layer at positions; only nearby cells are read.
 
-        The results equal those of `GridMap.at_position`, even at tile borders. If several tiles are
-        needed, the program's Dask scheduler reads them.
+        The results equal those of `GridMap.at_position`, even at tile borders. If the positions lie
+        in several tiles, the program's Dask scheduler reads these tiles.
 
         Args:
             layer: name of the layer.
@@ -207,11 +207,12 @@ class TiledMap(TiledData):
         return float(values[0]) if points.ndim == 1 else values.reshape(points.shape[:-1])
 
     def to_xarray(self, layers: Iterable[str] | None = None) -> xarray.Dataset:
-        """Convert the map to a dataset of Dask arrays, whose tiles are computed on demand.
+        """Convert the map to a dataset of Dask arrays, which are computed on demand.
 
-        Each tile becomes one chunk, which is computed only once, even if several layers are used
-        together. If a filter needs quantities of the whole map, `to_xarray` computes them
-        immediately. In all other respects, the dataset equals the result of `GridMap.to_xarray`.
+        Each tile becomes one chunk. A chunk is computed only once, even if several layers are used
+        together. If a filter needs quantities of the whole map, `to_xarray` computes these
+        quantities immediately. In all other respects, the dataset equals the result of
+        `GridMap.to_xarray`.
 
         Args:
             layers: names of the layers; None means all.
@@ -223,9 +224,9 @@ class TiledMap(TiledData):
     def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
         """Return every `step`-th row and column as a map in memory, for example for display.
 
-        Cells of the result are `step` times as wide as cells of this map. Each has the value of the
-        cell at its center. If the map is a raster with a suitable overview, cells are copied from
-        the overview. If more than about 4000 tiles would be read, a larger step is used.
+        Cells of the result are `step` times as wide as cells of this map. Each cell of the result
+        has the value at its center. If the map is a raster with a suitable overview, the values
+        come from the overview. If more than about 4000 tiles would be read, a larger step is used.
 
         Args:
             step: distance between copied rows and between copied columns [cells].
@@ -265,13 +266,14 @@ class TiledMap(TiledData):
     def filter(self, chain: Chain, **options: Any) -> TiledMap:
         """Return the filtered map, whose tiles are computed on demand.
 
+        Before that, the chain is run once on a small test map of zeros.
+
         Args:
             chain: a `FilterChain`.
             options: see `FilterChain.on_tiles`.
 
         Raises:
-            FilterError: a filter needs the whole map in memory, or the chain fails on a small test
-                map of zeros.
+            FilterError: a filter needs the whole map in memory, or the chain fails on the test map.
         """
         source = chain.on_tiles(self, **options)
         return replace(self, source=source, basic_layers=source.basic_layers)
@@ -287,8 +289,8 @@ class TiledMap(TiledData):
     ) -> None:
         """Compute the map and write the tiles to a Zarr store.
 
-        Tiles are written to a folder whose name is `path` with the suffix `.part`. The folder is
-        renamed to `path` once the store is complete.
+        An unfinished store is a folder named `path` with the suffix `.part`. The folder is renamed
+        to `path` once the store is complete.
 
         Args:
             path: folder of the store.
@@ -318,8 +320,8 @@ class TiledMap(TiledData):
         Each store cell gets the value of the map cell that contains its center, as with
         `GridMap.add_data_from`. Map cells that are not finite or outside the store are ignored.
         Only chunks under the map are read and written. Several processes may write at the same time
-        without losing data. Each chunk is written atomically with Zarr 2, and with Zarr 3.1.3 or
-        later.
+        without losing data. With Zarr 2, and with Zarr 3.1.3 or later, readers never see a partly
+        written chunk.
 
         Args:
             grid_map: map with the same resolution, in the same frame or without a frame.
@@ -349,12 +351,12 @@ class TiledMap(TiledData):
         The method writes a temporary file next to `path`, and renames the complete file to `path`.
         Each layer is a float32 band named after the layer. The nodata value is NaN. A tag stores
         frame, time and basic layers, so that `open_map` and `load_geotiff` restore the same map.
-        Writing a cloud-optimized file temporarily needs disk space for the uncompressed layers.
 
         Args:
             path: path of the file.
-            cog: write a cloud-optimized GeoTIFF (COG) with overviews. An overview cell is the mean
-                of the finite values of four cells, which is meaningless for packed colors.
+            cog: write a cloud-optimized GeoTIFF (COG) with overviews. Writing it temporarily needs
+                disk space for the uncompressed layers. An overview cell is the mean of the finite
+                values of four cells, which is meaningless for packed colors.
             layers: names of the layers to write; None means all.
             compress: compress the values with deflate.
             overwrite: replace an existing file.
@@ -406,7 +408,7 @@ class TiledMap(TiledData):
 
         Coordinates in a reference system can reach millions of meters. In a frame whose origin is
         near the robot, coordinates are small. The axes keep their directions. Datasets, stores and
-        GeoTIFF files still contain coordinates in the reference system. The origin is also stored,
+        GeoTIFF files still contain coordinates in the reference system. They also store the origin,
         so that `open_map` and `load_geotiff` can restore the frame.
 
         Args:

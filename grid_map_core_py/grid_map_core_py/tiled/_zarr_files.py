@@ -2,13 +2,11 @@
 """Writes tiled maps to new Zarr stores tile by tile, and manages store files and locks.
 
 Stores use Zarr format 2, which zarr-python 2 and 3 can write. Each chunk file contains a block of a
-layer in Fortran order. zarr-python writes a chunk to a temporary file, and then renames the file,
-so that readers never see a partly written chunk. Some versions, such as 3.1.0, write in place. If a
-chunk has no file, its cells are NaN.
+layer in Fortran order. If a chunk has no file, its cells are NaN. zarr-python writes a chunk to a
+temporary file and then renames the file; some versions, such as 3.1.0, write in place.
 
-An unfinished store is a folder whose name ends in `.part`. The folder is renamed when all tiles are
-complete. A tile is complete when its chunks exist in all layers. A resumed run computes only the
-missing tiles.
+An unfinished store is a folder whose name ends in `.part`. A tile is complete when its chunks exist
+in all layers. A resumed run computes only the missing tiles. Finally, the folder is renamed.
 """
 
 import errno
@@ -41,12 +39,10 @@ VERSION = 1
 _RUN = ".run.json"
 """File that describes the run in an unfinished store; the writing process locks this file."""
 
-_NEAR = 4
-"""Side of the squares of neighboring tiles that are computed one after the other [tiles]."""
+_NEAR = 4  # side of the squares of neighboring tiles that are computed one after the other [tiles]
 
 
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
-    """Create an empty store and return its path; see `TiledMap.create`."""
     target = check_local(path)
     check_ending(target, ".zarr")
     with data_errors(target, "written"), new_folder(target, _refuse) as folder:
@@ -67,7 +63,6 @@ def to_zarr(
     resume: bool,
     overwrite: bool,
 ) -> None:
-    """Write a tiled map into a Zarr store; see `TiledMap.to_zarr`."""
     target = check_local(path)
     check_ending(target, ".zarr")
     part = target.with_name(f"{target.name}.part")
@@ -120,7 +115,7 @@ def to_zarr(
 
 @contextmanager
 def _locked(part: Path) -> Iterator[IO[str]]:
-    """Lock an unfinished store for this process, and yield the file that describes the run."""
+    """Lock an unfinished store for this process, and yield the open run file."""
     with (part / _RUN).open("r+") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -130,7 +125,6 @@ def _locked(part: Path) -> Iterator[IO[str]]:
 
 
 def _compute(tiled_map: TiledData, part: Path, names: Sequence[str], progress: Progress) -> None:
-    """Compute the tiles that are missing in an unfinished store, and write them."""
     tiles, columns = tiled_map.tiles, tiled_map.tiles.counts[1]
     chunks = [{file.name for file in (part / name).iterdir()} for name in names]
     places = {n: divmod(n, columns) for n in range(len(tiles))}
@@ -189,7 +183,7 @@ def check_local(path: str | PathLike[str]) -> Path:
 
 
 def create_layers(path: Path, tiled_map: TiledData, names: Sequence[str]) -> None:
-    """Create a store for the layers `names` in an empty folder, without writing any chunks."""
+    """Create a store for the layers `names` in an empty folder, without writing chunks."""
     zarr = required("zarr", f"{path}: a Zarr store")
     blosc = required("numcodecs", "a Zarr store").Blosc
     taken = (*DIMENSIONS, CRS_VARIABLE)
@@ -246,7 +240,7 @@ def open_layer(store: str, name: str, *, empty_chunks: bool = False) -> Any:
 
 
 def metadata_file(store: Path) -> Path:
-    """Return the path of a store's metadata file, which does not change when chunks are written."""
+    """Return the metadata file of a store, which does not change when chunks are written."""
     if not store.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(store))
     # Zarr formats 2 and 3.

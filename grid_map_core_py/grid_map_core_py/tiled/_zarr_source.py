@@ -33,16 +33,12 @@ if TYPE_CHECKING:
 _OPENED = 16
 """Number of stores that a process keeps open; opening a store is as slow as reading a window."""
 
-_LARGEST_DIFFERENCE = 1e-6
-"""Maximum relative difference between resolutions that count as equal."""
+_LARGEST_DIFFERENCE = 1e-6  # maximum relative difference between resolutions that count as equal
 
 
 @dataclass(frozen=True)
 class StoreSource:
-    """Source that reads layers from a Zarr store; each process opens the store on its first read.
-
-    `path` is a folder or an fsspec URL.
-    """
+    """Source that reads layers from a Zarr store; `path` is a folder or an fsspec URL."""
 
     path: str
     layers: tuple[str, ...]
@@ -66,7 +62,6 @@ class StoreSource:
         return [layer for name in names for layer in source.read(window, [name])]
 
     def opened(self) -> "tuple[xarray.Dataset, TiledData]":
-        """Return the store as an xarray dataset and as a tiled map."""
         dataset, found = _open(self.path, _stamp(self.path))
         if found.size != self.size or not {*self.layers} <= {*found.layers}:
             raise GridMapError(f"{self.path}: the store has been replaced; open it again")
@@ -74,7 +69,6 @@ class StoreSource:
 
 
 def open_store(name: str, chunks: int | None = None) -> TiledData:
-    """Open a store as a tiled map; see `open_map`."""
     _, found = _open(name, _stamp(name))
     side = (chunks, chunks) if chunks else found.tile
     # The processes of a cluster may have another working directory.
@@ -120,7 +114,6 @@ def merge(
     position: ArrayLike | None,
     layers: Iterable[str] | None,
 ) -> None:
-    """Merge a map into a store; see `TiledMap.write`."""
     source = tiled_map.source
     if not isinstance(source, StoreSource):
         raise GridMapError(
@@ -174,7 +167,6 @@ def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArra
 def _merge_layer(
     source: StoreSource, name: str, window: Window, lines: list[NDArray[Any]], layer: Layer
 ) -> None:
-    """Merge a layer into the store, chunk by chunk."""
     dataset, _ = source.opened()
     variable, (_, ascends) = dataset[name].variable, geometry_of(dataset)
     if {"scale_factor", "add_offset"} & {*variable.encoding} or variable.dtype.kind != "f":

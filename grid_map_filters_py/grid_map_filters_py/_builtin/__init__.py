@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Built-in filters, one per module; the YAML parameters are keyword arguments of the classes."""
+"""Built-in filters, one per module; YAML parameters are keyword arguments of the classes."""
 
 from ._bilateral import Bilateral as Bilateral
 from ._buffer_normalizer import BufferNormalizer as BufferNormalizer

@@ -31,14 +31,14 @@ class Bilateral(LayerFilter):
     """Smooth a layer while preserving edges.
 
     Each finite cell becomes the weighted mean of the finite values in the surrounding disc. The
-    weight is the product of a Gaussian of the distance and a Gaussian of the value difference
-    (C. Tomasi and R. Manduchi, "Bilateral filtering for gray and color images", ICCV 1998).
-    Non-finite cells become NaN.
+    weight is the product of a Gaussian of the distance and a Gaussian of the value difference.
+    Non-finite cells become NaN. Source: C. Tomasi and R. Manduchi, "Bilateral filtering for gray
+    and color images", ICCV 1998.
 
     Attributes:
-        sigma_space: standard deviation of the distance Gaussian [m].
-        sigma_range: standard deviation of the difference Gaussian, in the unit of the layer. Steps
-            much higher than `sigma_range` stay sharp.
+        sigma_space: standard deviation of the Gaussian of the distance [m].
+        sigma_range: standard deviation of the Gaussian of the value difference, in the unit of the
+            layer. Steps much higher than `sigma_range` stay sharp.
         radius: radius of the disc [m]; by default 3 times `sigma_space`.
     """
 

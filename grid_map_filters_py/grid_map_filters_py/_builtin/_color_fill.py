@@ -20,8 +20,8 @@ class ColorFill(CellFilter):
 
     Attributes:
         red, green, blue: color component, clamped to [0, 1].
-        mask_layer: layer whose finite cells get the color; all others become NaN. If empty, all
-            cells get the color.
+        mask_layer: layer whose finite cells get the color; the other cells become NaN. If the name
+            is empty, all cells get the color.
         output_layer: layer for the result.
     """
 

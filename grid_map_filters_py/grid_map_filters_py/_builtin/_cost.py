@@ -17,8 +17,7 @@ from grid_map_core_py.plugins import check
 from .._filter import CellFilter
 from ..parts._blocks import blockwise
 
-_GRADED = 252
-"""Number of cost values between free (0) and inscribed (253)."""
+_GRADED = 252  # number of cost values between free (0) and inscribed (253)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +38,8 @@ class Cost(CellFilter):
         output_layer: layer for the costs; NaN is unknown.
         free_value: value that gets cost 0, in the unit of `input_layer`.
         lethal_value: value that gets cost 254; may be less than `free_value`.
-        unknown: cost of unknown cells: `unknown` means NaN, `lethal` 254, `free` 0.
-        lethal_layer: layer that can also make cells lethal, such as step height; requires
+        unknown: cost of unknown cells: `unknown` means NaN, `lethal` means 254, `free` means 0.
+        lethal_layer: second layer that can make cells lethal, such as step height; requires
             `lethal_above`.
         lethal_above: value of `lethal_layer` above which a cell is lethal, even if it is unknown in
             `input_layer`. NaN in `lethal_layer` has no effect.
