@@ -25,8 +25,6 @@ from .._times import StepTimes
 
 
 class FilterChainNode(ConfiguredNode):
-    """Node that subscribes to maps, filters each map and publishes the result."""
-
     def __init__(self) -> None:
         # Allow parameters of filters that are added while the node runs.
         super().__init__("grid_map_filters", allow_undeclared_parameters=True)
