@@ -52,22 +52,22 @@ class Settings:
             `track_point_frame_id` [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. Without tf, empty means `/pose`.
-            With tf, only the covariances are used; if empty, poses are assumed exact.
+            With tf, only the covariances are used, and empty means exact poses.
         pose_type: message type of `robot_pose_with_covariance_topic`.
         robot_pose_cache_size: maximum number of stored poses.
         pose_timeout: maximum time a scan waits for its pose [s].
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: coordinate of the initial map center [m].
         resolution: cell size [m].
-        visibility_cleanup_rate: 0 disables visibility cleanup; other values have no effect.
+        visibility_cleanup_rate: 0 disables visibility cleanup. Other values have no effect.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
         target_frame_init_submap: frame of the patch (tf only); empty means the robot frame.
-        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where the
-            mask is NaN stay unchanged.
+        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where the mask
+            is NaN stay unchanged.
         directory: directory in which services load and save maps; empty disables these services.
         storage: file format of saved bags; `auto` is `mcap`, or `sqlite3` if neither `mcap` nor
             `rosbag2_py` is installed.
@@ -159,10 +159,9 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
 def read_mapper_parameters(
     node: ConfiguredNode, sources: Sequence[InputSource] = ()
 ) -> dict[str, Any]:
-    """Read the current parameters of the mapper.
+    """Read the mapper parameters; the first call declares them on the node.
 
-    The first call declares the parameters on the node. The default of `max_variance` is the largest
-    `max_variance` of the sensor models.
+    The default of `max_variance` is the largest `max_variance` of the sensor models.
     """
     limits = [getattr(source.processor.model, "max_variance", 0.0) for source in sources]
     defaults = {"max_variance": max(limits, default=Parameters.max_variance)}
@@ -172,7 +171,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine compiles code, which may take seconds."""
+    """Create the fusion; compiling code may take seconds on the first call."""
     length = settings.length_in_x, settings.length_in_y
     position = settings.position_x, settings.position_y
     geometry = GridGeometry(length, settings.resolution, position)
@@ -209,7 +208,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
 
 
 def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
-    """Return the name of each parameter that is set but has no effect, with the reason."""
+    """Return the parameters that are set but have no effect, with the reasons."""
     given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
     for name in given:
         value = node._parameter_overrides[name].value

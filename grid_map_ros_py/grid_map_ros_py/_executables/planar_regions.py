@@ -30,7 +30,7 @@ QUEUE = 1000
 
 
 class PlanarRegionsNode(ConfiguredNode):
-    """Extracts the regions of every map, and publishes those results that have subscribers."""
+    """Extracts the planar regions of every map, and publishes results that have subscribers."""
 
     def __init__(self) -> None:
         super().__init__("planar_regions")
