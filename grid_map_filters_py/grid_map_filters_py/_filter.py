@@ -162,7 +162,6 @@ _kept = [0]
 
 
 def check_map(grid_map: object) -> None:
-    """Raise a `FilterError` unless `grid_map` is a `GridMap`."""
     if not isinstance(grid_map, GridMap):
         remedy = "dataset.grid_map.filter(chain) and tiled_map.filter(chain) filter other maps"
         found = type(grid_map).__name__

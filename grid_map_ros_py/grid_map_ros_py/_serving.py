@@ -77,7 +77,7 @@ def part(
 def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | None:
     """Return a function that opens the map in the parameter `source`; None if it is empty.
 
-    The function also reads `frame_id` and `origin`. `note` ends the description of `source`.
+    The parameters `frame_id` and `origin` are also read. `note` ends the description of `source`.
     """
     kind: Any = str | list[str]
     about = f"map of any size: a Zarr store, or one or more GeoTIFF files; {note}"

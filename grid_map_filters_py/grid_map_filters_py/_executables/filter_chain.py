@@ -106,7 +106,6 @@ class FilterChainNode(ConfiguredNode):
         self._publisher.publish(to_serialized_message(result, start_index=start))
 
     def _milliseconds(self) -> dict[str, str]:
-        """Return the durations of the whole chain and of each filter [ms], for diagnostics."""
         found = {"ms": self._times.last, "mean ms": self._times.mean}
         for time in self._times:
             found[f"ms {time.config.name}"] = time.last

@@ -41,7 +41,6 @@ def known(value: Value, *, argument: int | None = None) -> Value:
 
 
 def shape_of(value: Value) -> Shape:
-    """Return the shape (rows, columns) of a value; a number is 1 x 1."""
     return SCALAR if isinstance(value, float) else (value.shape[0], value.shape[1])
 
 

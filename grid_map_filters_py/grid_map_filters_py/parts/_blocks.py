@@ -70,11 +70,7 @@ def fill_blocks(
 
 
 def blocks_of(size: Size, reach: float) -> list[Block]:
-    """Divide a map into blocks of about equal size, each with a border of neighboring cells.
-
-    Args:
-        reach: width of the border [cells].
-    """
+    """Divide a map into blocks of about equal size, with borders of `reach` cells."""
     border = int(min(reach, max(size)))
     side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2
     # Without a border, blocks of whole columns are contiguous in memory.

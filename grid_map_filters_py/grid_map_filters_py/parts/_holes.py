@@ -36,7 +36,6 @@ class Holes:
         return np.asarray((self.ends - self.starts).max(axis=1, initial=0))
 
     def touch_border(self, size: Size) -> Mask:
-        """Return an (n,) mask of the holes that touch the map border."""
         return np.asarray(((self.starts == 0) | (self.ends == size)).any(axis=1))
 
     def moved(self, shift: Size) -> "Holes":
@@ -90,8 +89,6 @@ class FindHoles:
     """Callable that finds the holes of a layer in a tile.
 
     Args:
-        layer: name of the layer.
-        whole: geometry of the whole map.
         length: holes up to this length [cells] are omitted, unless they touch the tile border.
     """
 
@@ -112,12 +109,7 @@ class FindHoles:
 
 
 def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
-    """Merge the holes of all tiles into the holes of the whole map.
-
-    Args:
-        tiles: holes of the tiles, row by row.
-        counts: numbers of tile rows and tile columns.
-    """
+    """Merge the holes of all tiles, listed row by row, into the holes of the whole map."""
     from scipy.sparse import coo_matrix  # slow to import
     from scipy.sparse.csgraph import connected_components
 

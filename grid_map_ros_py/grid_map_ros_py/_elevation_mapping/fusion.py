@@ -39,7 +39,6 @@ class ElevationFusion:
     """Fuses scans and images into the map of an `ElevationMapper`.
 
     Attributes:
-        mapper: the mapper, which owns the map.
         follow: whether the map moves with the robot.
         covariance_scale: factor applied to all pose covariances.
         clears_before_scan: whether to clear the map before each scan.

@@ -128,7 +128,6 @@ class Settings:
 
 
 def read_sources(node: ConfiguredNode) -> list[InputSource]:
-    """Read the parameters of all input sources (scans and images) from `node`."""
     about = "default sensor model: `type` and its parameters"
     default = read_parameter_tree(node, "sensor_processor", description=about)
     names = names_below(node, "input_sources")

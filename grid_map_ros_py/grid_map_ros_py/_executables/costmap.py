@@ -122,8 +122,6 @@ class Output:
 
 
 class CostmapNode(ConfiguredNode):
-    """Node that converts each map to costs in the requested frame and publishes the changes."""
-
     def __init__(self) -> None:
         super().__init__("costmap")
         self._log, self._health = LogThrottle(self.get_logger()), health_of(self)
@@ -162,7 +160,6 @@ class CostmapNode(ConfiguredNode):
             return None
 
     def _answer(self, _request: Any, response: Any) -> Any:
-        """Answer the service with the last costmap, or with an empty one if there is none."""
         if self._outputs[-1].last is None:
             topic = self._subscription.topic_name
             self._log.warning(f"get_costmap: no costs yet, as no map of {topic} has been used")
