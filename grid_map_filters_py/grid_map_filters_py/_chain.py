@@ -202,10 +202,7 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return the description of each parameter, such as `filter1.params.radius`.
-
-    Parameters without a description are omitted.
-    """
+    """Return parameter descriptions by parameter name, such as `filter1.params.radius`."""
     found: dict[str, str] = {}
     for key, step in config.items():
         if not isinstance(step, Mapping):

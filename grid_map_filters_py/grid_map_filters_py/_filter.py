@@ -46,10 +46,7 @@ class Filter(Protocol):
 
 @runtime_checkable
 class LocalFilter(Filter, Protocol):
-    """Filter whose output cells depend only on nearby input cells.
-
-    Filters without the method `reach` need the whole map.
-    """
+    """Filter whose output cells depend only on nearby input cells."""
 
     def reach(self, resolution: float) -> float:
         """Return the reach of the filter [cells], or `WHOLE_MAP`.
@@ -61,7 +58,7 @@ class LocalFilter(Filter, Protocol):
 
 @runtime_checkable
 class GlobalFilter(Filter, Protocol):
-    """Filter that is local, except for quantities of the whole map, such as a mean."""
+    """Local filter that also needs quantities of the whole map, such as a mean."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
         """Compute quantities with `tiled_map.over_tiles`, and return a `LocalFilter` for tiles."""
@@ -92,11 +89,7 @@ class CellFilter:
 
 
 def reach_of(function: Filter, resolution: float) -> float:
-    """Return the reach of a filter: a whole number of cells, or `WHOLE_MAP`.
-
-    Raises:
-        FilterError: the `reach` method returned an invalid value.
-    """
+    """Return the checked reach of a filter: a whole number of cells, or `WHOLE_MAP`."""
     cells = function.reach(resolution) if isinstance(function, LocalFilter) else WHOLE_MAP
     is_number = isinstance(cells, int | float | np.integer | np.floating)
     if not (is_number and cells >= 0 and (cells == WHOLE_MAP or float(cells).is_integer())):
@@ -127,7 +120,7 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Context in which `warn` names `step` and, if `collected` is a list, appends to it."""
+    """Context in which `warn` prefixes messages with `step` and appends them to `collected`."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield

@@ -133,11 +133,7 @@ class FilteredTiles:
 def filtered_tiles(
     steps: Iterable[Step], tiled_map: TiledMap, options: TileOptions
 ) -> FilteredTiles:
-    """Apply the steps of a chain to a tiled map; see `FilterChain.on_tiles`.
-
-    A trial run on a small map of zeros reports missing layers and wrong parameters before any data
-    is read.
-    """
+    """Apply the steps of a chain to a tiled map; see `FilterChain.on_tiles`."""
     rows, columns = (slice(0, min(length, _CORNER)) for length in tiled_map.size)
     grid_map = GridMap.from_geometry(
         tiled_map.geometry.cropped(rows, columns),

@@ -26,11 +26,7 @@ Planar = tuple[float, float, float]
 
 
 def planar(matrix: Matrix, source: str, target: str) -> Planar:
-    """Return x, y and yaw of a (4, 4) transform.
-
-    Raises:
-        TiltedFrameError: roll or pitch exceeds 5 degrees.
-    """
+    """Return x, y and yaw of a (4, 4) transform that is tilted by at most 5 degrees."""
     roll = math.degrees(math.atan2(matrix[2, 1], matrix[2, 2]))
     pitch = math.degrees(math.asin(np.clip(-matrix[2, 0], -1.0, 1.0)))
     if max(abs(roll), abs(pitch)) > 5.0:

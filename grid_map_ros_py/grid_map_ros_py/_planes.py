@@ -79,8 +79,7 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
 def to_markers(regions: "PlanarRegions", header: Header) -> MarkerArray:
     """Return markers that draw the regions and their outlines, and replace all earlier markers.
 
-    The namespaces are `regions` and `outlines`. The marker id is the id of the region, which also
-    determines the color.
+    The namespaces are `regions` and `outlines`. Each marker has the id of its region.
     """
     corners, owners = triangles(regions.labels)
     x, y = regions.geometry.axes_in_map_order()

@@ -132,7 +132,6 @@ class _InpaintTiles:
     Args:
         extremes: lowest and highest finite value of the whole layer; NaN if there are none.
         max_hole: length of the longest hole to fill [cells].
-        fills_all: True if every hole of the map is filled.
     """
 
     whole: Inpaint
@@ -213,8 +212,7 @@ def _fill(
 ) -> None:
     """Write inpainted values for the chosen cells to `filled`, a copy of `layer`.
 
-    `holes` is a mask of all holes. `radius` is in cells. `extremes` are the lowest and the highest
-    value of the whole layer.
+    `radius` is in cells. `extremes` are the lowest and highest value of the whole layer.
     """
     lowest, highest = extremes
     if lowest == highest:

@@ -22,7 +22,6 @@ class Interpreter:
     Args:
         algebra: primitive operations for the type of the values.
         names: values by name; a name hides the function or constant of the same name.
-        available: list of the available names, for error messages.
     """
 
     def __init__(self, algebra: Matrices, names: Mapping[str, Value], available: str) -> None:

@@ -145,8 +145,7 @@ def apply(
 ) -> Any:
     """Apply an elementwise function to floats and arrays; truth values become 1 and 0.
 
-    The result is an array of type `dtype`, or a float if all values are numbers. It may overwrite
-    `spare` or a temporary array in `values`.
+    The result may overwrite `spare` or a writable array in `values`.
     """
     if isinstance(function, np.ufunc):
         # Temporary arrays may be overwritten, except 1 x 1 arrays, which may be too small.

@@ -82,7 +82,6 @@ class Fault(Exception):
     """An error in an expression.
 
     Args:
-        message: one-line message for the user.
         position: column in the text; None while unknown.
         argument: index of the function argument that caused the fault; None otherwise.
     """

@@ -44,12 +44,7 @@ class WindowMatrix:
 
 
 class SlidingWindow(WindowMatrix):
-    """A window that slides over an array.
-
-    Args:
-        source: values to slide over; they become read-only.
-        shape: (rows, columns) of the window.
-    """
+    """A window of the given shape that slides over `source`, which becomes read-only."""
 
     def __init__(self, source: Field, shape: Shape) -> None:
         height, width = (side - part + 1 for side, part in zip(source.shape, shape, strict=True))

@@ -50,9 +50,6 @@ def find_holes(missing: Mask) -> tuple[Integers, Holes]:
     """Return the hole number of each cell (rows, cols), and the holes of a layer.
 
     Holes are numbered from 1. The number 0 means no hole.
-
-    Args:
-        missing: (rows, cols) mask of missing cells.
     """
     # Map rows run along the x axis of the image.
     image = np.ascontiguousarray(missing.T).view(np.uint8)
@@ -88,8 +85,7 @@ class HolesOfTile(NamedTuple):
 class FindHoles:
     """Callable that finds the holes of a layer in a tile.
 
-    Args:
-        length: holes up to this length [cells] are omitted, unless they touch the tile border.
+    Holes up to `length` [cells] are omitted, unless they touch the tile border.
     """
 
     layer: str

@@ -30,8 +30,7 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", r
 class Session:
     """Context manager for a ROS node without parameter services.
 
-    After SIGINT, SIGTERM or SIGHUP, the attribute `ended` is True. If ROS does not start, the
-    constructor raises `CommandError`.
+    The attribute `ended` is True after SIGINT, SIGTERM or SIGHUP.
     """
 
     def __init__(self, command: str) -> None:

@@ -153,10 +153,7 @@ class _Recorder:
 
 
 def _definition_of(type_name: str) -> str:
-    """Return the definitions of a message type and its nested types, as stored by rosbag2.
-
-    The result is empty if a definition file is missing.
-    """
+    """Return the definitions of a message type and its nested types, as stored by rosbag2."""
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}
     pending = [f"{package}/{name}"]

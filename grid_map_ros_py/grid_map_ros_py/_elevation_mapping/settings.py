@@ -170,7 +170,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; compiling code may take seconds on the first call."""
+    """Create the fusion; the first call on a machine may take seconds to compile code."""
     length = settings.length_in_x, settings.length_in_y
     position = settings.position_x, settings.position_y
     geometry = GridGeometry(length, settings.resolution, position)

@@ -70,7 +70,6 @@ class SensorProcessor:
     """Noise model of a sensor, and height limits for its points.
 
     Attributes:
-        model: the sensor model.
         above, below: height above or below which points are ignored, relative to the robot [m].
         unused: parameters that have no effect, with the reasons.
     """
