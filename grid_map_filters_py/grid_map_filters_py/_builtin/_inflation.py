@@ -32,7 +32,7 @@ class Inflation(LayerFilter):
     A known cell keeps its own cost if that is larger.
 
     Attributes:
-        input_layer: costs from 0 to 254; cells that are not finite are unknown.
+        input_layer: costs from 0 to 254; non-finite cells are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
             the footprint. For a round robot without `footprint_padding`, use 0.9808 times

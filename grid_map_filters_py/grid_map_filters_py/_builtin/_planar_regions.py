@@ -17,8 +17,8 @@ class PlanarRegions(ContourExtraction, Preprocessing, SlidingWindow):
 
     Attributes:
         input_layer: heights [m].
-        output_layer: layer for the region number of each cell; 0 means no region. Region numbers
-            are not stable: a region may have a different number in the next map.
+        output_layer: layer for the region number of each cell; 0 means no region. A region may have
+            another number in the next map.
     """
 
     input_layer: str

@@ -36,8 +36,8 @@ class Expression:
         text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
 
     Raises:
-        ExpressionError: the text is not an expression, or the expression is invalid regardless of
-            the layers; the message shows the position.
+        ExpressionError: the text is not an expression, or the expression is invalid for all layers.
+            The message shows the position.
 
     Example:
         >>> Expression("1 + 2 * [1, 2]")({})
@@ -129,7 +129,7 @@ class Expression:
 
         Returns:
             A new float32 matrix, or a number if the expression reduces to one. The matrix has the
-            buffer order of the layers, so that `map["out"] = expression(map)` is possible.
+            buffer order of the layers, so `map["out"] = expression(map)` works.
 
         Raises:
             ExpressionError: a layer is missing, or shapes or indices do not fit.

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Operators and functions of the expression language.
-
-They use only the primitive operations of `Matrices`, which `WindowMatrices` overrides for windows.
-"""
+"""Operators and functions of the expression language, built on the operations of `Matrices`."""
 
 import math
 from collections.abc import Callable

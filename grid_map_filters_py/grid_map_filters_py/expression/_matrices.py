@@ -45,7 +45,6 @@ def shape_of(value: Value) -> Shape:
 
 
 def common_shape(values: Iterable[Value]) -> Shape:
-    """Return the shape of an elementwise result; 1 x 1 values fit every shape."""
     larger = list(dict.fromkeys(shape for shape in map(shape_of, values) if shape != SCALAR))
     if len(larger) > 1:
         raise Fault(f"the shapes {' and '.join(map(describe, larger))} do not match")

@@ -201,7 +201,6 @@ class CameraImages:
 
     Attributes:
         stride: only every `stride`-th row and column of a depth image is used.
-        camera: the camera; None until a `CameraInfo` arrives.
         topic: function that returns a description of the `CameraInfo` topic, for error messages.
     """
 

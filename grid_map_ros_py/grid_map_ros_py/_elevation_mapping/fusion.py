@@ -41,7 +41,6 @@ class ElevationFusion:
     Attributes:
         follow: whether the map moves with the robot.
         covariance_scale: factor applied to all pose covariances.
-        clears_before_scan: whether to clear the map before each scan.
         image_fusions: fusion methods of image channels, by channel name or regular expression.
         report: last report of the mapper; None before the first scan.
         milliseconds: last duration and moving mean duration of each stage [ms].

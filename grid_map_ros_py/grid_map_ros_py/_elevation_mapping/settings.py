@@ -196,7 +196,6 @@ def read_fusion(
 
 
 def read_chain(node: ConfiguredNode) -> Chain | None:
-    """Create the filter chain of the filtered map; return None if no filter is configured."""
     about = "parameter that holds the filter chain of `~/elevation_map`"
     name = node.read("postprocessor_pipeline_name", "postprocessor_pipeline", about)
     about = "filters `filter1`, `filter2`, ... with `name`, `type` and `params`"

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parameters of input sources and their sensor models.
 
-The names are those of `elevation_mapping` (ROS 1) or, for channels, `elevation_mapping_cupy`.
+The parameters have the names of `elevation_mapping` (ROS 1). Parameters of channels have the names
+of `elevation_mapping_cupy`.
 """
 
 import math

@@ -47,8 +47,7 @@ class CostmapSettings:
             tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
         origin_grid: the map is cropped so that its borders are multiples of this number of cells
-            from the frame origin. With a larger number, fewer full grids are sent while the map
-            moves.
+            from the frame origin. With a larger number, a moving map requires fewer full grids.
         unknown: rank of unknown map cells where a costmap cell gets the worst of several map
             cells. `worst`: worse than every cost. `above_free`: worse than cost 0 only.
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means

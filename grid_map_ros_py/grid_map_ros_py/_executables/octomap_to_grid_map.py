@@ -33,7 +33,6 @@ class OctomapToGridMapNode(ConfiguredNode):
         )
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
-        """Read the lower (`min`) or upper (`max`) bounds of x, y and z; NaN means no bound."""
         about = f"bound of {{0}} [m]; voxels with {beyond} {{0}} are ignored. `.nan` means no bound"
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 

@@ -215,8 +215,7 @@ class McapFile:
 class McapWriter:
     """Writes serialized messages to a new MCAP file.
 
-    If `reserve` is true, the writer allocates disk space before each message, so that the file can
-    be completed even if the disk fills up.
+    If `reserve` is true, the file can be completed even if the disk fills up.
     """
 
     def __init__(self, path: Path, compression: str = "none", *, reserve: bool = False) -> None:
