@@ -36,7 +36,7 @@ class FilterChain:
     has the start index of the input, unless the chain contains a `BufferNormalizer` or changes the
     size. Several threads may call a chain at the same time.
 
-    Filters receive maps with read-only layers; writing to such a layer raises an error.
+    The layers that a filter receives are read-only. Writing to them raises an error.
 
     Args:
         steps: filters in execution order.
@@ -127,11 +127,12 @@ class FilterChain:
         *,
         warnings: list[str] | None = None,
     ) -> tuple[GridMap, Size]:
-        """Return the filtered map in map order, and the start index that `__call__` would restore.
+        """Return the filtered map in map order, that is, with start index (0, 0).
 
-        Nodes use this method to write the result directly into a message. All layers are read-only.
-        If the input is in map order (start index (0, 0)), unchanged layers share memory with it.
-        See `__call__` for arguments and errors.
+        Nodes use this method to write the result directly into a message. The second returned value
+        is the start index that the result of `__call__` would have. All layers are read-only. If
+        the input is also in map order, unchanged layers share memory with the input. See `__call__`
+        for arguments and errors.
         """
         check_map(grid_map)
         result = grid_map
@@ -160,7 +161,8 @@ class FilterChain:
         """Return the filtered layers of a tiled map, computed on demand.
 
         `TiledMap.filter` calls this method. The values equal the result of the chain for the whole
-        map, up to rounding. `threads` has no effect, because tiles are computed in parallel.
+        map, up to rounding. The `threads` of the chain have no effect, because tiles are computed
+        in parallel.
 
         Args:
             tiled_map: map to filter.
@@ -170,8 +172,8 @@ class FilterChain:
                 is raised before the first tile is computed. "leave": these holes stay unfilled.
 
         Raises:
-            FilterError: a filter needs the whole map, or the trial run of the chain on a small map
-                of zeros fails; the message names the filter.
+            FilterError: a filter needs the whole map, or fails in a trial run on a small map of
+                zeros. The message names the filter.
         """
         longest = max(tiled_map.tile) if max_hole is None else max_hole
         options = TileOptions(max_hole=longest, large_holes=large_holes)
@@ -181,8 +183,8 @@ class FilterChain:
         """Return the reach of the chain [cells]: the sum of all filter reaches.
 
         A cell of the result depends only on input cells that are at most this number of rows and
-        columns away. Rounding may also depend on other cells, because some filters subtract a
-        typical value of the layer. The reach is `WHOLE_MAP` if a filter needs the whole map.
+        columns away. Rounding errors may also depend on other cells, because some filters subtract
+        a typical value of the layer. The reach is `WHOLE_MAP` if a filter needs the whole map.
 
         Args:
             resolution: side of a cell [m].
@@ -200,10 +202,7 @@ class FilterChain:
 
 
 def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return parameter descriptions by name, such as `filter1.params.radius`.
-
-    Parameters without a description are omitted.
-    """
+    """Return parameter descriptions by parameter name, such as `filter1.params.radius`."""
     found: dict[str, str] = {}
     for key, step in config.items():
         if not isinstance(step, Mapping):
@@ -220,7 +219,7 @@ def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _names_in(params: object) -> Iterator[str]:
-    """Yield the names of all parameters; nested names are joined with dots, as in `min.color`."""
+    """Yield all parameter names; nested names are joined with dots, as in `min.color`."""
     for name, value in params.items() if isinstance(params, Mapping) else ():
         inner = [f"{name}.{below}" for below in _names_in(value)]
         yield from inner or [str(name)]

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """YAML configurations of filter chains in the ROS 2 and ROS 1 formats.
 
-ROS 2 parameters cannot be lists of mappings, so a chain is a mapping with the keys `filter1` to
-`filterN`. In ROS 1, a chain is a list. In both formats, each step is a mapping with the keys
-`name`, `type` and `params`.
+A chain is a mapping with the keys `filter1` to `filterN` in ROS 2, and a list in ROS 1. Each step
+is a mapping with the keys `name`, `type` and `params`.
 """
 
 import re
@@ -93,7 +92,7 @@ def read_chain(path: str | Path, name: str) -> object:
 
 
 def field_name(name: str) -> str:
-    """Return the field name of a parameter: `min_value` for `min/value` and `min.value`."""
+    """Return the field name of a parameter, such as `min_value` for `min/value` or `min.value`."""
     return re.sub("[/.]", "_", name)
 
 

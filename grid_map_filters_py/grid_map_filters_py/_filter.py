@@ -31,9 +31,9 @@ class Filter(Protocol):
 
     Filters that can be used in YAML are frozen dataclasses whose fields are the YAML parameters.
     `grid_map_core_py.plugins.build` checks the names and types of the parameters, and
-    `__post_init__` checks the values. A filter raises an error if it fails, and calls `warn` if a
-    result needs the user's attention. Other protocols, such as `LocalFilter`, describe optional
-    methods.
+    `__post_init__` checks the values. A filter that fails raises an error. If a result needs the
+    user's attention, the filter calls `warn`. Other protocols, such as `LocalFilter`, describe
+    optional methods.
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
@@ -46,22 +46,19 @@ class Filter(Protocol):
 
 @runtime_checkable
 class LocalFilter(Filter, Protocol):
-    """Filter whose output cells depend only on nearby input cells.
-
-    Filters without the method `reach` need the whole map.
-    """
+    """Filter whose output cells depend only on nearby input cells."""
 
     def reach(self, resolution: float) -> float:
-        """Return the reach for cells with the side `resolution` [m]: a number, or `WHOLE_MAP`.
+        """Return the reach of the filter [cells], or `WHOLE_MAP`.
 
         A cell of the output depends only on input cells that are at most this number of rows and
-        columns away.
+        columns away. `resolution` is the cell size [m].
         """
 
 
 @runtime_checkable
 class GlobalFilter(Filter, Protocol):
-    """Filter that needs quantities of the whole map, such as a mean, but is otherwise local."""
+    """Local filter that also needs quantities of the whole map, such as a mean."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
         """Compute quantities with `tiled_map.over_tiles`, and return a `LocalFilter` for tiles."""
@@ -77,10 +74,7 @@ class PartlyLocalFilter(Filter, Protocol):
 
 @runtime_checkable
 class WideningFilter(LocalFilter, Protocol):
-    """Filter whose reach depends on the data.
-
-    `reach` returns the initial reach, and `missing` the number of cells by which to widen a tile.
-    """
+    """Filter whose reach depends on the data; `reach` returns the initial reach."""
 
     def missing(self, tile: GridMap, window: "Window", /) -> int:
         """Return the number of cells by which to widen a tile; 0 if the tile is large enough."""
@@ -95,11 +89,7 @@ class CellFilter:
 
 
 def reach_of(function: Filter, resolution: float) -> float:
-    """Return the reach of a filter: a whole number of cells, or `WHOLE_MAP`.
-
-    Raises:
-        FilterError: the `reach` method returned an invalid value.
-    """
+    """Return the checked reach of a filter: a whole number of cells, or `WHOLE_MAP`."""
     cells = function.reach(resolution) if isinstance(function, LocalFilter) else WHOLE_MAP
     is_number = isinstance(cells, int | float | np.integer | np.floating)
     if not (is_number and cells >= 0 and (cells == WHOLE_MAP or float(cells).is_integer())):
@@ -130,10 +120,7 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Context in which `warn` prefixes messages with `step` and appends them to `collected`.
-
-    If `collected` is None, `warn` issues a `FilterWarning` instead.
-    """
+    """Context in which `warn` prefixes messages with `step` and appends them to `collected`."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield
@@ -144,9 +131,9 @@ def running(step: object, collected: list[str] | None) -> Iterator[None]:
 def warn(message: str) -> None:
     """Warn the user about a filter result.
 
-    In a chain, the name of the filter is added to the message. If the caller of the chain passed a
-    list as `warnings`, the message is appended to it. In all other cases, the message is issued as
-    a Python warning of the class `FilterWarning`.
+    In a chain, the name of the filter is added to the message. If the chain was called with a list
+    `warnings`, the message is appended to this list. Otherwise, the message is issued as a Python
+    warning of the class `FilterWarning`.
     """
     step, collected = _running.get()
     pass_on([step + message], collected, stacklevel=3)
@@ -168,7 +155,6 @@ _kept = [0]
 
 
 def check_map(grid_map: object) -> None:
-    """Raise a `FilterError` if the input of a filter or a chain is not a `GridMap`."""
     if not isinstance(grid_map, GridMap):
         remedy = "dataset.grid_map.filter(chain) and tiled_map.filter(chain) filter other maps"
         found = type(grid_map).__name__

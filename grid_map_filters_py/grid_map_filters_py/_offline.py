@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs filter chains on many maps from bags, folders or generators, without a node.
-
-The input of `filter_maps` is an iterable of maps, or of other items that the function `load`
-converts to maps, such as bag messages. Each result includes its input item.
-"""
+"""Runs filter chains on many maps from bags, folders or generators, without a node."""
 
 from collections.abc import Callable, Iterable, Iterator, Sized
 from dataclasses import dataclass
@@ -59,8 +55,8 @@ def filter_maps(
         failures: list to which failures are appended; the remaining maps are still yielded. If
             None, the first failure raises an error.
         observer: called after every step of every map.
-        progress: called after every map, including failed maps, with the number of finished maps
-            and the total number (None if `items` has no length).
+        progress: called after every map, even if it failed. The arguments are the number of
+            finished maps and the total number of maps, which is None if `items` has no length.
 
     Raises:
         FilterError: a map could not be loaded or filtered; the message contains the index of the

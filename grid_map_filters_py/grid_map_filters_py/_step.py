@@ -100,9 +100,9 @@ def read_only(grid_map: GridMap) -> GridMap:
 
 
 def own_layer(layer: Layer, taken: set[int]) -> Layer:
-    """Return a layer that the caller may change; add its memory address to `taken`.
+    """Return a writable view or copy of `layer`, and add its memory address to `taken`.
 
-    The result is a view of `layer`, or a copy if `layer` is read-only or its address is in `taken`.
+    `layer` is copied if it is read-only or its address is already in `taken`.
     """
     own, address = layer.view(), address_of(layer)
     try:

@@ -38,10 +38,7 @@ _MOST = 1.05
 
 @dataclass(frozen=True)
 class _TileStep:
-    """One step of a chain that runs on tiles, and the layers of its result.
-
-    The filter reads the input layers `reads`. The layers `writes` are new or changed.
-    """
+    """One step of a chain on tiles, with the names of its input and output layers."""
 
     step: Step
     reads: frozenset[str]
@@ -107,8 +104,7 @@ class FilteredTiles:
     def _block(self, count: int, window: Window, names: frozenset[str]) -> tuple[GridMap, Window]:
         """Compute the layers `names` of a window after the first `count` steps.
 
-        Also return the window that the result covers. It may be slightly larger than the requested
-        window; the additional cells may be wrong.
+        The returned window may be larger than requested. Its additional cells may be wrong.
         """
         while count and not self.steps[count - 1].writes & names:
             count -= 1
@@ -137,11 +133,7 @@ class FilteredTiles:
 def filtered_tiles(
     steps: Iterable[Step], tiled_map: TiledMap, options: TileOptions
 ) -> FilteredTiles:
-    """Apply the steps of a chain to a tiled map; see `FilterChain.on_tiles`.
-
-    A trial run on a small map of zeros reports missing layers and wrong parameters before any data
-    is read.
-    """
+    """Apply the steps of a chain to a tiled map; see `FilterChain.on_tiles`."""
     rows, columns = (slice(0, min(length, _CORNER)) for length in tiled_map.size)
     grid_map = GridMap.from_geometry(
         tiled_map.geometry.cropped(rows, columns),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Error classes of this package; additional base classes are in parentheses.
+"""Error classes of this package. Parentheses contain additional base classes.
 
 GridMapError of grid_map_core_py
 └── FilterError

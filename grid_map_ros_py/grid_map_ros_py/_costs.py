@@ -26,7 +26,7 @@ Planar = tuple[float, float, float]
 
 
 def planar(matrix: Matrix, source: str, target: str) -> Planar:
-    """Return x, y and yaw of a (4, 4) transform; reject roll or pitch above 5 degrees."""
+    """Return x, y and yaw of a (4, 4) transform that is tilted by at most 5 degrees."""
     roll = math.degrees(math.atan2(matrix[2, 1], matrix[2, 2]))
     pitch = math.degrees(math.asin(np.clip(-matrix[2, 0], -1.0, 1.0)))
     if max(abs(roll), abs(pitch)) > 5.0:
@@ -38,7 +38,7 @@ def planar(matrix: Matrix, source: str, target: str) -> Planar:
 
 
 def check_costs(grid_map: GridMap, layer: str) -> None:
-    """Raise `GridMapError` unless each value of a layer is NaN or a whole number from 0 to 254."""
+    """Raise `GridMapError` unless each value is NaN or a whole number from 0 to 254."""
     values = grid_map[layer]
     with np.errstate(invalid="ignore"):
         whole = values.astype(np.uint8)
@@ -80,9 +80,11 @@ def resampled(
     """Resample costs to another frame or resolution, on a grid aligned with the frame origin.
 
     Each new cell gets the worst cost of the map cells that it touches. A new cell that touches no
-    map cell becomes unknown. A map that already has this frame, resolution and alignment is
-    returned unchanged. `transform` is the pose of the map's frame in the frame `frame_id`, and
-    `worst_below_unknown` is the largest cost that an unknown map cell outranks.
+    map cell becomes unknown.
+
+    Args:
+        transform: pose of the map's frame in the frame `frame_id`.
+        worst_below_unknown: costs up to this value are better than an unknown cell.
     """
     (*shift, yaw), source = transform, grid_map.resolution
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -127,12 +129,11 @@ def _worst(
     direction: tuple[float, float],
     side: float,
 ) -> npt.NDArray[np.int16]:
-    """Return the highest rank among the unit squares that each rotated square touches; 0 if none.
+    """Return the highest rank of the cells that each rotated square touches; 0 if none.
 
-    The unit square with the rank `ranks[i, j]` has its center at (i, j). The rotated squares have
-    the side length `side` and their centers at `u`, `v` (n, m); `direction` is the cosine and sine
-    of the rotation angle. Two squares touch if their projections onto the side directions of both
-    squares overlap (separating axis theorem).
+    The cell with the rank `ranks[i, j]` is a unit square with its center at (i, j). The rotated
+    squares have the side length `side`, the centers `u`, `v` (n, m), and the rotation (cosine,
+    sine) `direction`. Contact is tested with the separating axis theorem.
     """
     if direction == (1.0, 0.0):
         return _worst_along(_worst_along(ranks, u[:, 0], side).T, v[0], side).T
@@ -159,9 +160,9 @@ def _worst(
 def _worst_along(
     ranks: npt.NDArray[np.int16], centers: npt.NDArray[np.float64], side: float
 ) -> npt.NDArray[np.int16]:
-    """Return, for each interval, the elementwise maximum over the rows of `ranks` that it touches.
+    """Return, for each interval, the elementwise maximum of the rows of `ranks` that it touches.
 
-    Row i covers i - 0.5 to i + 0.5. Each interval has length `side` and its center in `centers`.
+    Row i covers i - 0.5 to i + 0.5. The intervals have the length `side` and the centers `centers`.
     """
     reach = 0.5 * (1 + side) - TOLERANCE
     ends = np.stack([np.ceil(centers - reach), np.floor(centers + reach)])

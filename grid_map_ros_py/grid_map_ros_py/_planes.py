@@ -28,7 +28,7 @@ CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 
 
 def on_plane(region: "PlanarRegion", points: Positions) -> Positions:
-    """Return points (..., 3) of a region's plane at the given positions x, y (..., 2) [m]."""
+    """Project x, y (..., 2) [m] vertically to points (..., 3) on the plane of a region."""
     normal, center = region.normal, region.center
     z = center[2] - (points - center[:2]) @ normal[:2] / normal[2]
     return np.concatenate([points, z[..., None]], axis=-1)
@@ -50,9 +50,8 @@ def plane_frame(region: "PlanarRegion") -> Positions:
 def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Divide the polygons of `PlanarRegions` into triangles between cell centers.
 
-    A block of 2 x 2 cells is filled if all four cells have the same label, and half filled if
-    three do. Adjacent filled blocks in a row are merged. `labels` (rows, cols) are in map order; 0
-    means no region.
+    A block of 2 x 2 cells is filled if all four cells have the same label, and half filled if three
+    cells do. `labels` (rows, cols) are in map order; 0 means no region.
 
     Returns:
         corners: (T, 3, 2) row and column of the corners, counter-clockwise in the map.
@@ -78,10 +77,9 @@ def triangles(labels: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def to_markers(regions: "PlanarRegions", header: Header) -> MarkerArray:
-    """Return markers of the filled regions and their outlines, which replace all earlier markers.
+    """Return markers that draw the regions and their outlines, and replace all earlier markers.
 
-    The namespaces are `regions` and `outlines`. Each marker has the id of its region, which also
-    determines the color.
+    The namespaces are `regions` and `outlines`. Each marker has the id of its region.
     """
     corners, owners = triangles(regions.labels)
     x, y = regions.geometry.axes_in_map_order()
@@ -124,8 +122,8 @@ def to_terrain(regions: "PlanarRegions", gridmap: Any, package: Any) -> Any:
     """Return a `PlanarTerrain` of `package`, the module `convex_plane_decomposition_msgs.msg`.
 
     Each polygon is in the frame of its plane. An inset is a polygon with a margin to the boundary
-    of the planar ground. The regions already have such a margin, so the boundary of a region is
-    also its only inset.
+    of the planar ground. The regions already have such a margin, so the only inset of a region is
+    its boundary.
     """
 
     def polygon(points: Positions) -> Any:

@@ -30,8 +30,8 @@ T = TypeVar("T")
 def place_below(directory: str, path: str) -> Iterator[Path]:
     """Yield the path of a requested file; errors in the `with` block become `RequestError`.
 
-    `path` is absolute or relative to `directory`. After symbolic links are resolved, it must be
-    inside `directory`. An empty `directory` rejects all requests.
+    `path` is absolute or relative to `directory`. After symbolic links are resolved, the path must
+    be inside `directory`. An empty `directory` rejects all requests.
     """
     if not directory:
         raise RequestError("files are refused: the parameter 'directory' is not set")
@@ -56,11 +56,13 @@ def part(
     length: Sequence[float],
     layers: Sequence[str] | None = None,
 ) -> GridMap:
-    """Return the submap of the cells that overlap a rectangle centered at `position` (2,) [m].
+    """Return the submap of the cells that overlap a rectangle.
 
-    `length` (2,) holds the side lengths along x and y [m]; zeros select the whole map. An empty
-    `frame_id` means the frame of the map. `layers` selects the layers of a tiled map; None means
-    all. Submaps of a `GridMap` always contain all layers.
+    Args:
+        frame_id: expected frame of the map; empty accepts every frame.
+        position: (2,) center of the rectangle [m].
+        length: (2,) side lengths along x and y [m]; zeros select the whole map.
+        layers: layers of a tiled map; None means all. A `GridMap` always keeps all layers.
     """
     if frame_id not in ("", grid_map.frame_id):
         raise RequestError(
@@ -95,7 +97,7 @@ def read_source(node: ConfiguredNode, note: str) -> Callable[[], TiledMap] | Non
 def open_source(
     source: str | list[str], frame_id: str = "", origin: Sequence[float] = ()
 ) -> TiledMap:
-    """Open a tiled map without reading its layers; `read_source` describes the arguments."""
+    """Open a tiled map without reading its layers."""
     tiled_map = open_map(source)
     if origin:
         tiled_map = tiled_map.with_origin(*origin)
@@ -143,7 +145,7 @@ class LatestOnly(Generic[T]):
             self._change.notify()
 
     def outcomes(self) -> Iterator[Exception | None]:
-        """Yield the outcome of each newly finished call: its error, or None if it succeeded."""
+        """Yield the outcome of each newly finished call: an error, or None for success."""
         while self._outcomes:
             yield self._outcomes.popleft()
 

@@ -23,8 +23,9 @@ class Footprint(LayerFilter):
     """Combine the values of the cells under the robot's footprint.
 
     The robot is placed at each cell center and turned to several directions. `statistic` combines
-    the cells under the footprint, and `directions` combines the resulting values. Non-finite cells
-    and cells beyond the map are unknown. If the footprint touches one, the direction is unknown.
+    the cells under the footprint to one value per direction. `directions` combines these values.
+    Non-finite cells and cells beyond the map are unknown. A direction is unknown if the footprint
+    touches an unknown cell.
 
     Attributes:
         input_layer: values, such as traversability.
@@ -33,10 +34,10 @@ class Footprint(LayerFilter):
             value is a list or, as in Nav2, a string.
         radius: radius of a round robot [m]; replaces `footprint`.
         yaws: number of directions, evenly spread over a full turn.
-        statistic: how the cells under the footprint are combined: `min` or `mean` if high values
-            are good, as for traversability; `max` if high values are bad, as for costs.
-        directions: how directions are combined: `worst` gives the value of the worst direction, or
-            NaN if a direction is unknown; `best` gives the value of the best known direction.
+        statistic: how the cells under the footprint are combined. Use `min` or `mean` if high
+            values are good, as for traversability. Use `max` if high values are bad, as for costs.
+        directions: how directions are combined. `worst` gives the value of the worst direction, or
+            NaN if a direction is unknown. `best` gives the value of the best known direction.
     """
 
     footprint: str | tuple[tuple[float, ...], ...] | None = None

@@ -20,8 +20,8 @@ from ..parts._layer_filter import AroundTypicalValue, check_radius
 class GaussianBlur(AroundTypicalValue):
     """Smooth a layer with the Gaussian-weighted mean of the finite values around each cell.
 
-    At each cell, the weights of the finite values are normalized to a sum of 1 (normalized
-    convolution, H. Knutsson and C.-F. Westin, 1993), so that holes and borders add no bias.
+    The weights of the finite values are normalized to a sum of 1, so holes and borders add no bias.
+    This method is normalized convolution (H. Knutsson and C.-F. Westin, 1993).
 
     Attributes:
         sigma: standard deviation of the Gaussian [m].

@@ -24,16 +24,19 @@ from ..parts._layer_filter import LayerFilter, check_radius
 class Inflation(LayerFilter):
     """Raise the costs around lethal cells (254) exactly as Nav2's inflation layer does.
 
-    At the distance d [m] from the center of the nearest lethal cell, the cost is 253 (inscribed) if
-    d <= inscribed_radius, else floor(252 exp(-cost_scaling_factor (d - inscribed_radius))). A known
-    cell keeps its own cost if that is larger.
+    The cost depends on the distance d [m] from the center of the nearest lethal cell:
+
+        d <= inscribed_radius: 253 (inscribed)
+        otherwise: floor(252 exp(-cost_scaling_factor (d - inscribed_radius)))
+
+    A known cell keeps its own cost if that is larger.
 
     Attributes:
-        input_layer: costs from 0 to 254; cells that are not finite are unknown.
+        input_layer: costs from 0 to 254; non-finite cells are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
-            the footprint. For a round robot, Nav2 uses a polygon of 16 corners, so this radius is
-            0.9808 times `robot_radius` (without `footprint_padding`).
+            the footprint. For a round robot without `footprint_padding`, use 0.9808 times
+            `robot_radius`, because Nav2 replaces the circle with a polygon of 16 corners.
         footprint: corners [x, y] of the padded footprint [m]; replaces `inscribed_radius`. The
             value is a list or, as in Nav2, a string.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
@@ -111,7 +114,7 @@ class Inflation(LayerFilter):
         return result
 
     def _costs_by_square(self, cells: int, resolution: float) -> Layer:
-        """Return the costs for squared distances up to `cells`^2 [cells^2], followed by a 0."""
+        """Return the cost for each squared distance from 0 to `cells`^2 [cells^2], and 0 beyond."""
         beyond = np.sqrt(np.arange(cells**2 + 1.0)) * resolution - self._inscribed_radius
         costs = np.floor((INSCRIBED - 1) * np.exp(-self.cost_scaling_factor * np.fmax(beyond, 0)))
         costs[beyond <= 0] = INSCRIBED

@@ -41,11 +41,11 @@ class Inpaint(LayerFilter):
     """Fill the non-finite cells of a layer from surrounding cells.
 
     The filter uses the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV.
-    Finite cells keep their values. A layer without finite cells is copied, with a warning.
+    Finite cells keep their values. If no cell is finite, the filter copies the layer and warns.
     Non-finite cells that touch, even if only at corners, form one hole.
 
     Attributes:
-        radius: radius of the neighborhood used to fill a cell [m], limited to 1 to 100 cells.
+        radius: radius of the neighborhood used to fill a cell [m], clamped to 1 to 100 cells.
         enclosed_holes_only: if true, holes that reach the map border are not filled.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
@@ -126,13 +126,11 @@ class Inpaint(LayerFilter):
 
 @dataclass(frozen=True)
 class _InpaintTiles:
-    """Version of the filter `whole` for the tiles of a large map.
+    """Variant of the filter `whole` that runs on tiles.
 
     Args:
-        geometry: geometry of the whole map.
         extremes: lowest and highest finite value of the whole layer; NaN if there are none.
         max_hole: length of the longest hole to fill [cells].
-        fills_all: True if every hole of the map is filled.
     """
 
     whole: Inpaint
@@ -145,10 +143,9 @@ class _InpaintTiles:
         return _BEYOND + self._margin
 
     def missing(self, tile: GridMap, window: "Window") -> int:
-        """See `WideningFilter.missing`.
+        """Return 0 if the tile contains the holes in the window, else the cells to add.
 
-        A tile is large enough if it contains every hole that reaches into the window, with a margin
-        around the hole. Holes longer than `max_hole` are ignored.
+        Holes longer than `max_hole` are ignored.
         """
         starts = [part.start for part in window]
         ends = [length - part.stop for length, part in zip(tile.size, window, strict=True)]
@@ -195,7 +192,7 @@ class _InpaintTiles:
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
-    """Return a mask of the cells in wanted holes; the cells of hole i have the label i + 1."""
+    """Return a mask of the cells whose label belongs to a wanted hole."""
     return np.asarray(np.append(False, wanted)[labels])
 
 
@@ -212,10 +209,9 @@ def _fill(
     radius: float,
     extremes: tuple[float, float],
 ) -> None:
-    """Inpaint the chosen cells of `layer`, and write the results into its copy `filled`.
+    """Write inpainted values for the chosen cells to `filled`, a copy of `layer`.
 
-    `holes` is a mask of all holes, chosen or not. `radius` is in cells. `extremes` are the lowest
-    and the highest value of the whole layer.
+    `radius` is in cells. `extremes` are the lowest and highest value of the whole layer.
     """
     lowest, highest = extremes
     if lowest == highest:
@@ -258,9 +254,7 @@ def _fill(
 def _strips(holes: Mask, near: int, count: int) -> Iterator[tuple[slice, Mask]]:
     """Yield up to `count` strips of columns, each with a mask of the holes to fill together.
 
-    The value of a filled cell depends only on the cells within the radius and on their neighbors.
-    Groups of holes that are more than `near` cells apart are therefore independent. Filling only
-    the columns around a group gives exactly the same values as filling the whole layer.
+    Holes that are more than `near` cells apart do not affect each other.
     """
     columns = holes.shape[1]
     if count == 1:

@@ -28,7 +28,7 @@ class MedianFill:
     """Fill holes with the median of the finite values in the square around each cell.
 
     If the number of values is even, the median is the larger of the two middle values. The result
-    has no basic layers, so set them again afterwards if you need them.
+    has no basic layers. If you need basic layers, set them after this filter.
 
     Attributes:
         input_layer: layer to filter.
@@ -41,8 +41,8 @@ class MedianFill:
         fill_mask_layer: mask layer; cells where it is 0 do not change. If the map lacks this layer,
             the filter computes it.
         num_erode_dilation_iterations: number of one-cell dilations that close gaps in the computed
-            mask; as many erosions follow.
-        debug: if true, the result also contains the computed mask before its gaps were closed.
+            mask. The same number of erosions follows.
+        debug: if true, the result also contains the computed mask before its gaps are closed.
         debug_infill_mask_layer: layer for the mask of `debug`; required with `debug`.
     """
 
@@ -113,8 +113,7 @@ class MedianFill:
 def _mask(layer: Layer, iterations: int) -> Layer:
     """Return a mask that is 1 in cells that may change, and 0 elsewhere.
 
-    The mask of finite cells is opened, which removes narrow areas, and closed with `iterations`
-    dilations and erosions, which bridges gaps.
+    Opening the mask of finite cells removes narrow areas. Closing it then fills gaps.
     """
     # After max(rows, cols) steps the mask cannot grow further.
     iterations = min(iterations, max(layer.shape))

@@ -23,11 +23,11 @@ class NormalVectors:
     Attributes:
         input_layer: heights [m].
         output_layers_prefix: prefix of the normal layers, which end in `x`, `y` and `z`.
-        normal_vector_positive_axis: axis along which the normals have a positive component. In
-            ROS parameter files, quote `'y'`: a bare `y` means *true*.
-        algorithm: "area" fits a plane to the surrounding disc, "raster" uses the four neighbors.
+        normal_vector_positive_axis: axis along which the normals have a positive component. In ROS
+            parameter files, quote `'y'`: a bare `y` means *true*.
+        algorithm: "area" fits a plane to the surrounding disc. "raster" uses the four neighbors.
         radius: radius of the disc [m]; 0 or less selects "raster".
-        parallelization_enabled, thread_number: parameter of the C++ filter; has no effect.
+        parallelization_enabled, thread_number: C++ parameter that has no effect.
     """
 
     input_layer: str

@@ -13,12 +13,12 @@ from .._filter import WHOLE_MAP, in_map_order
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarRegions(ContourExtraction, Preprocessing, SlidingWindow):
-    """Find and number the planar regions of a map; see `grid_map_core_py.planes.extract_planes`.
+    """Find the planar regions of a map, as `grid_map_core_py.planes.extract_planes` does.
 
     Attributes:
         input_layer: heights [m].
-        output_layer: layer for the region number of each cell; 0 means no region. In the next map,
-            the same region may have another number.
+        output_layer: layer for the region number of each cell; 0 means no region. A region may have
+            another number in the next map.
     """
 
     input_layer: str

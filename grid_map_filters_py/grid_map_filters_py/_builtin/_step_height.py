@@ -18,23 +18,23 @@ from ..parts._layer_filter import DiscFilter, check_radius, highest_in_disc, low
 class StepHeight(DiscFilter):
     """Compute the height of the steps around each cell [m].
 
-    The step height of a finite cell is the difference between the highest and the lowest finite
-    value in the surrounding disc of the given `radius`.
+    For each finite cell, the filter computes the difference between the highest and the lowest
+    finite value in the disc of the given `radius`. This difference is the step height.
 
-    If `second_window_radius` is set, steps of only a few cells, which may be noise, count less, as
-    in the step filter of traversability_estimation (M. Wermelinger et al., "Navigation planning for
-    legged robots in challenging terrain", IROS 2016). The step height is then
+    If `second_window_radius` is set, steps of only a few cells count less, because they may be
+    noise. The step height is then
 
         min(1, n / critical_cell_number) * h,
 
-    where h is the largest of the above differences in the second disc, and n is the number of cells
-    in that disc whose difference exceeds `critical_value`.
+    where h is the largest difference in a second disc around the cell, and n is the number of cells
+    in this disc whose difference exceeds `critical_value`. The formula is from M. Wermelinger et
+    al., "Navigation planning for legged robots in challenging terrain", IROS 2016.
 
     Attributes:
         input_layer: heights [m].
         second_window_radius: radius of the second disc [m]; requires `critical_value`.
         critical_value: height difference above which a cell counts as part of a step [m].
-        critical_cell_number: number of cells above `critical_value` at which a step counts fully.
+        critical_cell_number: number of cells above `critical_value` from which a step counts fully.
     """
 
     second_window_radius: float | None = None

@@ -25,8 +25,6 @@ from .._times import StepTimes
 
 
 class FilterChainNode(ConfiguredNode):
-    """Node that subscribes to maps, filters each map and publishes the result."""
-
     def __init__(self) -> None:
         # Allow parameters of filters that are added while the node runs.
         super().__init__("grid_map_filters", allow_undeclared_parameters=True)
@@ -108,7 +106,6 @@ class FilterChainNode(ConfiguredNode):
         self._publisher.publish(to_serialized_message(result, start_index=start))
 
     def _milliseconds(self) -> dict[str, str]:
-        """Return the durations of the whole chain and of each filter [ms], for diagnostics."""
         found = {"ms": self._times.last, "mean ms": self._times.mean}
         for time in self._times:
             found[f"ms {time.config.name}"] = time.last

@@ -2,9 +2,7 @@
 """Detects cellwise expressions.
 
 In a cellwise expression, each cell of the result depends only on the same cell of the layers.
-
-An expression with reductions such as `max(elevation)` may become cellwise if each reduction is
-first replaced with its value.
+Reductions such as `max(elevation)` are not cellwise until they are replaced with their values.
 """
 
 from collections.abc import Container, Iterator
@@ -27,9 +25,8 @@ class Analysis:
     """Finds cellwise parts and reductions of an expression.
 
     Args:
-        layers: names of the layers, which hide functions and constants of the same name. None means
-            unknown: calls that may index a layer, such as `mean(2, 3)`, are treated as indexing,
-            and no constant is hidden.
+        layers: names of the layers; a layer hides the function or constant of the same name. None
+            means unknown layers: a call that may index a layer counts as indexing.
         reduced: treat reductions as numbers.
     """
 

@@ -36,8 +36,8 @@ class Expression:
         text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
 
     Raises:
-        ExpressionError: the text is not an expression, or the expression is invalid regardless of
-            the layers; the message shows the position.
+        ExpressionError: the text is not an expression, or the expression is invalid for all layers.
+            The message shows the position.
 
     Example:
         >>> Expression("1 + 2 * [1, 2]")({})
@@ -79,7 +79,7 @@ class Expression:
     def why_whole_map(self, layers: Container[str]) -> str:
         """Return why the expression cannot be computed tile by tile for these layers; "" if it can.
 
-        Reductions do not need the whole map, because `for_tiles_of` computes them in advance.
+        Reductions do not count, because `for_tiles_of` computes them in advance.
         """
         culprit = Analysis(layers, reduced=True).culprit(self._root)
         if culprit is None:
@@ -129,7 +129,7 @@ class Expression:
 
         Returns:
             A new float32 matrix, or a number if the expression reduces to one. The matrix has the
-            buffer order of the layers, so that `map["out"] = expression(map)` is possible.
+            buffer order of the layers, so `map["out"] = expression(map)` works.
 
         Raises:
             ExpressionError: a layer is missing, or shapes or indices do not fit.
@@ -203,10 +203,7 @@ class Expression:
 
 @dataclass(frozen=True)
 class _PartsOfTile:
-    """Computes the partial results of reductions on one tile.
-
-    The reductions are `nodes` of the syntax tree, which are calls such as `sum(...)`.
-    """
+    """Computes the partial results of reductions, such as `sum(...)`, on one tile."""
 
     expression: Expression
     nodes: Sequence[Node]
@@ -229,7 +226,7 @@ class _PartsOfTile:
         return [partial.parts for partial in partials]
 
     def combined(self, of_tiles: Sequence[list[list[float]]], size: Size) -> list[float]:
-        """Combine the results of all tiles, in order, into the reductions of a map of `size`."""
+        """Combine the results of all tiles into the value of each reduction over the map."""
         # Only the shape of this array is used.
         whole = np.broadcast_to(np.float32(0), size)
         results = []
@@ -254,7 +251,7 @@ def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
 
 @contextmanager
 def _faults_as_errors(text: str) -> Iterator[None]:
-    """Context that converts a `Fault` to an `ExpressionError`, and suppresses NumPy warnings."""
+    """Context that converts a `Fault` to an `ExpressionError` and suppresses NumPy warnings."""
     try:
         with np.errstate(all="ignore"):
             yield
@@ -263,6 +260,6 @@ def _faults_as_errors(text: str) -> Iterator[None]:
 
 
 def _shown(message: str, text: str, position: int) -> str:
-    """Format a message followed by the expression, with a caret under `position`."""
+    """Return a message and the expression, with a caret under `position`."""
     line = "".join(" " if character.isspace() else character for character in text)
     return f"{message}\n    {line}\n    {' ' * position}^"

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Operators and functions of the expression language.
-
-They use only the primitive operations of `Matrices`, which `WindowMatrices` overrides for windows.
-"""
+"""Operators and functions of the expression language, built on the operations of `Matrices`."""
 
 import math
 from collections.abc import Callable
@@ -99,7 +96,7 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Create `max` or `min`, which reduces one matrix or combines two elementwise."""
+    """Create `max` or `min`: a reduction of one matrix, or an elementwise comparison of two."""
 
     def reduce(algebra: Matrices, value: Value, second: Value | None = None) -> Value:
         if isinstance(second, float) and second not in (0.0, 1.0):
@@ -164,15 +161,15 @@ class Function:
     """A function of the expression language.
 
     Attributes:
-        apply: implementation, called with a `Matrices` object and `least` to `most` further
-            arguments.
+        apply: implementation; its first argument is a `Matrices` object.
+        least, most: number of further arguments.
         axis: True if the optional second argument may be an axis, 0 or 1.
         elementwise: True if each element of the result depends only on the same element of each
             argument.
         keeps_nan: True if the function is elementwise, and NaN in any argument gives NaN.
         skips_nan: True if the function has one argument and ignores its NaN elements.
-        reduces: number of arguments in calls that reduce tiles of a matrix to one number, such as 1
-            for `sum(m)` and 2 for `size(m, 0)`; 0 if there are no such calls.
+        reduces: number of arguments of calls that reduce a matrix, such as 1 for `sum(m)`; 0 if
+            none.
     """
 
     apply: Callable[..., Any]
@@ -204,7 +201,7 @@ def _cwise(function: np.ufunc) -> Function:
 
 
 def of_finites(fold: Fold) -> Function:
-    """Create a `Function` that folds the finite elements; the result is NaN if there are none."""
+    """Create a `Function` that reduces the finite elements, and returns NaN if there are none."""
 
     def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)

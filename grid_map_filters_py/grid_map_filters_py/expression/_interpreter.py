@@ -17,12 +17,11 @@ _DEEPEST = 150
 
 
 class Interpreter:
-    """Evaluates the nodes of a syntax tree, with one method for each kind of node.
+    """Evaluates the nodes of a syntax tree.
 
     Args:
         algebra: primitive operations for the type of the values.
         names: values by name; a name hides the function or constant of the same name.
-        available: list of the available names, for error messages.
     """
 
     def __init__(self, algebra: Matrices, names: Mapping[str, Value], available: str) -> None:
@@ -31,7 +30,6 @@ class Interpreter:
         self._available = available
 
     def __call__(self, node: Node, end: int | None = None) -> Value:
-        """Evaluate `node`; `end` is the value of the keyword `end`, or None outside an index."""
         # For small maps, `node.blamed()` would take longer than the operation.
         try:
             return getattr(self, f"_{node.kind}")(end, *node.parts)

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on matrices (float32 arrays) and numbers (Python floats).
 
-An operation between a number and a matrix results in float32. Layers are read-only views; a
-writable array is a temporary result that may be overwritten.
+Layers are read-only views. Writable arrays are temporary results that may be overwritten.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -24,7 +23,7 @@ SCALAR: Shape = (1, 1)
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """A reduction: apply `map` to every element, then `combine` the results in any order.
+    """Reduction that applies `map` to every element and combines the results in any order.
 
     The optional `whole` reduces an array faster, but may return NaN if no element is finite.
     """
@@ -35,19 +34,17 @@ class Fold:
 
 
 def known(value: Value, *, argument: int | None = None) -> Value:
-    """Return `value`; raise a Fault if it is a `WindowMatrix`, which depends on the cell."""
+    """Return `value`; raise a Fault if it is a `WindowMatrix`, whose value depends on the cell."""
     if not isinstance(value, float | np.ndarray):
         raise Fault("this must not depend on the data of the window", argument=argument)
     return value
 
 
 def shape_of(value: Value) -> Shape:
-    """Return the shape (rows, columns) of a value; a number is 1 x 1."""
     return SCALAR if isinstance(value, float) else (value.shape[0], value.shape[1])
 
 
 def common_shape(values: Iterable[Value]) -> Shape:
-    """Return the shape of an elementwise result; 1 x 1 values fit every shape."""
     larger = list(dict.fromkeys(shape for shape in map(shape_of, values) if shape != SCALAR))
     if len(larger) > 1:
         raise Fault(f"the shapes {' and '.join(map(describe, larger))} do not match")
@@ -69,10 +66,7 @@ class Matrices:
         self._spare = spare
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
-        """Apply `function` elementwise to values of equal shape; 1 x 1 values are repeated.
-
-        Matrices are computed in float32, numbers in double precision.
-        """
+        """Apply `function` elementwise to values of equal shape; 1 x 1 values are repeated."""
         shape, spare = common_shape(values), self._spare
         if spare is None or spare.shape != shape:
             return apply(function, values, np.float32)
@@ -104,11 +98,7 @@ class Matrices:
 
 
 class Partial(Matrices):
-    """Primitive operations on one tile that also append the result of each fold to `parts`.
-
-    To reduce a tiled map, a function such as `sum` runs with `Partial` on each tile, and then once
-    with `Combined`.
-    """
+    """Primitive operations on one tile that also append the result of each fold to `parts`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -122,7 +112,7 @@ class Partial(Matrices):
 
 
 class Combined(Matrices):
-    """Primitive operations on a tiled map; each fold combines the results of all tiles.
+    """Primitive operations on a tiled map, given the partial results of all tiles.
 
     Args:
         parts: for each fold in order of evaluation, the results of all tiles; see `Partial`.
@@ -137,12 +127,12 @@ class Combined(Matrices):
 
 
 def simplified(matrix: NDArray[np.float32]) -> Value:
-    """Convert a 1 x 1 matrix to a number, and return any other matrix unchanged."""
+    """Convert a 1 x 1 matrix to a number; leave other matrices unchanged."""
     return float(matrix.item()) if matrix.size == 1 else matrix
 
 
 def as_matrix(value: Value) -> NDArray[np.float32]:
-    """Convert a number to a 1 x 1 matrix, and return a matrix unchanged."""
+    """Convert a number to a 1 x 1 matrix; leave matrices unchanged."""
     return np.full(SCALAR, value, np.float32) if isinstance(value, float) else value
 
 
@@ -154,8 +144,7 @@ def apply(
 ) -> Any:
     """Apply an elementwise function to floats and arrays; truth values become 1 and 0.
 
-    Arrays have equal shapes, or are 1 x 1. The result is an array of type `dtype`, or a float if
-    all values are numbers. It may overwrite `spare` or a temporary array in `values`.
+    The result may overwrite `spare` or a writable array in `values`.
     """
     if isinstance(function, np.ufunc):
         # Temporary arrays may be overwritten, except 1 x 1 arrays, which may be too small.
@@ -179,6 +168,6 @@ def _reduce(matrix: NDArray[np.float32], axis: int | None, fold: Fold) -> Value:
 
 
 def _as_slice(places: NDArray[np.intp]) -> slice | NDArray[np.intp]:
-    """Convert consecutive indices to a slice, which avoids a copy and keeps the memory order."""
+    """Convert consecutive indices to a slice, to avoid a copy."""
     consecutive = places.size > 0 and bool(np.all(np.diff(places) == 1))
     return slice(int(places[0]), int(places[-1]) + 1) if consecutive else places

@@ -25,7 +25,7 @@ class Node:
     | `call`   | the name of a known function, and a tuple of arguments; evaluated as an index if  |
     |          | a layer has the same name                                                         |
 
-    Errors point to the column `position` of the text.
+    `position` is the column in the text, for error messages.
     """
 
     kind: str
@@ -34,7 +34,7 @@ class Node:
 
     @contextmanager
     def blamed(self) -> Iterator[None]:
-        """Context manager that adds the position of this node to a `Fault` without a position."""
+        """Context manager that adds the position of this node to faults without a position."""
         try:
             yield
         except Fault as fault:
@@ -79,10 +79,9 @@ def _nodes_in(parts: tuple[Any, ...]) -> Iterator[Node]:
 
 
 class Fault(Exception):
-    """An error in an expression; the node that is being evaluated adds the position.
+    """An error in an expression.
 
     Args:
-        message: one-line message for the user.
         position: column in the text; None while unknown.
         argument: index of the function argument that caused the fault; None otherwise.
     """

@@ -43,11 +43,7 @@ _MISPLACED = {
 
 
 def parse(text: str) -> Node:
-    """Parse an expression and return the root of the syntax tree.
-
-    Raises:
-        Fault: the text is not an expression.
-    """
+    """Return the root of the syntax tree; raise a Fault if the text is not an expression."""
     if not text.strip():
         raise Fault("the expression is empty", position=0)
     try:

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates expressions on the windows of many cells with few NumPy calls.
 
-The value of a subexpression is one small matrix for each cell. These matrices are stored together:
-element (i, j) is an array with one value per cell, or a number that all cells share.
+A matrix in an expression consists of one small matrix for each cell. Element (i, j) is an array
+with one value per cell, or a number that all cells share.
 
-Elements are computed on demand and freed after use, so even large windows need only the memory of a
-few layers. Arrays use double precision, because the heights in a window may be large but almost
-equal. Numbers are rounded to float32 as in C++.
+Elements are computed on demand and freed after use to save memory. Arrays use double precision,
+because heights in a window may be large but almost equal. Numbers are rounded to float32.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -30,7 +29,7 @@ class WindowMatrix:
         shape: (rows, columns) of the matrix.
         at: function that returns the element at a row and column: a number, or an array with one
             value per cell. The caller may overwrite a writable array. `at` must not refer to the
-            matrix: a reference cycle would delay the release of memory.
+            matrix, because a reference cycle delays the release of memory.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -45,13 +44,7 @@ class WindowMatrix:
 
 
 class SlidingWindow(WindowMatrix):
-    """A window that slides over an array.
-
-    Args:
-        source: values to slide over, which become read-only. Their shape is (n + rows - 1, m +
-            columns - 1) for n x m windows.
-        shape: (rows, columns) of the window.
-    """
+    """A window of the given shape that slides over `source`, which becomes read-only."""
 
     def __init__(self, source: Field, shape: Shape) -> None:
         height, width = (side - part + 1 for side, part in zip(source.shape, shape, strict=True))
@@ -73,7 +66,6 @@ class WeightedWindow(WindowMatrix):
         self._window = window
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements, with a fast method for sums of finite values."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
             return super().reduce(folds)
         cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
@@ -102,7 +94,6 @@ class SquaredDeviations(WindowMatrix):
         self._number = deviations.number.at(0, 0)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the elements, with a fast method for sums of finite values."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
             return super().reduce(folds)
         total = self._sum()
@@ -123,10 +114,7 @@ class SquaredDeviations(WindowMatrix):
         return [*results]
 
     def _sum(self) -> Element:
-        """Sum the squares, using the mean of each column and the deviations from this mean.
-
-        All terms are nonnegative, so the sum loses no precision by cancellation.
-        """
+        """Return the sum of squares without loss of precision by cancellation."""
         height, width = self.shape
         count, mean = (
             np.asarray(_fold_box(fold, self._source, (height, 1)))
@@ -156,10 +144,9 @@ class SquaredDeviations(WindowMatrix):
 
 
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return the windows of the cells in the mask `cells`, padded with the mean of their values.
+    """Return the windows of the cells in the mask `cells`, padded with their mean beyond the map.
 
-    The padding replaces cells beyond the map; the mean ignores non-finite values. Each element of
-    the result is an (N,) array with one value per chosen cell, in Fortran order.
+    The mean ignores non-finite values. Each element is an (N,) array, one value per chosen cell.
     """
     margin, shape = size // 2, (size, size)
     source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)
@@ -237,7 +224,7 @@ class WindowMatrices(Matrices):
 
 
 def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix | None:
-    """Return an elementwise result as a `WindowMatrix` subclass with faster folds, if one fits."""
+    """Return an elementwise result that has a faster `reduce`, or None."""
     if all(isinstance(value, SlidingWindow | float) for value in values):
         shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
         sources = [
@@ -335,7 +322,7 @@ def _protect(element: Element) -> None:
 
 
 def _element(value: Value, row: int, column: int) -> Element:
-    """Return the element at a row and column; a 1 x 1 value has the same element everywhere."""
+    """Return an element; a 1 x 1 value has the same element everywhere."""
     if isinstance(value, float):
         return float(np.float32(value))
     if value.shape == SCALAR:

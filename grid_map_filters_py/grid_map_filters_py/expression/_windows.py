@@ -61,10 +61,9 @@ def evaluate_over_windows(
 
 
 class _Span(NamedTuple):
-    """Consecutive cells along one axis whose windows are cropped in the same way.
+    """Consecutive cells [`start`, `stop`) whose windows are cropped in the same way.
 
-    The span contains the cells from `start` up to, but not including, `stop`. Each cropped window
-    has `window` cells. The window of the cell `start` begins at the cell `first`.
+    Each cropped window has `window` cells. The first window begins at the cell `first`.
     """
 
     start: int
@@ -96,7 +95,7 @@ def _spans(length: int, size: int, edge_handling: EdgeHandling) -> list[_Span]:
 
 
 def _number(root: Node, name: str, window: WindowMatrix) -> Any:
-    """Evaluate the expression; return one value per window, or a number that all cells share."""
+    """Evaluate the expression for all windows; return one value per window, or a shared number."""
     available = f"{name} (a window expression knows only its input layer)"
     value = Interpreter(WindowMatrices(), {name: window}, available)(root)
     if shape_of(value) != SCALAR:
@@ -123,15 +122,14 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
 def skips_missing(root: Node, name: str) -> bool:
     """Return whether cropping the windows of the layer `name` is equivalent to padding with NaN.
 
-    Both are equivalent if only functions that keep NaN are applied to a window before a reduction
-    that skips NaN. In all other cases, the result is False, even though some are equivalent.
+    The check is conservative: it returns False for some equivalent expressions.
     """
     # If a layer hides a function, parentheses after the name mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)
 
 
 def _is_number(node: Node, name: str) -> bool:
-    """Return True if a subtree gives the same number for cropped and padded windows."""
+    """Return whether a subtree gives the same number for cropped and padded windows."""
     match node.kind, node.parts:
         case "number", _:
             return True
@@ -147,7 +145,7 @@ def _is_number(node: Node, name: str) -> bool:
 
 
 def _keeps_missing(node: Node, name: str) -> bool:
-    """Return True if a subtree is NaN wherever the window is, or if `_is_number` holds for it."""
+    """Return whether a subtree is NaN wherever the window is, or `_is_number` holds for it."""
     if _is_number(node, name):
         return True
     match node.kind, node.parts:

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Computes layers block by block in the threads of the chain.
 
-The temporary arrays of a block fit into the cache; only the result is as large as the map. The
-blocks depend on the map size and the reach, but not on the number of threads.
+The temporary arrays of a block fit into the cache. The blocks are the same for all thread counts.
 """
 
 import math
@@ -59,7 +58,7 @@ def fill_blocks(
     layers: Sequence[Layer],
     blocks: Sequence[Block],
 ) -> None:
-    """Compute the layers `function(*layers)` block by block, and write them into `results`."""
+    """Compute the layers `function(*layers)` block by block, and write them to `results`."""
 
     def compute(block: Block) -> None:
         cells, around = block
@@ -71,12 +70,7 @@ def fill_blocks(
 
 
 def blocks_of(size: Size, reach: float) -> list[Block]:
-    """Divide a map into blocks of about equal size, each with a border of neighboring cells.
-
-    Args:
-        size: rows and columns of the map.
-        reach: width of the border [cells]. Blocks with a wide border are larger.
-    """
+    """Divide a map into blocks of about equal size, with borders of `reach` cells."""
     border = int(min(reach, max(size)))
     side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2
     # Without a border, blocks of whole columns are contiguous in memory.

@@ -82,8 +82,8 @@ class CellFunction:
             numbers: numbers that the function receives as its last argument.
 
         Returns:
-            Float32 array in Fortran order, with the shape of the layers. The bits of uint32 results
-                are interpreted as float32.
+            Float32 array in Fortran order, with the shape of the layers. A uint32 result is viewed
+            as float32.
         """
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
         with np.errstate(over="ignore"):
@@ -131,7 +131,7 @@ class CellFunction:
 def cell_function(
     *, takes: npt.DTypeLike, gives: npt.DTypeLike, numbers: int = 0
 ) -> Callable[[Callable[..., Value]], CellFunction]:
-    """Return a decorator that creates a `CellFunction`; see `CellFunction` for the arguments."""
+    """Return a decorator that creates a `CellFunction`; see there for the arguments."""
     return lambda function: CellFunction(function, takes, gives, numbers)
 
 

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Helpers for cell functions that compute colors.
-
-As in grid_map_core_py, a color is packed into the bits 0x00RRGGBB of a layer value.
-"""
+"""Helpers for cell functions that compute colors, packed as 0x00RRGGBB into layer values."""
 
 import numpy as np
 
@@ -26,7 +23,7 @@ def check_color(name: str, color: tuple[float, ...]) -> None:
 
 
 def pack(r: Value, g: Value, b: Value) -> Value:
-    """Pack float32 channels, clamped to [0, 255] and truncated, into the bits 0x00RRGGBB."""
+    """Clamp float32 channels to [0, 255], truncate them, and pack them into 0x00RRGGBB."""
     return join_channels(_byte(r), _byte(g), _byte(b))
 
 
@@ -35,7 +32,7 @@ def _byte(channel: Value) -> Value:
 
 
 def or_none(color: Value, exists: Value) -> Value:
-    """Return the bits of a color where `exists` is true, and the bits of NaN elsewhere."""
+    """Return `color` where `exists` is true, and the bits of NaN elsewhere."""
     return choose(exists, color, NO_COLOR)
 
 
@@ -45,7 +42,7 @@ def is_none(color: Value) -> Value:
 
 
 def shares(color: Value) -> tuple[Value, Value, Value]:
-    """Unpack the bits of a color into red, green and blue, each in [0, 1]."""
+    """Unpack a color into red, green and blue, each in [0, 1]."""
     red, green, blue = split_channels(color)
     return _share(red), _share(green), _share(blue)
 

@@ -4,8 +4,7 @@
 A disc contains the cells whose centers are inside, on the edge, or at most 1e-9 m beyond the edge.
 Cells outside the map count as missing.
 
-Unlike in an integral image, sums are not differences of running sums. Therefore, a huge value
-reduces the precision only in discs that contain it.
+A huge value reduces the precision only in discs that contain it, unlike in an integral image.
 """
 
 import math
@@ -94,7 +93,7 @@ class Disc:
 
     @cached_property
     def kernel(self) -> Field:
-        """(n, m) array, 1 in the cells of the disc and 0 elsewhere; n and m are odd."""
+        """Array (n, m) that is 1 in the cells of the disc and 0 elsewhere; n and m are odd."""
         rows, columns = (np.abs(offsets) for offsets in self.offsets)
         return np.asarray(rows <= self.half_widths[0][columns.astype(int)], np.float64)
 
@@ -143,10 +142,11 @@ class Disc:
             moments: multiply each value by its signed distance from the middle of the line.
 
         Yields:
-            distance: distance of the lines from the center [cells]; decreases from the edge to 0.
-            ahead: sum for every cell over the line at a higher index than the cell, in the layout
-                of the flat array of `totals`; overwritten by the next iteration.
-            behind: the same for the line at a lower index; equal to `ahead` if the distance is 0.
+            distance: distance of the lines from the center [cells], in decreasing order down to 0.
+            ahead: for every cell, sum over the line at a higher index than the cell. The layout is
+                that of the flat array of `totals`. The next iteration overwrites the array.
+            behind: the same for the line at a lower index than the cell; equal to `ahead` if the
+                distance is 0.
         """
         # In a flat array, one slice contains the neighbors of all cells at a given offset.
         flat, strides = values.T.reshape(-1), (1, len(values))
@@ -170,9 +170,9 @@ class Disc:
             yield distance, line[first + shift :][:length], line[first - shift :][:length]
 
     def totals(self, dtype: npt.DTypeLike) -> tuple[Field, Field]:
-        """Return a zeroed array (rows, columns) for accumulating sums, and a flat view of it.
+        """Return a zeroed (rows, columns) array for sums, and a flat view of it.
 
-        The flat view includes the padding between columns, as the sums of `sums_of_lines` do.
+        Like the sums of `sums_of_lines`, the flat view includes the padding between columns.
         """
         (height, width), (rows, _) = self.size, self.reach
         stride = height + 2 * rows

@@ -36,7 +36,6 @@ class Holes:
         return np.asarray((self.ends - self.starts).max(axis=1, initial=0))
 
     def touch_border(self, size: Size) -> Mask:
-        """Return an (n,) mask of the holes that touch the map border."""
         return np.asarray(((self.starts == 0) | (self.ends == size)).any(axis=1))
 
     def moved(self, shift: Size) -> "Holes":
@@ -50,10 +49,7 @@ class Holes:
 def find_holes(missing: Mask) -> tuple[Integers, Holes]:
     """Return the hole number of each cell (rows, cols), and the holes of a layer.
 
-    Holes are numbered from 1. Cells outside holes have the number 0.
-
-    Args:
-        missing: (rows, cols) mask of missing cells.
+    Holes are numbered from 1. The number 0 means no hole.
     """
     # Map rows run along the x axis of the image.
     image = np.ascontiguousarray(missing.T).view(np.uint8)
@@ -75,10 +71,8 @@ class HolesOfTile(NamedTuple):
 
     Args:
         lowest, highest: smallest and largest finite value; NaN if there are none.
-        holes: long holes and holes that touch the tile border; rows and columns refer to the whole
-            map.
-        edges: (n,) hole number of each cell, from 1, or 0 outside holes; for the first row, last
-            row, first column and last column of the tile.
+        holes: long holes and holes at the tile border, with rows and columns of the whole map.
+        edges: (n,) hole numbers along the first row, last row, first column and last column.
     """
 
     lowest: float
@@ -91,10 +85,7 @@ class HolesOfTile(NamedTuple):
 class FindHoles:
     """Callable that finds the holes of a layer in a tile.
 
-    Args:
-        layer: name of the layer.
-        whole: geometry of the whole map.
-        length: largest length of omitted holes [cells]; holes at the tile border are never omitted.
+    Holes up to `length` [cells] are omitted, unless they touch the tile border.
     """
 
     layer: str
@@ -114,12 +105,7 @@ class FindHoles:
 
 
 def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
-    """Merge the holes of all tiles into the holes of the whole map.
-
-    Args:
-        tiles: holes of the tiles, row by row.
-        counts: number of rows and number of columns in the grid of tiles.
-    """
+    """Merge the holes of all tiles, listed row by row, into the holes of the whole map."""
     from scipy.sparse import coo_matrix  # slow to import
     from scipy.sparse.csgraph import connected_components
 
@@ -129,7 +115,7 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
     pairs = [np.empty((2, 0), np.int64)]
 
     def shifted(tile: int, side: int) -> Integers:
-        """Return the hole numbers in the whole map along an edge of a tile; 0 outside holes."""
+        """Convert the hole numbers along a tile edge to numbers that are unique in the map."""
         edge = tiles[tile].edges[side]
         return np.where(edge > 0, edge + firsts[tile], 0)
 

@@ -2,9 +2,7 @@
 """Compiled version of `cv2.inpaint`, several times faster for maps with many holes.
 
 The method is from Bertalmio, Bertozzi and Sapiro, "Navier-Stokes, Fluid Dynamics, and Image and
-Video Inpainting" (2001). Fast marching (Sethian 1996) fills holes from the edge inward. A cell gets
-a weighted mean of the known and filled cells around it. Weights decrease with distance, and are
-largest where the gradient is perpendicular to the line between the two cells.
+Video Inpainting" (2001), with the fast marching method of Sethian (1996).
 
 The private functions expect images that are padded with one cell on all sides.
 """
@@ -31,7 +29,7 @@ def inpainted(
 ) -> npt.NDArray[np.float32] | None:
     """Inpaint like `cv2.inpaint` with `cv2.INPAINT_NS`; return None if numba is not available.
 
-    The image has at least 3 x 3 cells. The radius of the neighborhood is from 1 to 100 [cells].
+    The image must have at least 3 x 3 cells, and `radius` must be from 1 to 100 cells.
     """
     run = _inpaint.compiled()
     if run is None:
@@ -43,7 +41,7 @@ def inpainted(
 
 
 def _change(before: Any, here: Any, after: Any, has_before: Any, has_after: Any) -> Any:
-    """Sum the absolute differences from two neighbors; if one is unknown, double the other."""
+    """Sum the absolute differences to two neighbors; if one is unknown, double the other one."""
     change = (abs(after - here) if has_after else _ZERO) + (
         abs(here - before) if has_before else _ZERO
     )
@@ -128,7 +126,7 @@ def _fill_around(images: Any, frame: Any, middle: Any, queue: Any, number: Any) 
 
 @loop(("float32*", 2), ("int64", 3))
 def _inpaint(images: Any, frame: Any) -> None:
-    """Fill the unknown cells in the images of gray values and arrival times.
+    """Fill the unknown cells of `images`, a pair of gray values and arrival times.
 
     `frame` contains the numbers of rows and columns without padding, and the radius [cells].
     """

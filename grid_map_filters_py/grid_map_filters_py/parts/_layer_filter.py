@@ -46,7 +46,7 @@ class LayerFilter(ABC):
 
     @abstractmethod
     def reach(self, resolution: float) -> float:
-        """Return the reach of the filter in rows and columns; see `LocalFilter.reach`."""
+        """Return the reach of the filter; see `LocalFilter.reach`."""
 
     def _for_blocks_of(self, _layer: Layer) -> Callable[[Layer, float], Values]:
         """Return a function that filters one block, given the block and the resolution."""
@@ -59,7 +59,7 @@ class LayerFilter(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class AroundTypicalValue(LayerFilter):
-    """Base class for filters that subtract a typical value of the layer, to preserve precision."""
+    """Base class for filters that subtract a typical value of the layer to preserve precision."""
 
     def _for_blocks_of(self, layer: Layer) -> Callable[[Layer, float], Values]:
         return partial(self._filter_around, typical_value(layer))
@@ -112,8 +112,7 @@ def check_radius(radius: float, name: str = "radius") -> None:
 def highest_in_disc(layer: Layer, radius: float, resolution: float, *, fill: bool = True) -> Layer:
     """Return the largest finite value in the disc around every cell; NaN if there is none.
 
-    This is the gray-scale dilation of the layer with a disc of `radius` [m] as structuring element.
-    Unless `fill` is True, non-finite cells become NaN.
+    Unless `fill` is True, non-finite cells become NaN. `radius` is in meters.
     """
     finite = np.isfinite(layer)
     known = np.where(finite, layer, np.float32(-np.inf))

@@ -31,11 +31,10 @@ _PIECE = 2**16
 
 
 def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int) -> None:
-    """Write the upper median of the finite values in the square around each chosen cell.
+    """Write the median of the finite values in the square around each cell in the mask `cells`.
 
-    The upper median of an even number of values is the larger of the two middle values. The result
-    is NaN where no value is finite. `cells` is the mask of the chosen cells. Squares extend
-    `half_width` cells to each side, and are cropped at the border.
+    If there are two middle values, the larger one is the median. The median is NaN where no value
+    is finite. Squares extend `half_width` cells to each side.
     """
     # Wider squares would contain no additional cells.
     half_width, chosen = min(half_width, max(layer.shape) - 1), cells
@@ -86,11 +85,10 @@ def _put_blurred(
     ranks: npt.NDArray[Any],
     side: int,
 ) -> Mask:
-    """Write the medians that `cv2.medianBlur` can compute, and return a mask of the other cells.
+    """Write the medians that `cv2.medianBlur` can compute; return a mask of the other cells.
 
-    `cv2.medianBlur` needs a value in every cell. If half of the missing values in a window are
-    infinity and the others minus infinity, the result is the upper median of the finite values. In
-    most windows, a checkerboard of infinities or its inverse meets this condition.
+    OpenCV needs a value in every cell, so a checkerboard of positive and negative infinity replaces
+    missing values. The median is correct where a window contains the same number of both.
     """
     rest = cells.T.copy()
     for color in (0, 1):
@@ -109,15 +107,14 @@ def _put_blurred(
 def _slide(places: Any, shape: Any, used: Any, in_buckets: Any, found: Any) -> None:
     """Find the median of every window, given its rank among the values in the window.
 
-    All values in and around the block are sorted once. From one window to the next, one column of
-    values is replaced, so the median moves only a few places in the sorted list (J. Suomela,
-    "Median Filtering is Equivalent to Sorting", 2014).
+    All values are sorted once. From one window to the next, the median moves only a few places in
+    the sorted list (J. Suomela, "Median Filtering is Equivalent to Sorting", 2014).
 
     Args:
         places: place of each value in the sorted list.
         shape: rows and columns of the block, and side of the windows.
-        used: work array: 1 if the value at a place is in the window.
-        in_buckets: work array: number of values in the window for each bucket of places.
+        used: work array that is 1 if the value at a place is in the window.
+        in_buckets: work array with the number of window values in each bucket of places.
         found: (rows, columns) rank of each median in its window, replaced with its place.
     """
     rows, columns, side = shape

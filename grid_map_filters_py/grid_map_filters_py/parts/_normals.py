@@ -8,7 +8,7 @@ The functions have these arguments in common:
     radius: radius of the disc [m].
     resolution: side of a cell [m].
 
-Normals are three (rows, cols) arrays: the x, y and z components of unit vectors.
+Normals are three (rows, cols) arrays with the x, y and z components of unit vectors.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -51,7 +51,7 @@ def area_normals(layer: Layer, offset: float, radius: float, resolution: float) 
     """Return the normals of least-squares planes through the points in a disc around each cell.
 
     A normal is the eigenvector for the smallest eigenvalue of the covariance matrix of the points.
-    With fewer than three finite points, or with points on a line, the normal is the z axis. Normals
+    If there are fewer than three points, or they are on a line, the normal is the z axis. Normals
     are NaN where the layer is not finite.
     """
     normals = tuple(np.empty(layer.shape, order="F") for _ in "xyz")
@@ -64,10 +64,9 @@ def area_normals(layer: Layer, offset: float, radius: float, resolution: float) 
 def raster_normals(layer: Layer, resolution: float) -> Fields:
     """Return the normals computed from slopes between neighboring cells.
 
-    The slope along an axis is the central difference of the two neighbors of a cell, even if the
-    cell itself is unknown. If one neighbor is unknown, the slope is the one-sided difference of the
-    cell and the other neighbor. Normals are NaN at the layer border, and where a slope cannot be
-    computed.
+    The slope along an axis is the central difference of the two neighbors, or a one-sided
+    difference if one of them is unknown. Normals are NaN at the layer border and where a slope is
+    unknown.
     """
     heights = np.where(np.isfinite(layer), layer, np.nan).astype(np.float64)
     # Indices increase towards -x and -y, so the slopes are -dz/dx and -dz/dy.
@@ -91,9 +90,8 @@ def _slope(heights: Field, resolution: float) -> Field:
 def plane_deviations(layer: Layer, offset: float, radius: float, resolution: float) -> Field:
     """Return the standard deviation [m] of the points in each disc from their fitted plane.
 
-    The planes are those of `area_normals`. The sample standard deviation is used (n - 1 in the
-    denominator). The result is NaN where the layer is not finite or the disc contains only one
-    point.
+    The planes are those of `area_normals`. The denominator of the variance is n - 1. The result is
+    NaN where the layer is not finite or the disc contains only one point.
     """
     deviations = np.empty(layer.shape, order="F")
     disc = Disc(radius, resolution, layer.shape)
@@ -114,8 +112,8 @@ def _planes(
     Yields:
         part: slice of columns to which the following values belong.
         normals: unit vectors; NaN where the layer is not finite.
-        covariances: elements xx, xy, xz, yy, yz, zz of the covariance matrices of the points
-            [cells^2], multiplied by the square of `count`.
+        covariances: elements xx, xy, xz, yy, yz, zz of the covariance matrices [cells^2], times the
+            square of `count`.
         count: number of points.
     """
     known, sums = _sums(layer, offset, disc)
@@ -160,8 +158,8 @@ def _sums(
 def _normals(covariances: Fields, spread: Field, ignored: npt.NDArray[np.bool_]) -> Fields:
     """Return unit normals of fitted planes; the z axis where no plane can be fitted.
 
-    If the second eigenvalue of the covariance matrix is at most `spread`, the points are on a line,
-    and no plane can be fitted. Cells in the mask `ignored` also get the z axis.
+    The points are on a line if the second eigenvalue of the covariance matrix is at most `spread`.
+    Cells in the mask `ignored` also get the z axis.
     """
     *normals, is_exact = _smallest_eigenvectors(*covariances)
     xx, xy, _, yy, _, _ = covariances
@@ -196,8 +194,7 @@ def _moments(
 
     Args:
         values: padded values.
-        axis: array axis along which lines of cells run; distances are measured along the other
-            axis.
+        axis: array axis along which lines of cells run. Distances are measured across the lines.
         orders: exponents of the distance, from 0 to 2.
         along: also multiply each value by its signed distance from the middle of the line.
     """
@@ -221,9 +218,7 @@ def _smallest_eigenvectors(
     """Return unit eigenvectors for the smallest eigenvalues of symmetric 3 x 3 matrices.
 
     Eigenvalues are the trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
-    The adjugate of (matrix - smallest eigenvalue * identity) is a multiple of the outer product of
-    the eigenvector with itself. Each column of the adjugate is thus a multiple of the eigenvector;
-    the last column is normalized.
+    The eigenvector is the last column of the adjugate of (matrix - smallest eigenvalue * identity).
 
     Returns:
         x, y and z components, and a mask of the precise eigenvectors. An eigenvector is imprecise

@@ -42,10 +42,12 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     """Call `function` with each part, in as many threads as the running chain may use.
 
     Outside a chain with several threads, the calls run in a loop. All threads use the
-    `numpy.errstate` settings of the caller, and their warnings name the caller's filter.
+    `numpy.errstate` settings of the caller. Their warnings name the filter that called this
+    function.
 
     Args:
-        function: called by several threads at once, with one part per call, in no particular order.
+        function: called with one part per call. Several threads call it at once, in no particular
+            order.
         parts: arguments of the calls. An iterator is advanced by only one thread at a time.
 
     Raises:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""ROS node for commands that subscribe or publish, with queries for the topics of other nodes."""
+"""ROS node for commands that subscribe or publish."""
 
 import argparse
 import math
@@ -30,8 +30,7 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", r
 class Session:
     """Context manager for a ROS node without parameter services.
 
-    After SIGINT, SIGTERM or SIGHUP, the attribute `ended` is True. If ROS does not start, the
-    constructor raises `CommandError`.
+    The attribute `ended` is True after SIGINT, SIGTERM or SIGHUP.
     """
 
     def __init__(self, command: str) -> None:
@@ -59,7 +58,7 @@ class Session:
         self.ended = True
 
     def spin(self, seconds: float, *, until_ended: bool = True) -> None:
-        """Process callbacks for `seconds`; if `until_ended` is true, stop when `ended` is set."""
+        """Process callbacks for `seconds`, or until `ended` is set if `until_ended` is true."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
             if until_ended and self.ended:
@@ -86,7 +85,8 @@ class Session:
 def message_class(types: Sequence[str]) -> Any:
     """Return the message class of a topic with the message types `types`.
 
-    If there are several types, or the type is not installed, raise `CommandError`.
+    Raises:
+        CommandError: the topic has several types, or its type is not installed.
     """
     if len(types) != 1:
         raise CommandError(f"expected one type of messages, got {', '.join(types)}")

@@ -56,7 +56,7 @@ def _play(
     publishers: dict[str, Any],
     rate: float,
 ) -> int:
-    """Publish messages until the bag ends or a signal arrives; return the number of messages."""
+    """Publish messages until the bag ends or a signal arrives; return their number."""
     begin = time.monotonic()
     for count, (entry, file, topic) in enumerate(entries):
         data = bag.read(file, entry)

@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
 class _Recorder:
     """Subscribes to topics as they appear, and writes the serialized messages unchanged.
 
-    If `topics` is empty, all topics except hidden ones are recorded.
+    If `topics` is empty, all topics are recorded, except hidden topics.
 
     Attributes:
         counts: number of recorded messages by topic, 0 for requested topics without messages.
@@ -104,9 +104,9 @@ class _Recorder:
         self._session.spin(_REST, until_ended=False)
 
     def _follow(self, topic: str, types: list[str]) -> None:
-        """Subscribe to a topic; resubscribe if a new publisher offers a weaker QoS.
+        """Subscribe to a topic with the strictest QoS that all current publishers offer.
 
-        Each subscription requests the strictest QoS that all current publishers offer.
+        If a new publisher offers a weaker QoS, the recorder subscribes again.
         """
         publishers = self._session.publishers(topic)
         if not publishers:
@@ -153,10 +153,7 @@ class _Recorder:
 
 
 def _definition_of(type_name: str) -> str:
-    """Return the definitions of a message type and its nested types, as stored by rosbag2.
-
-    The result is empty if a definition file is missing.
-    """
+    """Return the definitions of a message type and its nested types, as stored by rosbag2."""
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}
     pending = [f"{package}/{name}"]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Camera model: converts depth images to points, and finds the map cells visible in an image.
 
-Camera frames are optical frames (REP-103): x right, y down, z forward. Pixel
-coordinates (u, v) are column and row. Pixel centers have integer coordinates.
+Camera frames are optical frames (REP-103): x right, y down, z forward. Pixel coordinates (u, v) are
+column and row. Pixel centers have integer coordinates.
 """
 
 import math
@@ -127,7 +127,7 @@ class Camera:
     def _reach(self) -> float:
         """Largest distance from the optical axis at which a point at depth 1 is in the image.
 
-        The distortion model may wrongly project points farther from the axis into the image.
+        Beyond this distance, the distortion model may wrongly project points into the image.
         """
         height, width = self.size
         u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
@@ -201,8 +201,7 @@ class CameraImages:
 
     Attributes:
         stride: only every `stride`-th row and column of a depth image is used.
-        camera: the camera; None until a `CameraInfo` arrives.
-        topic: function that returns a description of the `CameraInfo` topic for error messages.
+        topic: function that returns a description of the `CameraInfo` topic, for error messages.
     """
 
     stride: int = 1
@@ -259,12 +258,14 @@ def seen_cells(
 ) -> tuple[Cells, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
     """Return the map cells that a camera sees, and the pixels that show the cell centers.
 
-    A cell is hidden if another cell rises above the line from its center to the camera. The line is
-    sampled in steps of one cell size, until it is above the highest cell.
+    A cell is hidden if the line from its center to the camera passes below another cell.
 
-    `layer` contains heights [m]; cells without a height are invisible and hide nothing. `transform`
-    (4, 4) is the transform from the camera frame to the map frame. Cells and pixels are each a pair
-    of arrays: row indices and column indices.
+    Args:
+        layer: name of the height layer [m]. Cells without a height are invisible and hide nothing.
+        transform: (4, 4) transform from the camera frame to the map frame.
+
+    Returns:
+        Cells and pixels, each as row indices and column indices.
     """
     heights = grid_map[layer]
     rows, columns = np.nonzero(np.isfinite(heights))
@@ -278,7 +279,7 @@ def seen_cells(
 
 
 def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt.NDArray[np.bool_]:
-    """Return a mask (N,) of the points (N, 3) that are hidden from `eye` (3,) by map cells."""
+    """Return a mask (N,) of the points (N, 3) that map cells hide from `eye` (3,)."""
     hidden = np.zeros(len(points), bool)
     if not len(points):
         return hidden

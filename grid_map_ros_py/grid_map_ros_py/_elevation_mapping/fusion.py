@@ -39,10 +39,8 @@ class ElevationFusion:
     """Fuses scans and images into the map of an `ElevationMapper`.
 
     Attributes:
-        mapper: the mapper, which owns the map.
         follow: whether the map moves with the robot.
         covariance_scale: factor applied to all pose covariances.
-        clears_before_scan: whether to clear the map before each scan.
         image_fusions: fusion methods of image channels, by channel name or regular expression.
         report: last report of the mapper; None before the first scan.
         milliseconds: last duration and moving mean duration of each stage [ms].
@@ -86,7 +84,7 @@ class ElevationFusion:
         return self.mapper.grid_map
 
     def fuse(self, source: InputSource, cloud: Cloud, placement: Placement) -> dict[str, int]:
-        """Fuse a cloud into the map, and return the number of unused points by reason.
+        """Fuse a cloud into the map, and return the number of unused points for each reason.
 
         After an error, the map is unchanged.
         """
@@ -152,11 +150,13 @@ class ElevationFusion:
     def lay_patch(
         self, frame: Matrix, length: tuple[float, float], height_offset: float, variance: float
     ) -> None:
-        """Initialize the map with a flat patch of `length` (x, y) [m] around a frame.
+        """Initialize the map with a flat patch around a frame.
 
-        `frame` (4, 4) is the transform from the frame to the map frame. The patch is
-        `height_offset` [m] above the origin of the frame; its heights have the variance `variance`
-        [m^2].
+        Args:
+            frame: (4, 4) transform from the frame to the map frame.
+            length: side lengths (x, y) of the patch [m].
+            height_offset: height of the patch above the origin of the frame [m].
+            variance: variance of the heights [m^2].
         """
         x, y, z = frame[:3, 3]
         if self.follow:

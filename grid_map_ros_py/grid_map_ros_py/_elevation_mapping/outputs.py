@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Publishers of the raw and the filtered elevation map.
-
-Another package provides the filter chains through the entry-point group `grid_map_ros_py.chains`.
-"""
+"""Publishers of the raw and the filtered elevation map."""
 
 import math
 import time
@@ -50,8 +47,8 @@ class MapOutputs:
     """Publishers of the raw and the filtered map of a fusion.
 
     Changed maps are published at `raw_rate` and `filtered_rate` [Hz]. If `filtered_rate` is 0, only
-    `trigger` publishes the filtered map; if it is infinite, `on_scan` publishes both maps together.
-    If `chain` is None, the map is not filtered.
+    `trigger` publishes the filtered map. If `filtered_rate` is infinite, `on_scan` publishes both
+    maps.
     """
 
     def __init__(
@@ -83,7 +80,7 @@ class MapOutputs:
             steady_timer(node, 1 / filtered_rate, self._publish_filtered)
 
     def on_scan(self, publish: bool) -> None:
-        """Log the warnings of the fusion and, if `publish` is true, publish changed maps."""
+        """Log the warnings of the fusion. If `publish` is true, publish changed maps."""
         for text in self._fusion.warnings:
             self._log.warning(text)
         self._fusion.warnings.clear()

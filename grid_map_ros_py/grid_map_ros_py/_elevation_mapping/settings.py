@@ -59,15 +59,15 @@ class Settings:
         length_in_x, length_in_y: side length of the map [m].
         position_x, position_y: coordinate of the initial map center [m].
         resolution: cell size [m].
-        visibility_cleanup_rate: 0 disables visibility cleanup; other values have no effect.
+        visibility_cleanup_rate: 0 disables visibility cleanup. Other values have no effect.
         enable_continuous_cleanup: clear the map before every scan.
         initialize_elevation_map: start with a flat patch around the robot.
         length_in_x_init_submap, length_in_y_init_submap: side length of the patch [m].
         init_submap_height_offset: height of the patch above the origin of its frame [m].
         init_submap_variance: variance of the patch [m^2].
         target_frame_init_submap: frame of the patch (tf only); empty means the robot frame.
-        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where the
-            mask is NaN stay unchanged.
+        masked_replace_service_mask_layer_name: mask layer of `masked_replace`; cells where the mask
+            is NaN stay unchanged.
         directory: directory in which services load and save maps; empty disables these services.
         storage: file format of saved bags; `auto` is `mcap`, or `sqlite3` if neither `mcap` nor
             `rosbag2_py` is installed.
@@ -128,7 +128,6 @@ class Settings:
 
 
 def read_sources(node: ConfiguredNode) -> list[InputSource]:
-    """Read the parameters of all input sources (scans and images) from `node`."""
     about = "default sensor model: `type` and its parameters"
     default = read_parameter_tree(node, "sensor_processor", description=about)
     names = names_below(node, "input_sources")
@@ -159,10 +158,9 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
 def read_mapper_parameters(
     node: ConfiguredNode, sources: Sequence[InputSource] = ()
 ) -> dict[str, Any]:
-    """Read the current parameters of the mapper.
+    """Read the mapper parameters; the first call declares them on the node.
 
-    The first call declares the parameters on the node. The default of `max_variance` is the largest
-    `max_variance` of the sensor models.
+    The default of `max_variance` is the largest `max_variance` of the sensor models.
     """
     limits = [getattr(source.processor.model, "max_variance", 0.0) for source in sources]
     defaults = {"max_variance": max(limits, default=Parameters.max_variance)}
@@ -172,7 +170,7 @@ def read_mapper_parameters(
 def read_fusion(
     node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource]
 ) -> ElevationFusion:
-    """Create the fusion; the first call on a machine compiles code, which may take seconds."""
+    """Create the fusion; the first call on a machine may take seconds to compile code."""
     length = settings.length_in_x, settings.length_in_y
     position = settings.position_x, settings.position_y
     geometry = GridGeometry(length, settings.resolution, position)
@@ -198,7 +196,6 @@ def read_fusion(
 
 
 def read_chain(node: ConfiguredNode) -> Chain | None:
-    """Create the filter chain of the filtered map; return None if no filter is configured."""
     about = "parameter that holds the filter chain of `~/elevation_map`"
     name = node.read("postprocessor_pipeline_name", "postprocessor_pipeline", about)
     about = "filters `filter1`, `filter2`, ... with `name`, `type` and `params`"
@@ -209,7 +206,7 @@ def read_chain(node: ConfiguredNode) -> Chain | None:
 
 
 def read_unused(node: ConfiguredNode, sources: Sequence[InputSource]) -> list[str]:
-    """Return the name of each parameter that is set but has no effect, with the reason."""
+    """Return the parameters that are set but have no effect, with the reasons."""
     given = [name for name in UNUSED_PARAMETERS if name in node._parameter_overrides]
     for name in given:
         value = node._parameter_overrides[name].value

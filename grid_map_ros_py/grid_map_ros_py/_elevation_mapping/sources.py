@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parameters of input sources and their sensor models.
 
-The parameters have the same names as in the ROS 1 package `elevation_mapping` or, for channels, in
-`elevation_mapping_cupy`.
+The parameters have the names of `elevation_mapping` (ROS 1). Parameters of channels have the names
+of `elevation_mapping_cupy`.
 """
 
 import math
@@ -71,7 +71,6 @@ class SensorProcessor:
     """Noise model of a sensor, and height limits for its points.
 
     Attributes:
-        model: the sensor model.
         above, below: height above or below which points are ignored, relative to the robot [m].
         unused: parameters that have no effect, with the reasons.
     """
@@ -83,7 +82,7 @@ class SensorProcessor:
 
 
 def sensor_processor(parameters: Mapping[str, Any]) -> SensorProcessor:
-    """Create a sensor processor from parameters: `type`, height limits, and model parameters."""
+    """Create a sensor processor from its `type`, height limits, and model parameters."""
     left = dict(parameters)
     kind = cast("type", left.pop("type", "laser"), str)
     kind = _OLD_MODELS.get(kind, kind)

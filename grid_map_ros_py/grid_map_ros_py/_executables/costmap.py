@@ -46,9 +46,9 @@ class CostmapSettings:
         frame_id: frame of the costmap; empty means the frame of the grid map. Other frames require
             tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
-        origin_grid: spacing of the lines to which the map is cropped [cells], counted from the
-            frame origin. With a larger spacing, a moving map requires fewer full grids.
-        unknown: how bad unknown map cells are, if a costmap cell gets the worst of several map
+        origin_grid: the map is cropped so that its borders are multiples of this number of cells
+            from the frame origin. With a larger number, a moving map requires fewer full grids.
+        unknown: rank of unknown map cells where a costmap cell gets the worst of several map
             cells. `worst`: worse than every cost. `above_free`: worse than cost 0 only.
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
             never.
@@ -72,10 +72,9 @@ class CostmapSettings:
 class Output:
     """Publisher of full grids of type `kind`, and of updates if `update` is not None.
 
-    Full grids and updates are latched. A late subscriber may therefore receive an old update after
-    a newer full grid, and apply the update to that grid by mistake. Two measures limit such
-    mistakes: an update expires after `period` [s], and two full grids follow each update, one per
-    period.
+    Both topics are latched, so a late subscriber may apply an old update to a newer full grid. Two
+    measures limit such errors: an update expires after `period` [s], and two full grids follow each
+    update, one per period.
     """
 
     def __init__(self, node: Node, topic: str, kind: type, update: Any, period: float) -> None:
@@ -122,8 +121,6 @@ class Output:
 
 
 class CostmapNode(ConfiguredNode):
-    """Node that converts each map to costs in the requested frame and publishes the changes."""
-
     def __init__(self) -> None:
         super().__init__("costmap")
         self._log, self._health = LogThrottle(self.get_logger()), health_of(self)
@@ -162,7 +159,6 @@ class CostmapNode(ConfiguredNode):
             return None
 
     def _answer(self, _request: Any, response: Any) -> Any:
-        """Answer the service with the last costmap, or with an empty one before the first map."""
         if self._outputs[-1].last is None:
             topic = self._subscription.topic_name
             self._log.warning(f"get_costmap: no costs yet, as no map of {topic} has been used")
@@ -173,10 +169,7 @@ class CostmapNode(ConfiguredNode):
     # --- parameters -------------------------------------------------------------------------------
 
     def _apply(self, settings: CostmapSettings) -> None:
-        """Use the changed settings for later maps.
-
-        The node subscribes again, so a latched map arrives once more and gets the new settings.
-        """
+        """Use the changed settings for later maps, and request a latched map again."""
         before, self._settings = self._settings, settings
         self._waiting.clear()
         self._subscription.destroy()
@@ -234,7 +227,7 @@ class CostmapNode(ConfiguredNode):
         self._used, self._is_stale, self._health.problem = time.monotonic(), False, ""
 
     def _work(self) -> None:
-        """Send waiting maps whose transforms have arrived, and set outdated costs to unknown."""
+        """Send waiting maps whose transforms are known; mark outdated costs as unknown."""
         while self._waiting and self._finish(*self._waiting[0]):
             self._waiting.popleft()
         limit = self._settings.stale_after

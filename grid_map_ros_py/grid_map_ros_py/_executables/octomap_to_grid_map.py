@@ -17,8 +17,6 @@ NAME = "octomap_to_grid_map"
 
 
 class OctomapToGridMapNode(ConfiguredNode):
-    """Node that converts each octomap from a topic or a service to a map, and publishes it."""
-
     def __init__(self) -> None:
         super().__init__(NAME)
         self._log = LogThrottle(self.get_logger())
@@ -35,12 +33,11 @@ class OctomapToGridMapNode(ConfiguredNode):
         )
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
-        """Read the lower (`min`) or upper (`max`) bounds of x, y and z; NaN means no bound."""
         about = f"voxels with {beyond} {{0}} [m] are ignored; `.nan` means no bound"
         return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
     def _listen(self) -> str:
-        """Subscribe, or call the service periodically; return the name of the topic or service."""
+        """Subscribe to the topic or poll the service, and return its name."""
         about = "topic of the octomaps, binary or full"
         topic = self.read_topic("octomap_topic", "/octomap_binary", about)
         about = "`octomap_msgs/GetOctomap` service to use instead of the topic; empty means none"

@@ -78,7 +78,7 @@ class PathPlannerNode(ConfiguredNode):
         self.get_logger().info(f"plans on the maps of {self._subscription.topic_name}")
 
     def _offer_to_nav2(self) -> ActionServer | None:
-        """Create the action and the service of Nav2's planner server, if `nav2_msgs` exists."""
+        """Create the interfaces of Nav2's planner server, if `nav2_msgs` is installed."""
         try:
             kind = messages_of("nav2_msgs", "compute_path_to_pose", "action").ComputePathToPose
         except MissingPackageError as error:
@@ -153,13 +153,13 @@ class PathPlannerNode(ConfiguredNode):
         return NoPathError(text, PathFailure.TIMEOUT)
 
     def _fresh(self) -> Planner:
-        """Return the planner for the latest map; raise `NoPathError` (`TIMEOUT`) if none exists."""
+        """Return the planner for the latest map; raise `NoPathError` if there is no map."""
         if self._planner is None:
             raise self._no_map()
         return self._planner
 
     def _robot(self) -> Any:
-        """Return the robot pose as a message; raise `NoPathError` (`TF_ERROR`) if it is unknown."""
+        """Return the robot pose as a message; raise `NoPathError` if it is unknown."""
         if self._tf and (base_frame := self._settings.base_frame):
             return PoseStamped(header=Header(frame_id=base_frame))
         if self._initial_pose is None:
@@ -170,9 +170,9 @@ class PathPlannerNode(ConfiguredNode):
         return self._initial_pose
 
     def _pose(self, message: Any) -> tuple[float, float, float]:
-        """Return x, y and yaw of a pose in the map frame; an empty `frame_id` means the map frame.
+        """Return x, y and yaw of a pose in the map frame; raise `NoPathError` without a transform.
 
-        If the transform to the map frame is not known yet, raise `NoPathError` (`TF_ERROR`).
+        An empty `frame_id` means the map frame.
         """
         pose, source = from_pose(message), message.header.frame_id.removeprefix("/")
         target = self._fresh().grid_map.frame_id
@@ -190,7 +190,7 @@ class PathPlannerNode(ConfiguredNode):
         return pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])
 
     def _path(self, start: PoseStamped | None, goal: PoseStamped, tolerance: float) -> FoundPath:
-        """Return a path between two poses; if `start` is None, the path starts at the robot."""
+        """Return a path between two poses, starting at the robot if `start` is None."""
         graph = self._fresh().graph
         begin, end = self._pose(start or self._robot()), self._pose(goal)
         return graph.path(begin, end, tolerance=tolerance)
@@ -216,7 +216,7 @@ class PathPlannerNode(ConfiguredNode):
         return message
 
     def _cost_to_go(self) -> bytes | None:
-        """Return a map message with the costs to the end of the plan; None without map or plan."""
+        """Return a map message with the costs to the end of the plan, or None without a plan."""
         planner = self._planner
         if planner is None or not len(self._plan):
             return None

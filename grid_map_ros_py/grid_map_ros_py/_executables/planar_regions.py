@@ -30,8 +30,6 @@ QUEUE = 1000
 
 
 class PlanarRegionsNode(ConfiguredNode):
-    """Extracts the regions of every map, and publishes those results that have subscribers."""
-
     def __init__(self) -> None:
         super().__init__("planar_regions")
         self._log, self._health = LogThrottle(self.get_logger()), health_of(self)

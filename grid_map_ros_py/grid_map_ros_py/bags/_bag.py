@@ -83,9 +83,9 @@ class BagWriter:
 
     Args:
         path, overwrite, storage, compression: as in `save_to_bag`.
-        in_place: write directly to `path`, after deleting any existing bag. This suits long
-            recordings: a bag can be read with `recover=True` after a crash, and an MCAP bag can be
-            completed even if the disk is full.
+        in_place: write directly to `path`, after deleting any existing bag. Use this option for
+            long recordings. After a crash, the bag can be read with `recover=True`. An MCAP bag can
+            be completed even if the disk is full.
     """
 
     def __init__(
@@ -189,7 +189,7 @@ class BagWriter:
 
     @contextmanager
     def _new_folder(self) -> Iterator[Path]:
-        """Yield the folder to write to: a temporary folder, or the bag itself if `in_place`."""
+        """Yield the folder to write to: a temporary folder or, with `in_place`, the bag itself."""
         if not self._in_place:
             with new_folder(self._path, self._check_old) as folder:
                 yield folder
@@ -254,8 +254,8 @@ def load_from_bag(
         time: recording time [ns]. The last map up to this time is loaded, and `index` has no
             effect.
         unwrap: see `from_message`.
-        recover: read a damaged MCAP file up to the last complete chunk, and issue a warning. A file
-            may be damaged if, for example, the recorder was killed.
+        recover: read a damaged MCAP file up to the last complete chunk, and issue a warning. A
+            killed recorder, for example, may leave a damaged file.
     """
     with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
@@ -317,7 +317,7 @@ def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagT
 class BagMessage(NamedTuple):
     """A CDR-encoded message of a bag.
 
-    `time` is the recording time [ns]. `place` names the bag and the message in errors.
+    `time` is the recording time [ns]. `place` names the bag and the message, for error messages.
     """
 
     topic: str
@@ -491,7 +491,7 @@ class BagReader(BagFiles):
 
 
 def _open(path: Path, *, recover: bool) -> _Storage:
-    """Open a storage file as MCAP or sqlite3, depending on its first bytes."""
+    """Open a storage file as MCAP or sqlite3, as its first bytes indicate."""
     with path.open("rb") as file:
         magic = file.read(len(bag_sqlite.MAGIC))
     if magic.startswith(bag_mcap.MAGIC):
@@ -509,7 +509,7 @@ def _open(path: Path, *, recover: bool) -> _Storage:
 def _mcap_classes(
     path: Path,
 ) -> tuple[type[McapFile | Rosbag2File], type[McapWriter | Rosbag2Writer]]:
-    """Return the reader and writer of MCAP files, from `mcap` if installed, else `rosbag2_py`."""
+    """Return the reader and writer of MCAP files, from `mcap` or else from `rosbag2_py`."""
     try:
         package("mcap.writer", path)
     except MissingPackageError:
@@ -521,7 +521,7 @@ def _mcap_classes(
 
 
 def chosen_storage(storage: str, warn: Callable[[str], object] = warnings.warn) -> str:
-    """Return `storage`; "auto" becomes "mcap" if possible, else "sqlite3" with a warning."""
+    """Return `storage`, but replace "auto" with "mcap" if possible, else with "sqlite3"."""
     if storage != "auto":
         return storage
     try:

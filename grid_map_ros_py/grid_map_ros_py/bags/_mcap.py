@@ -53,14 +53,11 @@ def package(module: str, path: Path) -> Any:
 class McapFile:
     """An MCAP file, open for reading.
 
-    The reader finds messages through the file index. If the index is missing or incomplete, the
-    reader scans the whole file.
+    If the index of the file is missing or incomplete, the reader scans the whole file. If `recover`
+    is true, the reader scans up to the first damaged record and issues a warning.
 
     `Entry.place` is (file offset of the chunk, offset of the message in the decompressed chunk).
     For a message outside chunks, it is (-1, file offset of the message).
-
-    If `recover` is true, the reader ignores the index. It reads up to the first damaged record, and
-    then issues a warning.
     """
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
@@ -183,7 +180,7 @@ class McapFile:
             start = after
 
     def _seek(self, stream: BinaryIO, offset: int, code: int) -> int:
-        """Seek the content of the record at `offset`, and return its length [bytes]."""
+        """Move `stream` to the content of the record at `offset`, and return its length [bytes]."""
         stream.seek(offset)
         found, length = _RECORD.unpack(stream.read(_RECORD.size))
         if found != code:
@@ -218,8 +215,7 @@ class McapFile:
 class McapWriter:
     """Writes serialized messages to a new MCAP file.
 
-    If `reserve` is true, the writer allocates disk space before each message, so that the file can
-    be completed even if the disk fills up.
+    If `reserve` is true, the file can be completed even if the disk fills up.
     """
 
     def __init__(self, path: Path, compression: str = "none", *, reserve: bool = False) -> None:
