@@ -36,9 +36,9 @@ class Bilateral(LayerFilter):
     Non-finite cells become NaN.
 
     Attributes:
-        sigma_space: standard deviation of the distance Gaussian [m].
-        sigma_range: standard deviation of the difference Gaussian, in the unit of the layer. Steps
-            much higher than `sigma_range` stay sharp.
+        sigma_space: standard deviation of the Gaussian over distance [m].
+        sigma_range: standard deviation of the Gaussian over value differences, in the unit of the
+            layer. Steps much higher than `sigma_range` stay sharp.
         radius: radius of the disc [m]; by default 3 times `sigma_space`.
     """
 

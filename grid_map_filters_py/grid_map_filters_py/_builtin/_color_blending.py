@@ -26,7 +26,7 @@ class ColorBlending(CellFilter):
         background_layer: layer with the background colors.
         foreground_layer: layer with the foreground colors.
         blend_mode: "normal" shows the foreground. "hard_light" darkens the background where the
-            foreground is dark, and brightens it elsewhere. "soft_light" (Pegtop) does so weakly.
+            foreground is dark, and brightens it elsewhere. "soft_light" has a weaker effect.
         opacity: weight of the blended color relative to the background, from 0 to 1.
         output_layer: layer for the result.
     """

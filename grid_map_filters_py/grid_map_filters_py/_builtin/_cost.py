@@ -39,11 +39,11 @@ class Cost(CellFilter):
         output_layer: layer for the costs; NaN is unknown.
         free_value: value that gets cost 0, in the unit of `input_layer`.
         lethal_value: value that gets cost 254; may be less than `free_value`.
-        unknown: cost of unknown cells: `unknown` means NaN, `lethal` 254, `free` 0.
+        unknown: cost of unknown cells. `unknown` means NaN, `lethal` means 254 and `free` means 0.
         lethal_layer: layer that can also make cells lethal, such as step height; requires
             `lethal_above`.
-        lethal_above: value of `lethal_layer` above which a cell is lethal, even if it is unknown in
-            `input_layer`. NaN in `lethal_layer` has no effect.
+        lethal_above: value of `lethal_layer` above which a cell is lethal, even if `input_layer` is
+            unknown there. NaN in `lethal_layer` has no effect.
     """
 
     input_layer: str

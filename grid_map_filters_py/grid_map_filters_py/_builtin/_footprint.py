@@ -33,10 +33,10 @@ class Footprint(LayerFilter):
             value is a list or, as in Nav2, a string.
         radius: radius of a round robot [m]; replaces `footprint`.
         yaws: number of directions, evenly spread over a full turn.
-        statistic: how the cells under the footprint are combined: `min` or `mean` if high values
-            are good, as for traversability; `max` if high values are bad, as for costs.
-        directions: how directions are combined: `worst` gives the value of the worst direction, or
-            NaN if a direction is unknown; `best` gives the value of the best known direction.
+        statistic: how to combine the cells under the footprint. If high values are good
+            (traversability), use `min` or `mean`. If high values are bad (costs), use `max`.
+        directions: how to combine the directions. `worst`: value of the worst direction, or NaN if
+            a direction is unknown. `best`: value of the best known direction.
     """
 
     footprint: str | tuple[tuple[float, ...], ...] | None = None

@@ -32,14 +32,14 @@ class Inflation(LayerFilter):
         input_layer: costs from 0 to 254; cells that are not finite are unknown.
         output_layer: layer for the result; NaN is unknown.
         inscribed_radius: radius [m] of the largest circle around the robot's origin that fits into
-            the footprint. For a round robot, Nav2 uses a polygon of 16 corners, so this radius is
-            0.9808 times `robot_radius` (without `footprint_padding`).
+            the footprint. For a round robot without `footprint_padding`, use 0.9808 times Nav2's
+            `robot_radius`, because Nav2 replaces the circle with a polygon of 16 corners.
         footprint: corners [x, y] of the padded footprint [m]; replaces `inscribed_radius`. The
             value is a list or, as in Nav2, a string.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
-        inflate_unknown: if true, unknown cells get inflated costs of 1 or more. If false, they get
-            only costs of 253 or 254.
+        inflate_unknown: if true, unknown cells get all inflated costs. If false, only costs of 253
+            and 254.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 

@@ -45,7 +45,7 @@ class Inpaint(LayerFilter):
     Non-finite cells that touch, even if only at corners, form one hole.
 
     Attributes:
-        radius: radius of the neighborhood used to fill a cell [m], limited to 1 to 100 cells.
+        radius: radius of the neighborhood used to fill a cell [m], clamped to 1 to 100 cells.
         enclosed_holes_only: if true, holes that reach the map border are not filled.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """

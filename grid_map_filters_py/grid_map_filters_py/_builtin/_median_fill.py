@@ -34,14 +34,14 @@ class MedianFill:
         input_layer: layer to filter.
         output_layer: layer for the result.
         fill_hole_radius: half the width of the square [m], rounded down to whole cells.
-        filter_existing_values: if true, the median also replaces finite values where the mask is
-            not 0.
+        filter_existing_values: if true, the filter also smooths finite cells where the mask is not
+            0.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
-        fill_mask_layer: mask layer; cells where it is 0 do not change. If the map lacks this layer,
-            the filter computes it.
-        num_erode_dilation_iterations: number of one-cell dilations that close gaps in the computed
-            mask; as many erosions follow.
+        fill_mask_layer: layer with the mask; cells where it is 0 do not change. If the map lacks
+            this layer, the filter computes it.
+        num_erode_dilation_iterations: number of dilations that close gaps in the computed mask,
+            followed by equally many erosions. Each adds or removes one cell.
         debug: if true, the result also contains the computed mask before its gaps were closed.
         debug_infill_mask_layer: layer for the mask of `debug`; required with `debug`.
     """
