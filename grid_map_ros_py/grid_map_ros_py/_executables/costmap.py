@@ -46,10 +46,10 @@ class CostmapSettings:
         frame_id: frame of the costmap; empty means the frame of the grid map. Other frames require
             tf2.
         resolution: cell size of the costmap [m]; 0 means the cell size of the map.
-        origin_grid: spacing of the lines to which the map is cropped [cells], counted from the
-            frame origin. With a larger spacing, a moving map requires fewer full grids.
-        unknown: how bad unknown map cells are, if a costmap cell gets the worst of several map
-            cells. `worst`: worse than every cost. `above_free`: worse than cost 0 only.
+        origin_grid: step of the costmap borders [cells]. The map is cropped to multiples of this
+            step from the frame origin. With a large step, a moving map requires fewer full grids.
+        unknown: rank of unknown map cells, if a costmap cell gets the worst of several map cells.
+            `worst`: worse than every cost. `above_free`: worse than cost 0 only.
         stale_after: time without a usable map after which all cells become unknown [s]; 0 means
             never.
         always_send_full: send only full grids.
