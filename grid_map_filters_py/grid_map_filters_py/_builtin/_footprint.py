@@ -24,7 +24,7 @@ class Footprint(LayerFilter):
 
     The robot is placed at each cell center and turned to several directions. `statistic` combines
     the cells under the footprint, and `directions` combines the resulting values. Non-finite cells
-    and cells beyond the map are unknown. If the footprint touches one, the direction is unknown.
+    and cells beyond the map are unknown. A direction with such a cell is unknown.
 
     Attributes:
         input_layer: values, such as traversability.

@@ -17,8 +17,8 @@ class PlanarRegions(ContourExtraction, Preprocessing, SlidingWindow):
 
     Attributes:
         input_layer: heights [m].
-        output_layer: layer for the region number of each cell; 0 means no region. The number of a
-            region may differ between maps.
+        output_layer: region number of each cell; 0 means no region. The number of a region may
+            differ between maps.
     """
 
     input_layer: str

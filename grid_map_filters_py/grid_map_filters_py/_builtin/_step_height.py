@@ -21,14 +21,11 @@ class StepHeight(DiscFilter):
     The step height of a finite cell is the difference between the highest and the lowest finite
     value in the surrounding disc of the given `radius`.
 
-    If `second_window_radius` is set, steps of only a few cells, which may be noise, count less, as
-    in the step filter of traversability_estimation (M. Wermelinger et al., "Navigation planning for
-    legged robots in challenging terrain", IROS 2016). The step height is then
-
-        min(1, n / critical_cell_number) * h,
-
-    where h is the largest of the above differences in the second disc, and n is the number of cells
-    in that disc whose difference exceeds `critical_value`.
+    With `second_window_radius`, steps of only a few cells, which may be noise, count less. The
+    result is then `min(1, n / critical_cell_number) * h`. Here, h is the largest step height in the
+    second disc, and n is the number of cells in this disc whose step height exceeds
+    `critical_value`. This is the step filter of traversability_estimation (M. Wermelinger et al.,
+    "Navigation planning for legged robots in challenging terrain", IROS 2016).
 
     Attributes:
         input_layer: heights [m].
