@@ -53,15 +53,15 @@ class SlidingWindow(Section):
 
     Attributes:
         kernel_size: width of the window around each cell [cells], odd.
-        planarity_opening_filter: radius of the morphological opening of the planar cells [cells].
+        planarity_opening_filter: radius [cells] of the opening (erosion, dilation) of planar areas.
         plane_inclination_threshold_degrees: largest inclination of a region.
         local_plane_inclination_threshold_degrees: largest inclination of a window's plane.
         plane_patch_error_threshold: largest RMS deviation of a window from its plane [m].
         min_number_points_per_label: smallest number of cells per region.
         global_plane_fit_distance_error_threshold: largest distance of a cell from its region's
             plane, along z [m].
-        global_plane_fit_angle_error_threshold_degrees: largest angle between window plane and
-            region plane.
+        global_plane_fit_angle_error_threshold_degrees: largest angle between the plane of a window
+            and the plane of its region.
         connectivity, include_ransac_refinement: accepted, but without effect.
     """
 

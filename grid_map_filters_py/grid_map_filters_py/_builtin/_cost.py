@@ -41,8 +41,8 @@ class Cost(CellFilter):
         unknown: cost of unknown cells: `unknown` means NaN, `lethal` means 254, `free` means 0.
         lethal_layer: second layer that can make cells lethal, such as step height; requires
             `lethal_above`.
-        lethal_above: value of `lethal_layer` above which a cell is lethal, even if it is unknown in
-            `input_layer`. NaN in `lethal_layer` has no effect.
+        lethal_above: value of `lethal_layer` above which a cell is lethal, even if `input_layer` is
+            unknown there. NaN in `lethal_layer` has no effect.
     """
 
     input_layer: str

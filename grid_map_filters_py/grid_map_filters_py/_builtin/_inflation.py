@@ -41,8 +41,8 @@ class Inflation(LayerFilter):
             value is a list or, as in Nav2, a string.
         inflation_radius: largest distance at which costs are raised [m], rounded up to whole cells.
         cost_scaling_factor: decay rate of costs beyond the inscribed radius [1/m].
-        inflate_unknown: if true, unknown cells get inflated costs of 1 or more. If false, they get
-            only costs of 253 or 254.
+        inflate_unknown: if true, unknown cells get all inflated costs. If false, only costs of 253
+            and 254.
         inflate_around_unknown: treat unknown cells as lethal.
     """
 

@@ -34,8 +34,8 @@ class MedianFill:
         input_layer: layer to filter.
         output_layer: layer for the result.
         fill_hole_radius: half the width of the square [m], rounded down to whole cells.
-        filter_existing_values: if true, the median also replaces finite values where the mask is
-            not 0.
+        filter_existing_values: if true, the filter also smooths finite cells where the mask is not
+            0.
         existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
         fill_mask_layer: mask layer; cells where it is 0 do not change. If the map lacks this layer,

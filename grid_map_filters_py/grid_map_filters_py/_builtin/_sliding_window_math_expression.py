@@ -22,9 +22,9 @@ class SlidingWindowMathExpression(LayerFilter):
         input_layer: layer to filter; in the expression, its name stands for the window values.
         expression: expression to evaluate, for example `meanOfFinites(elevation)`.
         compute_empty_cells: also compute cells that are NaN in the input.
-        edge_handling: treatment of windows that extend beyond the map. "inside": the cell becomes
-            NaN. "crop": only the part on the map is used. "empty": the window is padded with NaN.
-            "mean": it is padded with the mean of its finite values.
+        edge_handling: how to evaluate a window that extends beyond the map. "inside": the cell
+            becomes NaN. "crop": the window is cropped to the map. "empty": the window is padded
+            with NaN. "mean": the window is padded with the mean of its finite values.
         window_size: side length of the window [cells]; must be odd.
         window_length: side length of the window [m], rounded to an odd number of cells; overrides
             `window_size`.

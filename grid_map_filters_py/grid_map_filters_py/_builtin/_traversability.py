@@ -28,8 +28,7 @@ class Traversability(CellFilter):
     Attributes:
         input_layers: layers such as slope, step height and roughness, in which 0 is best.
         output_layer: layer for the result.
-        critical_values: value of each layer at which its term reaches 0, in the unit of the layer
-            (slopes in radians).
+        critical_values: value of each layer at which its term becomes 0; slopes are in radians.
         weights: weight of each layer; equal by default. Only the ratios matter.
     """
 

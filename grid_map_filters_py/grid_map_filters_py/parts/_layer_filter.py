@@ -77,7 +77,7 @@ class DiscFilter(LayerFilter):
     """Base class for filters that use the disc around each cell.
 
     Attributes:
-        radius: radius of the disc [m], 0 or more; the edge is included.
+        radius: radius of the disc [m], including its edge; 0 or more.
     """
 
     radius: float
