@@ -431,6 +431,9 @@ class Soak:
             self._begin, self._undisturbed = time.monotonic(), time.time()
             timers = self._disturb()
             self._observer.spin(self._seconds)
+            # A busy machine may need longer.
+            with suppress(AssertionError):
+                self._observer.wait_until(lambda: not any(self._unanswered()), "the first answers")
             self.problems += self.gaps(time.time())
             for timer in timers:
                 timer.cancel()
@@ -625,10 +628,15 @@ class Soak:
             if code != 0 or "Traceback" in text:
                 self.problems.append(f"{subject.name} ended with code {code}: {text[-2000:]}")
 
-    def miscounts(self) -> Iterator[str]:
+    def _unanswered(self) -> Iterator[str]:
         for name, answers in self._answers.items():
             if not answers or not answers[-1].done():
                 yield f"{name} does not answer"
+        if self._browsed == 0 and any(each.name == "web_viewer" for each in self.subjects):
+            yield "web_viewer: a browser has got nothing"
+
+    def miscounts(self) -> Iterator[str]:
+        yield from self._unanswered()
         for subject in self.subjects:
             name, (taken, out, dropped) = subject.name, subject.counts
             sent, bad = (figures.get(subject.source, 0) for figures in (self.sent, self.bad))
@@ -640,8 +648,6 @@ class Soak:
             # An invalid map may have been replaced before the node received it.
             if not bad - (sent - taken) <= dropped <= bad:
                 yield f"{name}: {dropped} dropped, but {bad} contradicted themselves"
-        if self._browsed == 0 and any(each.name == "web_viewer" for each in self.subjects):
-            yield "web_viewer: a browser has got nothing"
 
     def gaps(self, now: float) -> Iterator[str]:
         """Yield a text for each node that was silent for too long before `now` [s]."""
