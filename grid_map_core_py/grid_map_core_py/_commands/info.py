@@ -115,7 +115,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Format a system time [ns] as a date, or as "" if it is not between 2001 and 2106."""
+    """Format a time [ns] as a date, or return "" outside the years 2001 to 2106."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""
