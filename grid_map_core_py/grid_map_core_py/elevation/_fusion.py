@@ -59,17 +59,15 @@ LEVEL = 0.03
 
 
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
-    """Return the vertical offset of a scan from the map [m], or 0 if the cells do not agree.
+    """Return the vertical offset of a scan from the map [m], or 0 if it is uncertain.
 
-    Near steps and edges, scan and map differ even without drift. Therefore, only level cells vote:
-    cells with a small variance, whose eight neighbors are known and have about the same height.
-    Each cluster in such a cell has one vote, which is its vertical offset from the map.
+    Each cluster in a level cell has one vote: its vertical offset from the map. Only level cells
+    vote, because scan and map differ near steps even without drift.
 
     The tolerance of a vote is `threshold * sqrt(height variance + cluster variance)`. Votes that
-    exceed `max_drift` by more than their tolerance are ignored. Votes agree if they differ from the
-    median of the remaining votes by at most their tolerance. The result is the mean of the votes
-    that agree, weighted by inverse variance. The result is 0 if fewer than `min_drift_cells` or
-    fewer than half of the remaining votes agree, or if the mean exceeds `max_drift`.
+    exceed `max_drift` by more than their tolerance are ignored. The result is the mean, weighted by
+    inverse variance, of the votes that differ from the median by at most their tolerance. If these
+    votes are too few, or their mean exceeds `max_drift`, the result is 0.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
@@ -109,8 +107,7 @@ class Fusion:
     """Fusion of the clusters of a scan into the map state, which is modified in place.
 
     Attributes:
-        entries: function that accepts point indices, and returns the heights [m] at which the beams
-            of these points entered their cells.
+        entries: returns the heights [m] at which the beams of given points entered their cells.
         outcomes: (m,) `Outcome` of each cell with points.
         chosen: (m,) index of the cluster that determined each outcome.
     """
@@ -168,10 +165,7 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return a mask (k,) of the cells whose chosen cluster may replace the height.
-
-        `lower` (k,) contains the indices of the cells whose chosen cluster is below the height.
-        """
+        """Return a mask of the cells `lower` (k,) whose height the chosen cluster may replace."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
         # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
@@ -226,10 +220,7 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the index (m,) of each cell's candidate if enough scans contained it, or `NONE`.
-
-        Other candidates are kept for the next scans.
-        """
+        """Update the candidates; return those (m,) that enough scans contained, or `NONE`."""
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])
@@ -255,7 +246,7 @@ class Fusion:
     def _overhangs(self, is_large: Mask) -> Integers:
         """Return the lowest overhanging cluster (m,) of each cell, or `NONE`.
 
-        The layer `overhang` is updated, and map heights that belong to an overhang become NaN.
+        The layer `overhang` is updated. Map heights that belong to an overhang become NaN.
         """
         clusters, state, cells = self.clusters, self.state, self._cells
         groups, heights = clusters.groups, clusters.points.heights
