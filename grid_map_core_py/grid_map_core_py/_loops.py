@@ -30,7 +30,7 @@ _known: set[Callable[..., Any]] = set()
 
 @dataclass(eq=False)
 class Loop:
-    """Function of flat arrays and numbers for numba, created with `@loop`.
+    """Function that numba can compile, with flat arrays and numbers as arguments.
 
     Attributes:
         function: writes results to arrays and returns nothing. Array indices must not be negative.

@@ -34,7 +34,6 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
 
 
 def _check_names(cls: type, parameters: Iterable[str]) -> None:
-    """Raise `ConfigError` if a parameter is unknown or missing."""
     known = {f.name: f for f in fields(cls) if f.init}
     for name in parameters:
         if name not in known:

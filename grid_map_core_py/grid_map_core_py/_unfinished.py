@@ -64,6 +64,5 @@ def remove(path: Path) -> None:
 
 
 def remove_all() -> None:
-    """Remove all unfinished files and folders; called before the process ends."""
     for path in [*_paths]:
         remove(path)

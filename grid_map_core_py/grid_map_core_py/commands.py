@@ -7,8 +7,8 @@ the exit code. `grid-map NAME --help` shows the first line of the module's docst
 A package registers a command as an entry point in the group `grid_map_core_py.commands`. The name
 of the entry point is the command, and its value is the module.
 
-Write data to standard output, and messages to standard error. The exit codes are 0 for success, 1
-for an error, 2 for invalid arguments, and 128 plus the signal number after a signal.
+Data goes to standard output, and messages to standard error. Exit codes are 0 for success, 1 for an
+error, 2 for invalid arguments, and 128 plus the signal number after a signal.
 """
 
 from . import _lazy

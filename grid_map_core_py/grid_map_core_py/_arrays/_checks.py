@@ -190,7 +190,6 @@ def as_rigid(transform: ArrayLike) -> Positions:
 
 
 def as_size(values: ArrayLike, name: str) -> Size:
-    """Return `values` as a pair of Python integers."""
     size = plain_cell(values)
     if size is None:
         array = _as_integers(values, name)

@@ -89,7 +89,6 @@ def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:
 
 
 def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> None:
-    """Set the argcomplete completer of an argument."""
     action.completer = completer  # type: ignore[attr-defined]
 
 

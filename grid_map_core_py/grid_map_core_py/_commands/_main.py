@@ -63,7 +63,6 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"invalid choice: {value!r}; known: {known}")
 
     def error(self, message: str) -> NoReturn:
-        """Print the error and end the process with exit code 2."""
         self.exit(2, f"{PROGRAM}: error: {shown(message)} (see '{self.prog} --help')\n")
 
 

@@ -45,7 +45,7 @@ def _choose(
 ) -> "tuple[Format, dict[str, Any]]":
     """Return the format and the given options of the source, or of the destination.
 
-    If `of_source` is given, the destination is chosen; options in `of_source` then raise no error.
+    If `of_source` is given, the destination is handled. The options in `of_source` are accepted.
     """
     from ..files._formats import find_format, formats, options_of
 

@@ -32,7 +32,6 @@ _PATIENCE = 30  # maximum time to wait for a cluster [s]
 
 
 def add_tiles(parser: argparse.ArgumentParser) -> None:
-    """Add the options for tiled conversion between Zarr and GeoTIFF."""
     group = parser.add_argument_group("maps of any size, from .zarr or .tif to .zarr or .tif")
     where = group.add_mutually_exclusive_group()
     about = "start this number of processes (threads of this process)"
@@ -69,7 +68,6 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 
 
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the rectangle that the `add_rectangle` arguments select."""
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
         found = " and ".join(f"--{name}" for name in given)

@@ -68,7 +68,6 @@ def _print_cloud(facts: dict[str, Any]) -> None:
 
 
 def _span(topics: list[dict[str, Any]]) -> str:
-    """Format the duration and start time of the recorded messages."""
     first = min((one["first"] for one in topics if one["first"] is not None), default=None)
     last = max((one["last"] for one in topics if one["last"] is not None), default=None)
     if first is None or last is None:

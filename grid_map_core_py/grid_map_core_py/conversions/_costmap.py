@@ -153,8 +153,7 @@ class Costmap:
     """A costmap with the attributes of nav2's `PyCostmap2D`.
 
     Attributes:
-        costmap: (size_x * size_y,) uint8 costs, row by row. x increases along a row, and y from one
-            row to the next.
+        costmap: (size_x * size_y,) uint8 costs in rows along +x; the first row has the smallest y.
         size_x, size_y: number of cells along x and y.
         resolution: side of a cell [m].
         origin_x, origin_y: position of the corner with the smallest x and y [m].

@@ -3,17 +3,6 @@
 
 Pixel (0, 0) of an image is the map cell with the largest x and y. In the image, +x points up and +y
 points left.
-
-**Color images are BGR by default**, the order of `cv2.imread` and `cv2.imwrite`. For images from
-Matplotlib, Pillow or ROS `rgb8`, pass `order="rgb"`. A fourth channel is always alpha.
-
-In gray images, the layer range [`lower`, `upper`] is scaled to [0, 255] for uint8, [0, 65535] for
-uint16, and [0, 1] for float32 and float64. A float image created without `lower` and `upper`
-contains the layer values unchanged.
-
-NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. In images with alpha, NaN
-cells are transparent, and all other cells are opaque. Infinite values become the nearest bound of
-the range. When an image is read, pixels with an alpha below half the maximum become NaN by default.
 """
 
 from __future__ import annotations
@@ -63,10 +52,11 @@ def to_image(
     lower: float | None = None,
     upper: float | None = None,
 ) -> Image:
-    """Convert a layer to a gray image.
+    """Convert a layer to a gray image. Pixel (0, 0) is the map cell with the largest x and y.
 
     Values outside the bounds `lower` and `upper` are clamped. If both bounds are None, a float
-    image contains the layer values unchanged.
+    image contains the layer values unchanged. NaN becomes 0 in integer images, and stays NaN in
+    float images. With alpha, NaN cells are transparent.
 
     Args:
         dtype: uint8, uint16, float32 or float64.
@@ -96,6 +86,9 @@ def to_color_image(
     order: Order = "bgr",
 ) -> Image:
     """Convert a layer of packed colors to a color image.
+
+    NaN becomes 0 in integer images, and stays NaN in float images. With alpha, NaN cells are
+    transparent.
 
     Args:
         layer: layer of packed colors, as returned by `color_vector_to_value`.

@@ -45,8 +45,8 @@ def rasterize_triangles(
 
     Raises:
         GeometryError: an array has the wrong shape or type, or a vertex index is out of range.
-        LimitError: the total number of cells in the bounding rectangles of the triangles exceeds
-            four times the limit `max_cells`.
+        LimitError: the bounding rectangles of all triangles contain more than four times
+            `max_cells` cells.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -235,7 +235,6 @@ def _inside(
 def _heights(
     weights: Iterable[Positions], hits: Integers, corners: Iterable[Positions]
 ) -> Positions:
-    """Return heights (n,) of covered cells, interpolated between the triangle corners."""
     heights, total = np.zeros(len(hits)), np.zeros(len(hits))
     for weight, height in zip(weights, corners, strict=True):
         # Clamped, because extrapolating a steep triangle beyond an edge causes large errors.

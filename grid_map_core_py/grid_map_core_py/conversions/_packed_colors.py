@@ -49,7 +49,6 @@ def color_channels_to_value(
 
 
 def join_channels(red: Any, green: Any, blue: Any) -> Any:
-    """Combine uint32 channels in [0, 255] into the bits 0x00RRGGBB."""
     return red << _RED | green << _GREEN | blue
 
 

@@ -299,7 +299,6 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
 
 
 def finite_points(points: npt.ArrayLike) -> Positions:
-    """Return the points with finite x, y and z as (M, 3) float64."""
     xyz: Positions = as_points(points)[:, :3].astype(np.float64)
     finite = np.isfinite(xyz).all(axis=1)
     return xyz if finite.all() else xyz[finite]

@@ -1,19 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Convert point clouds to layers by reducing the points in each cell to one value.
-
-Point clouds are arrays (N, 3) or wider; only the first three columns, x, y and z, are used. Points
-that are not finite, outside the map or outside the height limits are ignored.
-
-Reductions of heights and other fields:
-
-- `max`, `min`, `mean`, `median`: statistics of the values. If their number is even, the median is
-  the mean of the two middle values.
-- `first`, `last`: value of the first or last point in the cell, in the order of the cloud.
-- `variance`: mean squared deviation from the mean (population variance; 0 for one point).
-- `count`: number of points.
-
-In cells without points, `count` is 0 and all other reductions are NaN.
-"""
+"""Convert point clouds to layers by reducing the points in each cell to one value."""
 
 from __future__ import annotations
 
@@ -67,6 +53,9 @@ def rasterize(
     max_height: float = np.inf,
 ) -> GridMap:
     """Return a map with layers computed from the points in each cell.
+
+    Points that are not finite or outside the map are ignored. In cells without points, `count` is 0
+    and all other reductions are NaN. `variance` is the population variance.
 
     Args:
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.

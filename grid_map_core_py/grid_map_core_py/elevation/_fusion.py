@@ -1,33 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fuses the points of a scan with the heights of their cells.
 
-The points in a cell form clusters of similar heights. A cluster has support if it contains at least
-`conflict_points` points, and at least `min_support` times as many points as the cell's densest
-cluster. The highest cluster with support is the surface of the cell.
-
-The clusters are compared with the height that the cell has from earlier scans. `Clusters.agree`
-defines when a cluster agrees with this height. Each cell with points has one of these outcomes:
+`docs/elevation_model.md` explains the decisions. Each cell with points has one of these outcomes:
 
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
-- `STARTED`: the height was unknown. The cell gets the height of the surface.
-- `RAISED`: the surface is above the height and replaces it. A smaller cluster above the surface is
-  a candidate. It replaces the height after three scans within half a second contained it at the
-  same height, each time with at least `conflict_points` points.
-- `LOWERED`: the surface is below the height and replaces it, in one of two cases:
-  - (a) The height was not confirmed for `scanning_duration`, and the beams of at least
-    `conflict_points` points of the surface entered the cell above the height.
-  - (b) At most `conflict_points` points ever supported the height, and no neighbor is more than one
-    resolution higher than the surface.
+- `STARTED`: the height was unknown. The surface, or else the highest cluster, becomes the height.
+- `RAISED`: the surface, or a confirmed candidate, is above the height and replaces it.
+- `LOWERED`: the surface, or else the highest cluster, is below the height and replaces it.
 - `CONTRADICTED`: none of the above applies. The height does not change.
 
-If no cluster has support, any cluster can confirm the height. In `STARTED` and case (b), the
-highest cluster then serves as the surface. `RAISED`, `LOWERED` and `CONTRADICTED` are conflicts:
-the variance of the cell grows by `multi_height_noise`.
-
-Drift compensation corrects the vertical offset between scan and map. The share
-`drift_compensation_alpha` of the offset shifts the whole map. The rest shifts the scan. With a
-steady drift, the map lags behind the odometry by `drift per scan / drift_compensation_alpha`.
+With a steady drift, drift compensation makes the map lag behind the odometry by `drift per scan /
+drift_compensation_alpha`.
 """
 
 from __future__ import annotations
@@ -61,13 +45,9 @@ LEVEL = 0.03
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
     """Return the vertical offset of a scan from the map [m], or 0 if it is uncertain.
 
-    Each cluster in a level cell has one vote: its vertical offset from the map. Only level cells
-    vote, because scan and map differ near steps even without drift.
-
-    The tolerance of a vote is `threshold * sqrt(height variance + cluster variance)`. Votes that
-    exceed `max_drift` by more than their tolerance are ignored. The result is the mean, weighted by
-    inverse variance, of the votes that differ from the median by at most their tolerance. If these
-    votes are too few, or their mean exceeds `max_drift`, the result is 0.
+    `docs/elevation_model.md` explains the votes of the cells. The tolerance of a vote is `threshold
+    * sqrt(height variance + cluster variance)`. Votes that exceed `max_drift` by more than their
+    tolerance are ignored.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
