@@ -15,8 +15,7 @@ def keep_memory() -> None:
 
     By default, glibc returns each freed block above 32 MB to the system. The kernel must then clear
     the memory of the next block, which takes longer than copying a message. Subscriptions of this
-    suite call `keep_memory` for large messages. Call it yourself in a node that only publishes
-    them.
+    suite call this function for large messages. Call it in nodes that only publish large messages.
     """
     with suppress(AttributeError):  # Other C libraries have no `mallopt`.
         mallopt = ctypes.CDLL(None).mallopt

@@ -52,11 +52,11 @@ def to_image(
     lower: float | None = None,
     upper: float | None = None,
 ) -> Image:
-    """Convert a layer to a gray image. Pixel (0, 0) is the map cell with the largest x and y.
+    """Convert a layer to a gray image.
 
-    Values outside the bounds `lower` and `upper` are clamped. If both bounds are None, a float
-    image contains the layer values unchanged. NaN becomes 0 in integer images, and stays NaN in
-    float images. With alpha, NaN cells are transparent.
+    Pixel (0, 0) is the map cell with the largest x and y. Values outside the bounds are clamped. If
+    both bounds are None, a float image contains the layer values unchanged. NaN becomes 0 in
+    integer images, and stays NaN in float images. With alpha, NaN cells are transparent.
 
     Args:
         dtype: uint8, uint16, float32 or float64.

@@ -192,7 +192,7 @@ def fitting_geometry(
     """Return the smallest grid that covers the rectangle from `lower` to `upper` (2,) [m].
 
     Args:
-        hold_edges: contain the -x and -y edges of the rectangle too; maps exclude these borders.
+        hold_edges: include the -x and -y edges of the rectangle; maps exclude these borders.
         align: align the borders with multiples of the resolution, instead of centering the grid.
         layers: number of layers for the check of the memory limit.
     """

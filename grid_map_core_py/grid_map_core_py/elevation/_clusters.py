@@ -2,9 +2,10 @@
 """Sorts the points of a scan by cell, and clusters points with consistent heights.
 
 The points of a cell are visited from highest to lowest. A point of height z joins the current
-cluster of mean height m if `|z - m| <= max(threshold * sqrt(variance of m + variance of z),
-relief)`. Otherwise, the point starts a new cluster. The relief is the height difference that a
-slope may cause within a cell. The order of the points in the scan does not affect the results.
+cluster of mean height m if
+`|z - m| <= max(threshold * sqrt(variance of m + variance of z), relief)`.
+Otherwise, the point starts a new cluster. The relief is the height difference that a slope may
+cause within a cell. The order of the points in the scan does not affect the results.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@
 - `LOWERED`: the surface, or else the highest cluster, is below the height and replaces it.
 - `CONTRADICTED`: none of the above applies. The height does not change.
 
-With a steady drift, drift compensation makes the map lag behind the odometry by `drift per scan /
-drift_compensation_alpha`.
+With a steady drift, drift compensation makes the map lag behind the odometry by
+`drift per scan / drift_compensation_alpha`.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ LEVEL = 0.03
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
     """Return the vertical offset of a scan from the map [m], or 0 if it is uncertain.
 
-    `docs/elevation_model.md` explains the votes of the cells. The tolerance of a vote is `threshold
-    * sqrt(height variance + cluster variance)`. Votes that exceed `max_drift` by more than their
-    tolerance are ignored.
+    `docs/elevation_model.md` explains the votes of the cells. The tolerance of a vote is
+    `threshold * sqrt(height variance + cluster variance)`. Votes that exceed `max_drift` by more
+    than their tolerance are ignored.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
